@@ -174,8 +174,8 @@ def trial(case: Case, hours: float, worn: int, seed: int, share: float) -> dict[
     found: dict[str, Any] = {
         "rates": {},
         "seed": seed,
-        "spread": any_base.normal[0].spread,
-        "echo": any_base.normal[0].echo,
+        "spread": any_base.normal[0].variance_ratio,
+        "echo": any_base.normal[0].sensitivity,
     }
     found["block"], found["hours"] = any_base.block, sum(len(s) for s in healthy) * any_base.block / 3600.0
     before = [any_base.scores(move(HEALTHY_BEFORE)) for _ in range(worn)]

@@ -26,7 +26,7 @@ from idloop.validation import compare
 
 # What the verbs and nodes import when they start working; Python keeps its byte code beside each file.
 LIBRARIES = (
-    "control", "idloop.cli._assessment", "idloop.graph", "idloop.records.tables.importing", "idloop.validation",
+    "control", "idloop.api.fitting", "idloop.graph", "idloop.records.tables.importing", "idloop.validation",
     "matplotlib.pyplot", "mcap.reader", "mcap.writer", "rich.progress", "rosbags.highlevel", "scipy.optimize",
     "scipy.signal",
 )  # fmt: skip
@@ -68,7 +68,7 @@ def simulate_once() -> None:
     output = engine.simulate(None, time, command, time)
     engine.predict(None, time, command, time, output, np.zeros((3, 2)))
     motion = output[:, :1], output[:, 1:], np.zeros((20, 1))
-    engine.equation_error(None, *motion, time, command, time)
+    engine.balance(None, *motion, time, command, time)
     engine.slopes(model.theta, 1e-6 * model.theta, time, command, time, engine.initial_state())
     plant = Plant(model)
     plant.measure()

@@ -162,6 +162,7 @@ def test_what_an_honest_document_has_is_read() -> None:
     assert read_json('"\\ud83d\\ude00"', "a.json") == "\N{GRINNING FACE}"
 
 
+@pytest.mark.slow
 def test_the_metadata_of_a_recording_in_a_thousand_files_are_read() -> None:
     one = {"path": "run_{}.mcap", "starting_time": {"nanoseconds_since_epoch": 1}, "duration": {"nanoseconds": 2}}
     files = [{**one, "path": f"run_{k}.mcap", "message_count": k} for k in range(1_000)]
@@ -177,6 +178,7 @@ def test_an_anchor_that_is_there_twice_is_no_warning(capfd: pytest.CaptureFixtur
 DEPTH = st.recursive(st.none() | st.booleans() | st.integers(-9, 9) | st.text('aß\\"[{:,# ', max_size=3), st.lists)
 
 
+@pytest.mark.slow
 @given(DEPTH)
 def test_what_json_writes_is_read_as_json_and_as_yaml(content: Any) -> None:
     text = json.dumps(content, ensure_ascii=False)
@@ -195,6 +197,7 @@ def test_a_text_is_read_as_far_as_the_limit(tmp_path: Path) -> None:
         read_text(path)
 
 
+@pytest.mark.slow
 def test_a_document_of_a_message_is_read_as_far_as_the_limit() -> None:
     assert read_yaml("1" + "\n" * (documents.MOST_YAML - 1), "a.yaml") == 1
     with pytest.raises(InputError, match=r"a\.yaml: not valid YAML: longer than 4,194,304 characters"):

@@ -59,6 +59,7 @@ def test_every_true_model_can_be_built_and_the_start_model_knows_nothing_of_it(c
             assert 0.19 < abs(start.values[name] / base.values[name] - 1.0) < 0.41
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("simulator", ["idloop", "equations", "mujoco"])
 def test_one_seed_gives_one_experiment(cases, simulator):
     if simulator == "mujoco":
@@ -74,6 +75,7 @@ def test_one_seed_gives_one_experiment(cases, simulator):
     assert first.training[0].reference is not None
 
 
+@pytest.mark.slow
 def test_no_closed_loop_swings_up_because_the_command_comes_late(cases):
     late = [c for c in cases if c.loop == "closed" and any(h.at == "input" and "delay" in h.values for h in c.hidden)]
     assert len(late) > 3

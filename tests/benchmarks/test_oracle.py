@@ -16,6 +16,7 @@ def gain_of(case_id):
     return Oracle(truth, data.training, data.truth, walking=case.disturbance.kind == "walk").gain([case.hidden[0].name])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "case_id",
     ["single/coulomb_friction/dc_motor/motor/dominant", "single/dead_zone/dc_position/input/clear"],

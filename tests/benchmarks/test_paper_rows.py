@@ -43,6 +43,7 @@ def test_two_solutions_of_the_motor_agree(friction):
     assert np.max(np.abs(one.output - other.output)) < (1e-5 if friction == 0.0 else 2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("names", [(), ("offset",), ("friction",), ("imbalance",), ("slip",), ("saturation",), ALL])
 def test_two_solutions_of_the_torsion_system_agree(names):
     machine, quiet = torsion(names), reference("steps", 1.0, 5)

@@ -180,6 +180,7 @@ def test_each_small_thing_moves_the_machine(cases, change):
     assert np.max(np.abs(with_it.output[:, 0] - without.output[:, 0])) > 3.0 * case.nuisances.counts[0]
 
 
+@pytest.mark.slow
 def test_dominant_effects_are_worth_their_name(cases):
     quick = sorted((c for c in cases if c.hidden), key=lambda c: c.rate * c.duration * len(c.training))[:4]
     for case in quick:
@@ -218,6 +219,7 @@ def test_richer_friction_holds_the_plainer_one(cases):
     assert judge(falling, [f"presliding_friction@{at}"]).found == (True,)
 
 
+@pytest.mark.slow
 def test_every_machine_moves_and_none_runs_away(cases):
     for case in cases[:25]:
         _, built, _ = simulated(case, true_model(case), *sent(case, case.training[0], 1, "t"), 1, "t")

@@ -22,6 +22,7 @@ HERE = Path(sys.executable)
 SIMULATION = {"period": 1e-3, "pieces": 1, "warm": False}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plant", PLANTS, ids=lambda p: p.name)
 def test_plain_c_is_the_same_plant(plant):
     if shutil.which("gcc") is None:
@@ -36,6 +37,7 @@ def test_plain_c_is_the_same_plant(plant):
     np.testing.assert_allclose(own["position"], other["position"], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_the_compiled_yardstick_finds_the_motor():
     data = experiment(4.0)
     settings = {"names": list(TRUTH), "start": START, "period": PERIOD, "warm": False}
@@ -62,6 +64,7 @@ def test_both_ways_of_reading_a_bag_give_the_same_arrays(tmp_path):
         np.testing.assert_array_equal(ours[key], theirs[key])
 
 
+@pytest.mark.slow
 def test_a_profile_of_ours_is_written_where_it_is_asked_for(tmp_path):
     plant = PLANTS[0]
     data, settings = plant.numbers() | {"command": steps_of_command(200)}, SIMULATION | {"plant": plant.name}
@@ -83,6 +86,7 @@ def test_the_torsion_record_is_bounded_and_repeatable():
     np.testing.assert_array_equal(y, torsion_record(500, 3)[1])
 
 
+@pytest.mark.slow
 def test_ours_identifies_the_torsion_system():
     from speed.sections.n4sid import free_run_fit
 

@@ -18,6 +18,7 @@ def rates():
     return module
 
 
+@pytest.mark.slow
 def test_no_good_velocity_is_told_to_be_wrong(rates):
     counts = [rates.told(column, kind, 3, seed=1) for column in rates.GOOD.values() for kind in rates.MOTIONS]
     assert len(counts) * 3 >= 200

@@ -155,6 +155,7 @@ def test_a_tie_that_no_motion_resolves_gets_a_check_by_hand(missing_pair, capsys
     assert "idloop suggest" not in out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verb", ["diagnose", "identify"])
 def test_the_answer_does_not_depend_on_the_number_of_threads(hidden, verb):
     """The environment of a user may ask for any."""

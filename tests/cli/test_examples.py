@@ -17,6 +17,7 @@ DOCS = Path(__file__).parents[2] / "docs"
 EXAMPLES = DOCS / "examples"
 
 
+@pytest.mark.slow
 def test_an_own_effect_makes_the_belt_drive_fit(data_dir: Path, tmp_path: Path) -> None:
     runner = CliRunner()
     bag = str(tmp_path / "ced_z1")
@@ -37,6 +38,7 @@ def test_an_own_effect_makes_the_belt_drive_fit(data_dir: Path, tmp_path: Path) 
     assert fit(seeing) < 20.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "outputs"),
     [("reference/mapping-file.md", 5), ("explanation/robustness.md", 1), ("explanation/evidence.md", 1)],
@@ -62,6 +64,7 @@ def test_the_examples_of_a_page_print_what_it_shows(name: str, outputs: int, tmp
     assert compared == outputs
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("example", sorted((EXAMPLES / "from_python").glob("*.py")), ids=lambda path: path.stem)
 def test_an_example_in_python_prints_what_it_says_and_is_the_one_on_the_page(example: Path, tmp_path: Path) -> None:
     text = example.read_text(encoding="utf-8")

@@ -89,6 +89,7 @@ def test_a_constant_command_without_a_step_is_refused_and_told_the_cure(steps, t
     assert "sets off only at" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_fit_finds_the_truth_and_says_so_in_one_document(bags, tmp_path, capsys):
     fitted, figure = tmp_path / "fitted.yaml", tmp_path / "fit.svg"
     arguments = words("fit", "dc_motor", bags[0], "--validate", bags[1], "--output", fitted, "--plot", figure, "--json")
@@ -141,6 +142,7 @@ def test_compare_tells_the_better_model_from_the_worse(bags, tmp_path, capsys):
     assert figure.stat().st_size > 10000
 
 
+@pytest.mark.slow
 def test_compare_says_where_the_model_fails(bags, tmp_path, capsys):
     figure = tmp_path / "where.svg"
     assert main.run(words("compare", "dc_motor", bags[0], "--plot-where", figure, "--json")) == 0

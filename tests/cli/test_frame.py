@@ -139,6 +139,7 @@ def test_a_fault_is_raised_when_debugging(verb, monkeypatch):
         main.run(["try"])
 
 
+@pytest.mark.slow
 def test_an_interrupt_inside_a_callback_of_c_code_is_not_lost():
     code = (
         "import ctypes, signal, threading, click; from idloop.cli import main\n"

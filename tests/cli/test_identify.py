@@ -55,6 +55,7 @@ def run(capsys, *words):
 VELOCITY = ("--output", "motor.velocity")
 
 
+@pytest.mark.slow
 def test_several_methods_are_judged_on_the_same_unseen_data(bags, tmp_path, capsys):
     figure = tmp_path / "compare.svg"
     methods = ["n4sid", "oe", "narx-wavelet", "welch", "cra"]
@@ -122,6 +123,7 @@ def test_a_sweep_of_orders_is_a_table_and_a_figure(bags, tmp_path, capsys):
     assert "best free run at order" in out
 
 
+@pytest.mark.slow
 def test_the_least_order_that_is_as_good_as_the_best_is_named(bags, capsys):
     words = (bags[0], "--method", "oe", *VELOCITY, "--validate", bags[1], "--sweep", "order=1:5")
     code, out, _ = run(capsys, *words, "--json")
@@ -409,6 +411,7 @@ def test_a_missing_bag_is_one_line(capsys):
     assert "no bag nowhere" in err
 
 
+@pytest.mark.slow
 def test_a_best_linear_approximation_tells_noise_from_nonlinearity(tmp_path, capsys):
     said = []
     for cubic in (0.0, 0.1):
@@ -548,6 +551,7 @@ def same_line(ours: str, shown: str) -> bool:
     )
 
 
+@pytest.mark.slow
 def test_the_documentation_shows_what_its_commands_print(data_dir: Path, tmp_path: Path, monkeypatch, capsys):
     for name in ("dcmotor_fra233", "silverbox"):
         if not (data_dir / name).is_dir():
@@ -572,6 +576,7 @@ def test_the_documentation_shows_what_its_commands_print(data_dir: Path, tmp_pat
         assert f"| `{name}` | {method.summary} | {method.loop} | {method.source} |" in page
 
 
+@pytest.mark.slow
 def test_a_real_oscillator_by_way_of_the_command_line(data_dir: Path, tmp_path: Path, capsys):
     source = data_dir / "silverbox" / "SNLS80mV.csv"
     if not source.is_file():

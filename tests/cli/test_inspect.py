@@ -70,6 +70,7 @@ def test_command_topic(bag, capsys):
     assert json.loads(_run(capsys, bag, "--json", "--command", "joint_states")[1])["command_topic"] == "/joint_states"
 
 
+@pytest.mark.slow
 def test_the_real_idle_axis(data_dir, tmp_path, capsys):
     path = data_dir / "odrive_rosbag2_idle" / "rosbag2_2024_08_22-12_20_42"
     code, out, _ = _run(capsys, path, "--plot", tmp_path / "figure.png")

@@ -96,6 +96,7 @@ def test_refine_keeps_its_steps_and_says_how_to_go_on(hidden, refined, tmp_path,
     assert [step["added"] for step in ended["ladder"]] == [step["added"] for step in whole["ladder"]]
 
 
+@pytest.mark.slow
 def test_without_a_folder_refine_says_what_it_had_found(hidden):
     code = STEPS.replace("refine.write_ladder", "refine._Keeper.__call__")
     line, _ = interrupted(code, ["refine", hidden.model, hidden.levels], when=step_is_written)

@@ -47,6 +47,7 @@ def run(machine, *arguments):
     return main.run(["monitor", *(str(places.get(a, a)) for a in arguments)])
 
 
+@pytest.mark.slow
 def test_growth_alarms_and_health_does_not(machine, capsys):
     assert run(machine, "MODEL", "HEALTHY", "WORN", "--reference", "REFERENCE", "--json") == 0
     found = json.loads(capsys.readouterr().out)
@@ -62,6 +63,7 @@ def test_growth_alarms_and_health_does_not(machine, capsys):
     assert 0.0 < first["onset"] < first["time"] < 60.0
 
 
+@pytest.mark.slow
 def test_in_words_with_units(machine, capsys):
     assert run(machine, "MODEL", "WORN", "--reference", "REFERENCE", "--watch", "coulomb_friction@motor=0.16") == 0
     out = capsys.readouterr().out
@@ -87,6 +89,7 @@ def test_a_promise_that_cannot_be_kept_is_not_made(machine, capsys):
     assert "times as long" in out
 
 
+@pytest.mark.slow
 def test_the_figure_is_written(machine, capsys):
     path = machine.folder / "wear.png"
     assert run(machine, "MODEL", "HEALTHY", "WORN", "--reference", "REFERENCE", "--plot", path) == 0

@@ -56,6 +56,7 @@ def test_a_row_for_people(capsys) -> None:
         assert words in out
 
 
+@pytest.mark.slow
 def test_json_and_plot(tmp_path, capsys) -> None:
     figure = tmp_path / "a1.svg"
     code, out, err = _run(capsys, "A1", "--json", "--seed", "3", "--plot", str(figure))

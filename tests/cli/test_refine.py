@@ -60,6 +60,7 @@ def test_nothing_is_overwritten_unasked(refined, hidden, capsys):
     assert (refined / "ladder.json").read_bytes() == before
 
 
+@pytest.mark.slow
 def test_it_ends_with_the_last_models_parameters_in_units(hidden, capsys):
     asked = words("refine", hidden.model, hidden.levels, *FEW, "--no-suggest")
     assert main.run(asked) == 0
@@ -78,6 +79,7 @@ def test_it_ends_with_the_last_models_parameters_in_units(hidden, capsys):
     assert {one["output"] for one in found["residual"]} == {"motor.position", "motor.velocity"}
 
 
+@pytest.mark.slow
 def test_refine_and_diagnose_say_alike_that_what_is_left_is_not_white(hidden, tmp_path, capsys):
     """Noise with a memory is no effect, and no white noise either."""
     record = read_record(hidden.levels, load_model(hidden.model))
@@ -99,6 +101,7 @@ def test_refine_and_diagnose_say_alike_that_what_is_left_is_not_white(hidden, tm
     assert only in diagnosed
 
 
+@pytest.mark.slow
 def test_a_step_is_taken_back(ladder, capsys):
     assert main.run(words("refine", "--resume", ladder, "--undo")) == 0
     assert added(ladder) == []
@@ -110,6 +113,7 @@ def test_a_step_is_taken_back(ladder, capsys):
     assert "nothing to undo" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_several_steps_are_taken_back_at_once_and_none_is_lost(ladder, capsys):
     arguments = ("--add", "coulomb_friction@motor", "--most", 2, *FEW, "--no-suggest")
     assert main.run(words("refine", "--resume", ladder, *arguments)) == 0
@@ -130,6 +134,7 @@ def test_several_steps_are_taken_back_at_once_and_none_is_lost(ladder, capsys):
     assert first["ladder"]["ladder"] == both["ladder"]
 
 
+@pytest.mark.slow
 def test_the_user_may_take_another_effect(ladder, capsys):
     arguments = ("--undo", "--add", "coulomb_friction@motor", "--most", 1, *FEW, "--no-suggest", "--json")
     assert main.run(words("refine", "--resume", ladder, *arguments)) == 0
@@ -138,6 +143,7 @@ def test_the_user_may_take_another_effect(ladder, capsys):
     assert added(ladder) == ["coulomb_friction@motor"]
 
 
+@pytest.mark.slow
 def test_a_ladder_is_gone_on_with_from_where_it_was_left(hidden, tmp_path, capsys):
     folder = tmp_path / "begun"
     begin = words("refine", hidden.model, hidden.levels, "--most", 0, *FEW, "--no-suggest", "--output", folder)
@@ -151,6 +157,7 @@ def test_a_ladder_is_gone_on_with_from_where_it_was_left(hidden, tmp_path, capsy
         assert word in out
 
 
+@pytest.mark.slow
 def test_what_stays_open_gets_an_experiment(hidden, tmp_path, capsys):
     folder = tmp_path / "open"
     limits = ("--max-command", 1.5, "--duration", 4)
@@ -177,6 +184,7 @@ def test_no_experiment_is_worked_out_when_none_is_wanted(hidden, capsys):
     assert json.loads(capsys.readouterr().out)["suggested_experiment"] is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "word"),
     (
@@ -215,6 +223,7 @@ def test_a_broken_ladder_is_said(ladder, capsys):
     assert "not valid JSON" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_what_was_found_is_told_although_the_last_model_runs_away(hidden, monkeypatch, capsys):
     def runs_away(*arguments):
         raise IdloopError("neither free run nor prediction of model 'dc_motor' stays finite")

@@ -40,6 +40,7 @@ def test_refine_leaves_the_report_and_where_it_comes_from(refined, hidden):
     assert command in html
 
 
+@pytest.mark.slow
 def test_the_report_is_written_again_alike(run, refined, capsys):
     (run / "report.html").unlink()
     assert main.run(words("report", run, "--json")) == 0
@@ -53,6 +54,7 @@ def test_the_report_is_written_again_alike(run, refined, capsys):
     assert after[:cut] == before[:cut]
 
 
+@pytest.mark.slow
 def test_another_file_and_the_figures_of_a_paper(run, tmp_path, capsys):
     target, figures = tmp_path / "mailed.html", tmp_path / "figures"
     assert main.run(words("report", run, "--output", target, "--svg", figures)) == 0
@@ -63,6 +65,7 @@ def test_another_file_and_the_figures_of_a_paper(run, tmp_path, capsys):
     assert b"<svg" in (figures / "ladder.svg").read_bytes()
 
 
+@pytest.mark.slow
 def test_recordings_that_have_moved_are_named(run, hidden, tmp_path, capsys):
     moved = shutil.copytree(hidden.levels, tmp_path / "moved")
     document = json.loads((run / "ladder.json").read_text(encoding="utf-8"))

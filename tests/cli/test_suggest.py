@@ -30,6 +30,7 @@ def rivals(hidden, tmp_path_factory):
     return folder / "dead_zone.yaml", folder / "saturation.yaml"
 
 
+@pytest.mark.slow
 def test_the_experiment_is_a_file_that_builds_a_signal(hidden, rivals, tmp_path, capsys):
     file, figure = tmp_path / "next.yaml", tmp_path / "next.png"
     limits = ("--max-command", 1.8, "--position-range", -2, 2, "--duration", 4)
@@ -61,6 +62,7 @@ def test_rivals_may_be_named_as_a_pair_and_taken_as_they_are(hidden, rivals, cap
     assert out.count("  if ") == 2
 
 
+@pytest.mark.slow
 def test_one_model_is_diagnosed_first(hidden, capsys):
     assert main.run(words("suggest", hidden.model, hidden.two, "--duration", 4, "--json")) == 0
     document = json.loads(capsys.readouterr().out)
@@ -74,6 +76,7 @@ def test_an_effect_is_made_visible(hidden, capsys):
     assert "if backlash@position[motor]:" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_where_nothing_is_open_nothing_is_suggested(hidden, tmp_path, capsys):
     folder, file, figure = tmp_path / "ladder", tmp_path / "next.yaml", tmp_path / "next.png"
     few = ("--effects", "dead_zone", "coulomb_friction")
@@ -109,6 +112,7 @@ def one_equation(hidden, tmp_path_factory):
     return folder / "input_offset.yaml", folder / "load_torque.yaml"
 
 
+@pytest.mark.slow
 def test_effects_that_are_one_equation_get_a_check_by_hand_and_no_experiment(hidden, one_equation, tmp_path, capsys):
     file = tmp_path / "next.yaml"
     arguments = words("suggest", *one_equation, hidden.two, "--output", file)
@@ -123,6 +127,7 @@ def test_effects_that_are_one_equation_get_a_check_by_hand_and_no_experiment(hid
     assert group["effects"] == ["input_offset@input", "load_torque@motor"]
 
 
+@pytest.mark.slow
 def test_an_experiment_that_would_say_nothing_is_not_written(hidden, one_equation, tmp_path, capsys):
     """Taken as they are, a fitted load and an offset of the same force differ in nothing that moves."""
     offset, load = (load_model(path) for path in one_equation)

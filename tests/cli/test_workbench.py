@@ -36,6 +36,7 @@ def bag(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_it_says_where_the_page_is_and_ends_cleanly(bag, number):
     command = [sys.executable, "-m", "idloop", "workbench", "dc_motor", str(bag), "--no-browser", "--json"]

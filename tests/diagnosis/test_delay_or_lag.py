@@ -5,6 +5,7 @@ import pytest
 from idloop.diagnosis import diagnose
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effect", ["actuator_lag", "input_delay"])
 def test_a_lag_is_no_delay_and_a_delay_no_lag(effect: str) -> None:
     from cases import singles

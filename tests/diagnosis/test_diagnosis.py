@@ -25,6 +25,7 @@ HIDDEN = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hidden", HIDDEN, ids=lambda text: text.split("(")[0])
 def test_a_hidden_effect_is_named(start: Model, hidden: str) -> None:
     machine = load_model("axis").with_effects([hidden])
@@ -38,6 +39,7 @@ def test_a_hidden_effect_is_named(start: Model, hidden: str) -> None:
     assert value["value"] == pytest.approx(float(first[1]), rel=0.1), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("disturbance", [0.0, 0.03])
 def test_nothing_is_named_where_nothing_is_hidden(start: Model, disturbance: float) -> None:
     found = diagnose(start, [record_of(load_model("axis"), 3, disturbance=disturbance)], level=0.001)
@@ -45,6 +47,7 @@ def test_nothing_is_named_where_nothing_is_hidden(start: Model, disturbance: flo
     assert found.verdict == "adequate"
 
 
+@pytest.mark.slow
 def test_what_the_noise_model_has_swallowed_is_named(start: Model) -> None:
     hidden = "velocity_filter@velocity[axis](time_constant=0.04)"
     record = record_of(load_model("axis").with_effects([hidden]), 1)
@@ -58,12 +61,14 @@ def test_what_the_noise_model_has_swallowed_is_named(start: Model) -> None:
     assert found.best.name == hidden.split("(", maxsplit=1)[0]
 
 
+@pytest.mark.slow
 def test_twins_come_as_a_set(start: Model) -> None:
     machine = load_model("axis").with_effects(["load_torque@axis(torque=0.05)"])
     found = diagnose(start, [record_of(machine, 2)])
     assert set(found.set) == {"input_offset@input", "load_torque@axis"}
 
 
+@pytest.mark.slow
 def test_the_only_sensor_may_be_what_is_late(start: Model) -> None:
     # A strong observer: where it corrects the present by what a late sensor shows of the past it runs away.
     alone = replace(start, outputs=start.outputs[:1])
@@ -76,6 +81,7 @@ def test_the_only_sensor_may_be_what_is_late(start: Model) -> None:
         assert fitted.parameters["delay"]["value"] == pytest.approx(0.03, rel=0.1)
 
 
+@pytest.mark.slow
 def test_the_ladder_climbs_to_both_effects_and_back(start: Model) -> None:
     machine = load_model("axis").with_effects(["dead_zone@input(width=0.1)", "coulomb_friction@axis(level=0.05)"])
     train, validation = record_of(machine, 5), record_of(machine, 6, name="unseen")
@@ -101,6 +107,7 @@ def test_the_ladder_climbs_to_both_effects_and_back(start: Model) -> None:
         back.undo().undo()
 
 
+@pytest.mark.slow
 def test_a_limit_far_below_the_command_is_found(start: Model) -> None:
     # A controller that winds up asks for many times what the drive gives: nearly every sample is cut.
     machine = load_model("axis").with_effects(["saturation@input(limit=0.04)"])
@@ -110,6 +117,7 @@ def test_a_limit_far_below_the_command_is_found(start: Model) -> None:
     assert found.best.parameters["limit"]["value"] == pytest.approx(0.04, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_limit_that_falls_with_speed_takes_the_place_of_one_that_does_not() -> None:
     # The command peaks far above the limit, so the size of the peaks says nothing of it.
     motor = load_model("dc_motor")
@@ -132,6 +140,7 @@ def test_equal_seeds_give_equal_answers(start: Model) -> None:
     assert first.to_dict() == second.to_dict()
 
 
+@pytest.mark.slow
 def test_physics_that_no_effect_has_is_shown_as_a_curve(start: Model) -> None:
     rng = np.random.default_rng(0)
     time = np.arange(0.0, 20.0, 0.005)

@@ -8,6 +8,7 @@ from idloop.physics import Model, load_model
 from .conftest import record_of
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("disturbance", [0.0, 0.05])
 def test_gravity_is_found_under_its_own_name(start: Model, disturbance: float, seed: int) -> None:
@@ -18,6 +19,7 @@ def test_gravity_is_found_under_its_own_name(start: Model, disturbance: float, s
     assert found.best.name in ("gravity@axis", "imbalance@axis")
 
 
+@pytest.mark.slow
 def test_an_imbalance_at_another_angle_is_no_gravity(start: Model) -> None:
     machine = load_model("axis").with_effects(["imbalance@axis(amplitude=0.15, phase=0.9)"])
     assert refine(start, [record_of(machine, 1)]).added == ("imbalance@axis",)

@@ -25,6 +25,7 @@ def test_what_the_user_did_not_give_or_holds_is_not_left_behind() -> None:
     assert not left_behind(heavy.with_free(["axis.viscous_friction"]), axis.values)
 
 
+@pytest.mark.slow
 def test_a_delay_is_found_behind_a_machine_that_its_drive_hardly_moves(start: Model) -> None:
     axis = load_model("axis")
     machine = axis.with_effect("stribeck_friction", "axis", coulomb=0.2, static=0.4, velocity=0.7)
@@ -40,6 +41,7 @@ def test_a_delay_is_found_behind_a_machine_that_its_drive_hardly_moves(start: Mo
     assert found.best.model.values["axis.inertia"] == pytest.approx(axis.values["axis.inertia"], rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_long_delay_in_a_tight_loop_is_found_where_the_plain_model_has_left_the_axis_behind() -> None:
     from cases import all_cases
     from experiment import experiment

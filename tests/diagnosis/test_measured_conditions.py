@@ -34,6 +34,7 @@ def named(found: Diagnosis) -> list[str]:
     return [one.name for one in found.candidates[:1]] if found.verdict == "missing" else []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("machine", "channel", "name", "parameter", "truth"), HIDDEN, ids=lambda one: str(one)[:24])
 @pytest.mark.parametrize("criterion", ["force", "prediction", "simulation"])
 def test_it_is_named_with_its_coefficient(
@@ -46,6 +47,7 @@ def test_it_is_named_with_its_coefficient(
     assert value["stderr"] < 0.02 * abs(truth)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("machine", [Machine(), Machine(dry=0.0)], ids=["dry", "smooth"])
 def test_where_friction_and_drive_are_steady_nothing_is_named(dry: Model, machine: Machine) -> None:
     model = dry if machine.dry else load_model("axis")
@@ -73,6 +75,7 @@ def test_a_channel_of_one_site_serves_that_site(dry: Model) -> None:
     assert proposals(dry, None, {"temperature": "K"}) == proposals(dry)
 
 
+@pytest.mark.slow
 def test_fit_and_comparison_take_the_channel() -> None:
     machine, _, _, _, truth = HIDDEN[0]
     record, unseen = (record_of(machine, seed, SECONDS) for seed in (3, 4))

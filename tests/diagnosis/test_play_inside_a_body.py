@@ -61,6 +61,7 @@ def geared(seed: int, gap: float) -> Record:
     )
 
 
+@pytest.mark.slow
 def test_the_play_is_found_after_the_spring_and_the_answer_says_how_to_write_two_bodies():
     ladder = refine(one_body(), [geared(0, GAP)], effects=EFFECTS)
     assert ladder.added == (SPRING, PLAY)
@@ -74,6 +75,7 @@ def test_the_play_is_found_after_the_spring_and_the_answer_says_how_to_write_two
     assert "\n" not in line
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_spring_without_play_gets_no_play(seed: int):
     ladder = refine(one_body(), [geared(seed, 0.0)], effects=EFFECTS)

@@ -16,6 +16,7 @@ from idloop.physics import Model, load_model
 from .conftest import RATE, record_of
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [3, 4])
 def test_no_cogging_is_named_where_the_inertia_changes_over_the_turn(start: Model, seed: int) -> None:
     found = diagnose(start, [recorded(changing("inertia over the turn", 0.25), seed)])
@@ -25,6 +26,7 @@ def test_no_cogging_is_named_where_the_inertia_changes_over_the_turn(start: Mode
     assert all("stands in" in why for why in found.passed_over.values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_no_wave_is_named_where_an_end_stop_is_met(seed: int) -> None:
     def stopped(_: float, torque: float, position: float, velocity: float) -> float:
@@ -38,6 +40,7 @@ def test_no_wave_is_named_where_an_end_stop_is_met(seed: int) -> None:
     assert any("stands in" in why or "stays beside it" in why for why in found.passed_over.values())
 
 
+@pytest.mark.slow
 def test_a_changing_inertia_is_learnt(start: Model) -> None:
     part = 0.15
     found = diagnose(start, [recorded(changing("inertia over the turn", part), 3)])
@@ -51,6 +54,7 @@ def test_a_changing_inertia_is_learnt(start: Model) -> None:
     assert found.unknown.force_unit == "kg·m²"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["friction over time", "drive over the turn"])
 def test_other_coefficients_that_change_are_told(start: Model, kind: str) -> None:
     found = diagnose(start, [recorded(changing(kind, 0.4), 3, seconds=30.0)])
@@ -74,6 +78,7 @@ def test_in_a_sweep_nothing_tells_time_from_frequency(start: Model, sweep: bool)
     assert any(shape.over == "time" for shape in shapes) is not sweep
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sweep", [False, True])
 def test_a_spring_whose_drag_is_on_one_side_is_named(start: Model, sweep: bool) -> None:
     time = np.arange(0.0, 20.0, 1.0 / RATE)
@@ -89,6 +94,7 @@ def test_a_spring_whose_drag_is_on_one_side_is_named(start: Model, sweep: bool) 
     assert found.best.parameters["viscous_split"]["value"] < 0.1
 
 
+@pytest.mark.slow
 def test_an_effect_beside_a_coefficient_that_changes_is_added_and_the_rest_told(start: Model) -> None:
     def both(t: float, torque: float, position: float, velocity: float) -> float:
         return uneven_inertia(t, torque - 0.15 * np.tanh(velocity / 1e-2), position, velocity, 0.25)
@@ -100,6 +106,7 @@ def test_an_effect_beside_a_coefficient_that_changes_is_added_and_the_rest_told(
     assert ladder.unknown.of == "inertia"
 
 
+@pytest.mark.slow
 def test_nothing_is_left_of_a_machine_that_the_model_describes() -> None:
     model = load_model("axis")
     for seed in range(8):

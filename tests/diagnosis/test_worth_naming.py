@@ -30,6 +30,7 @@ def test_a_difference_that_moves_nothing_is_not_named_however_clean_the_data(del
     assert ("moves no output" in diagnosis.summary()) is not missing
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, 1e-8, 1e-6])
 @pytest.mark.parametrize(
     "hidden",

@@ -1,6 +1,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from idloop.estimation import fit
 from idloop.estimation.dataset import opening_segments, prepare
@@ -59,6 +60,7 @@ def test_a_computed_velocity_is_used_without_its_position(motor, experiment):
     assert np.array_equal(data.output[:, 1], record.output[:, 1])
 
 
+@pytest.mark.slow
 def test_a_fit_beside_a_computed_velocity_is_that_of_the_position(motor, experiment):
     record = computed(motor, experiment)
     alone = record.output.copy()

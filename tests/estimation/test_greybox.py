@@ -15,6 +15,7 @@ Make = Callable[..., Record]
 WRONG = {"drive.gain": 5.0, "motor.viscous_friction": 1.0, "coulomb_friction@motor.level": 0.0}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("criterion", ["prediction", "simulation"])
 def test_noise_free_data_give_the_truth(motor: Model, experiment: Make, criterion: str) -> None:
     result = fit(motor.with_values(WRONG), [experiment(motor, noise=False)], criterion)
@@ -22,6 +23,7 @@ def test_noise_free_data_give_the_truth(motor: Model, experiment: Make, criterio
         assert result.model.values[name] == pytest.approx(motor.values[name], rel=1e-3), name
 
 
+@pytest.mark.slow
 def test_a_long_record_fitted_from_its_opening_gives_what_all_of_it_gives(
     motor: Model, experiment: Make, monkeypatch: pytest.MonkeyPatch
 ) -> None:

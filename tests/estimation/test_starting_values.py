@@ -54,6 +54,7 @@ def recorded(axis: Model, *, loop: bool) -> Record:
     return Record("axis", time, command, time, output, axis.input.name, "V", axis.output_names, ("m",))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("loop", [False, True])
 def test_every_start_leads_to_the_same_fit(axis: Model, loop: bool) -> None:
     record = recorded(axis, loop=loop)
@@ -63,6 +64,7 @@ def test_every_start_leads_to_the_same_fit(axis: Model, loop: bool) -> None:
         assert same(fit(axis.with_values(start), [record]), first), start
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "mapping", "files", "effect"),
     [

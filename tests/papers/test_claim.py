@@ -92,6 +92,7 @@ def test_a_bound_that_is_no_number_is_not_reached(claim) -> None:
     assert claim.met(1.0) is False
 
 
+@pytest.mark.slow
 @given(limit=numbers, value=numbers, printed=st.one_of(numbers, st.text(), st.none()))
 def test_a_claim_of_a_number_inside_words_asks_for_that_number(limit: float, value: float, printed) -> None:
     inside = above(limit).of(value)

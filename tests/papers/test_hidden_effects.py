@@ -110,6 +110,7 @@ def test_progress_of_a_part():
     assert told == [(0.375, "x")]
 
 
+@pytest.mark.slow
 def test_the_experiments_on_the_torsion_system_can_show_what_they_hide():
     truth = torsion(ALL)
     moves, steps = (simulated(truth, reference(kind, 1.0, 5), 5) for kind in ("moves", "steps"))

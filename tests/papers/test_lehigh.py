@@ -111,6 +111,7 @@ def test_equal_seeds_give_equal_results_and_others_do_not() -> None:
     assert fitted(3) != fitted(4)
 
 
+@pytest.mark.slow
 def test_a4(complete, silent) -> None:
     found = toolbox_layers.reproduce(0, silent, samples=1500)
     complete(found)
@@ -150,6 +151,7 @@ def test_a5(complete, silent) -> None:
     assert named(found, "0.30 V: variance").ours == pytest.approx(0.0102, rel=0.25)
 
 
+@pytest.mark.slow
 def test_a7(complete, silent) -> None:
     loops = ("backlash, the thesis's P", "backlash, P 10", "saturation, P 30, drive lag 0.1 s")
     found = describing_functions.reproduce(0, silent, amplitudes=4, loops=loops)

@@ -85,6 +85,7 @@ def test_the_equations_see_a_wrong_inertia() -> None:
     assert np.max(np.abs(stage_machine.four_inertia_response(heavy, frequency) / right - 1.0)) > 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("row", [stage_linear, stage_wavelet, stage_neural])
 def test_c2_to_c4(row, complete, silent) -> None:
     complete(row.reproduce(0, silent))

@@ -123,6 +123,7 @@ def test_b3(complete, silent) -> None:
     assert not replace(found, law_error=1e-3).holds
 
 
+@pytest.mark.slow
 def test_b4(complete, silent) -> None:
     found = torsion_excitation.reproduce(0, silent)
     complete(found)
@@ -138,6 +139,7 @@ def test_b5(complete, silent) -> None:
     assert found.fits[torsion_compensation.WITHOUT.name][thesis.DIRECT] < 0.0
 
 
+@pytest.mark.slow
 def test_b6(complete, silent) -> None:
     found = torsion_verification.reproduce(0, silent, length=SHORT)
     by_name = {one.name: one for one in found.experiments}
@@ -153,10 +155,12 @@ def test_b6(complete, silent) -> None:
         **saturated.fits, thesis.N4SID: 94.0}), unknown)).holds  # fmt: skip
 
 
+@pytest.mark.slow
 def test_b7(complete, silent) -> None:
     complete(torsion_fit_measure.reproduce(0, silent))
 
 
+@pytest.mark.slow
 def test_b8(silent) -> None:
     found = torsion_sweeps.reproduce(
         0, silent, settings=(thesis.CHOSEN, thesis.TABLE_5_1[8]), sample_times=(0.005, 0.01, 0.1),

@@ -62,6 +62,7 @@ def test_dry_friction_follows_the_temperature_and_never_drives() -> None:
         np.testing.assert_allclose(run.output, same.output, atol=1e-7)
 
 
+@pytest.mark.slow
 @given(share=st.floats(0.0, 2.0), volts=st.floats(0.1, 60.0), reference=st.floats(5.0, 60.0))
 def test_the_drive_goes_with_a_power_of_the_supply(share: float, volts: float, reference: float) -> None:
     model = load_model("dc_motor").with_effect("supply_sag", "input", share=share, reference=reference)
@@ -72,6 +73,7 @@ def test_the_drive_goes_with_a_power_of_the_supply(share: float, volts: float, r
     np.testing.assert_allclose(run.output, plain.output, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.slow
 @given(coefficient=st.floats(-0.02, 0.1), low=st.floats(-20.0, 80.0), high=st.floats(-20.0, 80.0))
 def test_only_coefficient_times_deviation_counts(coefficient: float, low: float, high: float) -> None:
     # Another reference with another friction there is the same machine.

@@ -63,6 +63,7 @@ def test_names_of_effects_are_seen() -> None:
     assert named(text) == ["dead_zone", "load_torque@"]
 
 
+@pytest.mark.slow
 def test_no_module_names_an_effect_but_the_stated_ones() -> None:
     found = modules()
     assert {where: names for where, names in found.items() if not excepted(where)} == {}

@@ -144,6 +144,7 @@ def free_run(model: Model, command: Array) -> Array:
     return simulate(model, time, command, time).output
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(
     angle=st.floats(0.05, 2.5),
@@ -164,6 +165,7 @@ def test_a_chain_with_dry_friction_is_as_exact_as_one_without(
     np.testing.assert_allclose(free_run(firm, command), expected, atol=SHORT_STEPS * span)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angle", [0.1, 0.3, 0.6, 1.2, 6.0, 15.0])
 @pytest.mark.parametrize("level", [(0.0, 0.18), (0.1, 0.1)])
 def test_a_vibrating_chain_stops_and_starts_where_it_should(angle: float, level: tuple[float, float]) -> None:

@@ -172,6 +172,7 @@ def near(model, truth):
         assert abs(found.value - value) < 4.0 * found.stderr, (name, found)
 
 
+@pytest.mark.slow
 def test_the_example_is_identified_and_the_files_own_values_are_found():
     model = from_text(MODEL, None)
     file = Path(__file__).parents[2] / "ros_ws" / "src" / "idloop_bringup" / "config" / "mujoco_axis.xml"
@@ -226,6 +227,7 @@ controller: null
 """
 
 
+@pytest.mark.slow
 def test_the_play_of_a_coupling_is_named_and_measured(tmp_path):
     model = from_text(TWO_BODIES, None)
     (tmp_path / "gap.xml").write_text(GAP)

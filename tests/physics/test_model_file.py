@@ -100,6 +100,7 @@ def test_presets_survive_a_round_trip(name: str) -> None:
     assert again.controller == model.controller
 
 
+@pytest.mark.slow
 @given(
     value=st.floats(0.0, 1e6),
     error=st.none() | st.floats(0.0, 10.0),

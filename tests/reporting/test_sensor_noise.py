@@ -36,6 +36,7 @@ def test_noise_that_a_model_goes_below_is_refuted(story, loud):
     assert set(believed_noise(loud.ladder.model, loud.refuted_noise)) == {"motor.velocity"}
 
 
+@pytest.mark.slow
 def test_refuted_noise_is_no_floor_and_no_band_and_the_table_says_so(loud):
     assert set(loud.floor) == {"motor.velocity"}
     for one in loud.judged:

@@ -109,6 +109,7 @@ def emps(data_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[
     return lambda name, model: read_record(bags[name], model)
 
 
+@pytest.mark.slow
 def test_emps_as_published(emps: Callable[[str, Model], Record]) -> None:
     model = load_model("emps").with_effects(["coulomb_friction@axis", "input_offset@input"])
     train, pulses = emps("DATA_EMPS", model), emps("DATA_EMPS_PULSES", model)
@@ -125,6 +126,7 @@ def test_emps_as_published(emps: Callable[[str, Model], Record]) -> None:
     assert force_error(result.model, pulses, first.cutoff).relative <= 0.061
 
 
+@pytest.mark.slow
 def test_emps_without_dry_friction_misses_the_force(emps: Callable[[str, Model], Record]) -> None:
     model = load_model("emps")
     train, pulses = emps("DATA_EMPS", model), emps("DATA_EMPS_PULSES", model)

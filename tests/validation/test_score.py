@@ -78,6 +78,7 @@ def test_a_difference_of_free_runs_knows_how_certain_it_is():
     assert fit_difference([record], scores[0], scores[0]) == (0.0, 0.0)
 
 
+@pytest.mark.slow
 def test_the_uncertainty_of_a_difference_is_that_of_repeated_records():
     pair, found = (model(), model(0.9 + 3e-4)), []
     for seed in range(60):

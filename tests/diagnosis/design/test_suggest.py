@@ -57,6 +57,7 @@ def lead(motor, record, right: str, wrong: str) -> float:
     return 0.5 * len(record.time) * float(np.log(loss[1] / loss[0]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("right", "wrong"), ((DEAD_ZONE, SATURATION), (SATURATION, DEAD_ZONE)))
 def test_it_resolves_what_a_two_level_command_leaves_tied(motor, tie, suggestion, right, wrong):
     record, _ = tie
@@ -65,6 +66,7 @@ def test_it_resolves_what_a_two_level_command_leaves_tied(motor, tie, suggestion
     assert lead(motor, new, right, wrong) > 30.0
 
 
+@pytest.mark.slow
 def test_the_expected_lead_is_of_the_size_that_is_found(motor, suggestion):
     new = suggestion.experiment.run(motor.with_effects([DEAD_ZONE]), noise=True, disturbance=0.02, seed=8)
     expected = suggestion.outcomes[0].in_favour
@@ -179,6 +181,7 @@ def test_of_many_effects_those_that_the_limits_let_show_are_shown(motor):
     assert found.outcomes[1].in_favour > 10.0 > found.outcomes[2].in_favour
 
 
+@pytest.mark.slow
 def test_a_ladder_with_a_tie_gets_the_experiment_that_resolves_it(motor):
     """Motion one way only: dry friction, an offset and a dead zone are all the same constant force."""
     one_way = {"name": "multilevel", "sample_time": 0.01, "duration": 10.0, "amplitude": 0.6, "offset": 1.4, "seed": 2}
@@ -191,6 +194,7 @@ def test_a_ladder_with_a_tie_gets_the_experiment_that_resolves_it(motor):
     assert np.min(found.experiment.built.value) < 0.0 < np.max(found.experiment.built.value)
 
 
+@pytest.mark.slow
 def test_what_a_diagnosis_has_found_is_known_to_the_next_experiment(motor):
     friction = "coulomb_friction@motor"
     record = Experiment(PRBS).run(motor.with_effects([f"{friction}(level=1)"]), noise=True, seed=1)
@@ -202,6 +206,7 @@ def test_what_a_diagnosis_has_found_is_known_to_the_next_experiment(motor):
     assert [friction in model.effect_names for _, model in suggestion.rivals] == [True, True]
 
 
+@pytest.mark.slow
 def test_in_closed_loop_the_reference_is_excited():
     model = load_model("axis").with_effects(["coulomb_friction@axis(level=0.05)"])
     wave = {"name": "sine", "sample_time": 0.001, "duration": 4.0, "amplitude": 0.3, "frequency": 0.5}
@@ -274,6 +279,7 @@ def test_what_cannot_be_asked_is_said(motor, tie):
         suggest(rivals, [record], Limits(velocity=1e-9))
 
 
+@pytest.mark.slow
 def test_where_model_error_is_all_that_is_left_forces_are_compared():
     """A machine measured almost without noise: no disturbance may explain away what its model misses."""
     model = load_model("emps")

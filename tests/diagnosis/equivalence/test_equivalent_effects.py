@@ -13,8 +13,7 @@ from idloop.diagnosis import Candidate, Ladder
 from idloop.diagnosis.equivalence.equivalent_effects import find_twins, ladder_twins, one_of_each, rival_twins
 from idloop.diagnosis.ladder import Step
 from idloop.physics import load_model, simulate
-from idloop.reporting.remains import also_significant
-from idloop.reporting.unshown import unshown
+from idloop.reporting.detectability import significant_not_added, undetectable
 
 OFFSET, LOAD, ASYMMETRIC = "input_offset@input", "load_torque@motor", "asymmetric_friction@motor"
 FRICTION, DEAD = "coulomb_friction@motor", "dead_zone@input"
@@ -132,20 +131,20 @@ def test_the_ties_of_a_ladder_are_held_against_its_last_model(ladder):
 
 
 def test_what_was_found_or_ties_with_it_is_not_what_the_data_cannot_show(ladder):
-    assert unshown(ladder) == {"saturation@input": "a limit beyond the data cannot show"}
+    assert undetectable(ladder) == {"saturation@input": "a limit beyond the data cannot show"}
     richer = ladder.steps[0].model.with_effects(["stribeck_friction@motor(coulomb=0.5)"])
-    assert unshown(Ladder((Step(None, richer),), untestable=(FRICTION, DEAD))) == {DEAD: ""}
+    assert undetectable(Ladder((Step(None, richer),), untestable=(FRICTION, DEAD))) == {DEAD: ""}
 
 
 def test_what_was_significant_and_not_added_is_told_once(ladder):
     """A limit that begins beyond the data may have left its trace all the same."""
     passed = replace(ladder, passed_over={"saturation@input": "it stands in for something else"})
-    assert unshown(passed) == {}
-    assert also_significant(passed) == []
+    assert undetectable(passed) == {}
+    assert significant_not_added(passed) == []
     surely = replace(ladder.candidates[0], gain=30.0, p_value=1e-6)
     stopped = replace(ladder, verdict="missing", candidates=(surely,))
-    assert [one.name for one in also_significant(stopped)] == ["saturation@input"]
-    assert unshown(stopped) == {}
+    assert [one.name for one in significant_not_added(stopped)] == ["saturation@input"]
+    assert undetectable(stopped) == {}
 
 
 def test_effects_that_nobody_knows_are_none_of_the_others() -> None:

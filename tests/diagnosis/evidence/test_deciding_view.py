@@ -52,6 +52,7 @@ def test_a_balance_takes_a_loop_that_answers_a_disturbance_for_the_axis(seed):
     assert diagnose(model, [record], criterion="force").set
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_a_loop_that_answers_a_disturbance_is_no_effect_of_the_axis(seed):
     model, record = in_a_loop(seed, torque=0.03, level=0.0)

@@ -14,7 +14,7 @@ from idloop.diagnosis.evidence.detection_limit import DetectionLimit, detection_
 from idloop.diagnosis.screening.proposals import Proposal, proposals
 from idloop.diagnosis.screening.score_test import Screened, Trace
 from idloop.physics import load_model
-from idloop.reporting.unshown import absent
+from idloop.reporting.detectability import detection_limits
 
 # Power of a trace that shows where chance reaches 9.
 NEEDED = (2.5 * (3.0 + 1.645)) ** 2
@@ -89,9 +89,10 @@ def test_a_report_states_no_size_for_what_was_found_or_cannot_be_shown() -> None
     names = ("coulomb_friction@axis", "quadratic_drag@axis", "imbalance@axis", "cogging@axis")
     model = load_model("axis").with_effect("stribeck_friction", "axis", coulomb=0.1, static=0.2, velocity=0.1)
     ladder = _Ladder(model, dict.fromkeys(names, limit), untestable=(names[2],), passed_over={names[3]: "too slight"})
-    assert absent(ladder) == {"quadratic_drag@axis": "level ≥ 0.01 N·m"}  # type: ignore[arg-type]
+    assert detection_limits(ladder) == {"quadratic_drag@axis": "level ≥ 0.01 N·m"}  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_an_effect_of_twice_the_stated_size_is_found_and_a_twentieth_of_it_is_not() -> None:
     machine = load_model("axis")
     clean = diagnose(machine, [record_of(machine, 1, disturbance=0.02)], effects=["dead_zone", "coulomb_friction"])

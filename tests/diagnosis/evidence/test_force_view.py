@@ -77,6 +77,7 @@ def test_what_acts_on_a_body_without_a_drive_is_worth_naming():
     assert best.fit.model.values["imbalance@load.amplitude"] == pytest.approx(0.1, rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_glance_changes_no_answer(monkeypatch):
     machine = load_model("axis").with_effects(["coulomb_friction@axis(level=0.05)", "imbalance@axis(amplitude=0.1)"])
     record = turned(machine, rate=1000.0)

@@ -37,6 +37,7 @@ def test_the_evidence_for_hidden_friction_rises_until_it_is_decided(start: Model
     assert found[-1].threshold == pytest.approx(np.log(found[-1].count / 0.01))
 
 
+@pytest.mark.slow
 def test_nothing_is_decided_of_a_machine_that_lacks_nothing(start: Model) -> None:
     for seed in range(4):
         last = looked(start, record_of(load_model("axis"), seed), looks=4)[-1]

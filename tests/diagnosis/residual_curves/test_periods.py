@@ -33,6 +33,7 @@ def test_the_period_of_a_remaining_force_is_found() -> None:
     assert tried > 20
 
 
+@pytest.mark.slow
 def test_what_repeats_and_is_in_no_catalogue_is_told_with_its_period_and_strength(start: Model) -> None:
     diagnosis = diagnose(start, [record_of(repeating(), 5)])
     assert diagnosis.verdict == "unknown_structure"

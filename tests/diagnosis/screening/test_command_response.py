@@ -26,6 +26,7 @@ def unrelated_motion(machine: Model, seed: int) -> Record:
     return replace(run, input=other.input)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_columns_of_two_runs_are_told_and_no_effect_is_named(start, seed):
     machine = start.with_effects([FRICTION])
@@ -38,6 +39,7 @@ def test_columns_of_two_runs_are_told_and_no_effect_is_named(start, seed):
     assert "says nothing about the axis" in ending(found.verdict, "", found.response)
 
 
+@pytest.mark.slow
 def test_a_ladder_climbs_nothing_on_them(start):
     machine = start.with_effects([FRICTION])
     ladder = refine(start, [unrelated_motion(machine, 1)], [unrelated_motion(machine, 11)])
@@ -53,6 +55,7 @@ def reversed_sign(seed: int) -> Record:
     return replace(record, input=-record.input)
 
 
+@pytest.mark.slow
 def test_a_command_of_the_other_sign_is_told_and_is_all_that_is(start):
     found = diagnose(start, [reversed_sign(3)])
     assert found.response is CommandResponse.REVERSED
@@ -63,6 +66,7 @@ def test_a_command_of_the_other_sign_is_told_and_is_all_that_is(start):
     assert conclusion(ladder) == "the measured motion follows minus the command: turn one of the two, then ask again"
 
 
+@pytest.mark.slow
 def test_a_gain_that_may_be_negative_becomes_so_and_the_effect_is_found(start):
     free = start.with_free([*(name for name in start.free if name != "axis.inertia"), "drive.gain"])
     ladder = refine(free, [reversed_sign(3)], effects=["coulomb_friction", "input_offset"])
@@ -70,6 +74,7 @@ def test_a_gain_that_may_be_negative_becomes_so_and_the_effect_is_found(start):
     assert any("drive.gain is -" in said and "`scale: -1`" in said for said in ladder.findings)
 
 
+@pytest.mark.slow
 def test_of_a_servo_whose_own_loop_saturates_it_is_not_said_that_it_does_not_follow():
     """No model of ours has a loop in the drive; the command is far from the motion, and still it is what moves it."""
     time = np.arange(0.0, 6.0, 0.02)

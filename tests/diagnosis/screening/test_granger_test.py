@@ -52,6 +52,7 @@ def test_it_does_where_the_drive_of_a_servo_gives_all_it_has():
     assert foretells([record])
 
 
+@pytest.mark.slow
 def test_one_of_another_run_hardly_ever_does():
     assert sum(foretells([unrelated(seed)]) for seed in range(40)) <= 2
 

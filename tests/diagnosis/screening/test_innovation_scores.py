@@ -33,6 +33,7 @@ def evidence(parent: Refit, fit: Refit) -> Evidence:
     return InnovationScores(fit).scores().against(InnovationScores(parent).scores())
 
 
+@pytest.mark.slow
 def test_a_hidden_effect_shows_and_an_idle_one_does_not(start: Model) -> None:
     plain = load_model("axis")
     machine = plain.with_effects(["coulomb_friction@axis(level=0.05)"])

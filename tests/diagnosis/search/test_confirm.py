@@ -26,6 +26,7 @@ def test_a_constant_force_is_found_behind_a_walk(start: Model, offset: float) ->
     assert ("input_offset@input" in found) == (offset > 0.0)
 
 
+@pytest.mark.slow
 def test_a_filter_that_the_noise_model_imitates_is_found_with_the_noise_held_down(start: Model) -> None:
     hidden = "velocity_filter@velocity[axis]"
     machine = load_model("axis").with_effects([f"{hidden}(time_constant=0.04)"])

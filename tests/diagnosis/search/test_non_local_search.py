@@ -51,6 +51,7 @@ def record_of(machine: Model, seed: int, seconds: float = 6.0) -> Record:
     return Record(f"run{seed}", time, command, time, output, "wheel.effort", "V", ("wheel.velocity",), ("rad/s",))
 
 
+@pytest.mark.slow
 def test_an_effect_without_a_weak_form_is_found_where_its_own_fit_is_far_away(start: Model) -> None:
     machine = start.with_values({"motor.viscous_friction": 9.0, "drive.gain": 25.0}).with_effects([BLIND])
     ladder = refine(start, [record_of(machine, 1)], [record_of(machine, 2)], criterion="simulation")
@@ -61,6 +62,7 @@ def test_an_effect_without_a_weak_form_is_found_where_its_own_fit_is_far_away(st
     assert ladder.model.values["motor.viscous_friction"] == pytest.approx(9.0, rel=0.02)
 
 
+@pytest.mark.slow
 def test_an_effect_that_shows_only_together_with_a_second_one_is_found_with_it(start: Model) -> None:
     hidden = "compliance@motor(stiffness=150.0,damping=0.5,split=0.3)"
     machine = start.with_values({"motor.viscous_friction": 6.0, "drive.gain": 18.0}).with_effects([BLIND, hidden])
@@ -95,6 +97,7 @@ drive: {gain: 1.0}
 """
 
 
+@pytest.mark.slow
 def test_a_coupling_that_always_slips_is_found_behind_the_damper_that_it_looks_like(tmp_path: Path) -> None:
     path = tmp_path / "two_bodies.yaml"
     path.write_text(TWO_BODIES)

@@ -185,6 +185,7 @@ def test_either_alone_falls_far_short_of_both(start: Model, compensated: Record)
         assert found.pair is None
 
 
+@pytest.mark.slow
 def test_the_ladder_takes_both_steps_and_keeps_both(start: Model, compensated: Record) -> None:
     unseen = record_of(load_model("axis").with_effects(COMPENSATED), 2)
     ladder = refine(start, [compensated], [unseen])

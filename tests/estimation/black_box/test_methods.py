@@ -56,6 +56,7 @@ def two_resonances(samples=6000):
     return SampledData("record", u[:, None], (y + 0.02 * random.normal(size=samples))[:, None], STEP)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ("oe", "bj", "pem"))
 def test_a_model_too_small_for_two_resonances_has_that_of_its_band(name):
     for low, high, hz in ((0.0, 8.0, 3.0), (10.0, 35.0, 20.0), (12.0, np.inf, 20.0)):
@@ -167,6 +168,7 @@ def test_networks_are_repeatable_and_judged_like_models(name):
     assert known.aic < known.bic
 
 
+@pytest.mark.slow
 def test_the_order_with_the_least_bic_is_chosen():
     found = identify(open_loop(noise=0.05), "oe", Choices(order=(1, 2, 3, 4)))
     assert found.order == 2

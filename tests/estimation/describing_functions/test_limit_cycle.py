@@ -43,6 +43,7 @@ def test_no_root_where_the_grid_is_thin_or_unknown() -> None:
     assert grid_roots(np.full((4, 4), np.nan + 0j)).shape == (0, 2)
 
 
+@pytest.mark.slow
 @given(gain=st.floats(2.1, 50.0), limit=st.floats(0.1, 10.0))
 def test_saturation_closed_solution(gain: float, limit: float) -> None:
     # G(jω) is real at ω = 1, so the loop settles where N = 2 / gain.

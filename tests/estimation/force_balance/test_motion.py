@@ -18,6 +18,7 @@ from idloop.physics import load_model
 from idloop.records import Record
 
 
+@pytest.mark.slow
 @given(st.floats(0.5, 5.0), st.floats(0.0, 6.0))
 def test_derivative_of_a_sine(frequency: float, phase: float) -> None:
     t = np.arange(0.0, 4.0, 1e-3)

@@ -45,6 +45,7 @@ def test_switching_the_command_off_explains_nothing(effect: str) -> None:
         assert cost > cost_at(form, parent.point)
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
     plain = load_model("axis")
     rng = np.random.default_rng(5)

@@ -10,6 +10,7 @@ from idloop.estimation.likelihood.estimation_problem import prepare_estimation
 from idloop.physics import load_model
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [1.0, 0.7])
 def test_fit_and_the_first_rung_agree_to_the_last_digit(factor: float) -> None:
     machine = load_model("axis")

@@ -1,6 +1,7 @@
 """Standard errors of undisturbed data."""
 
 import numpy as np
+import pytest
 from tests.diagnosis.conftest import record_of
 
 from idloop.estimation.likelihood.estimation_problem import prepare_estimation
@@ -8,6 +9,7 @@ from idloop.estimation.likelihood.refit import refit
 from idloop.physics import load_model
 
 
+@pytest.mark.slow
 def test_undisturbed_intervals_are_as_wide_as_the_estimates_scatter() -> None:
     model = load_model("axis").with_effects(["dead_zone@input(width=0.1)"])
     scores = []

@@ -32,6 +32,7 @@ def one_sensor(start: Model) -> Model:
     return replace(start, outputs=start.outputs[:1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("load", "seed"), [(0.15, 1), (-0.15, 2), (0.0, 3), (0.0, 4)])
 def test_a_constant_far_above_what_a_walk_begins_with_is_named(one_sensor: Model, load: float, seed: int) -> None:
     found = diagnose(one_sensor, [beside_a_walk(load, 0.01, seed)])

@@ -224,6 +224,7 @@ def oscillator(samples=1500, noise=0.05, seed=0, colour=0.9):
     return SampledData("made", u, y + e, STEP, ("u",), ("V",), ("y",), ("rad",))
 
 
+@pytest.mark.slow
 def test_continuous_structure_is_recovered_and_its_standard_errors_hold_under_coloured_errors():
     scores = []
     for seed in range(60):

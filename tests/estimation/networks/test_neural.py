@@ -18,6 +18,7 @@ def test_prediction_errors_come_down_to_the_noise(plant):
     assert np.mean(errors) == pytest.approx(0.02, rel=0.05)
 
 
+@pytest.mark.slow
 def test_error_falls_with_more_data(plant):
     def beyond_the_noise(samples):
         found = []

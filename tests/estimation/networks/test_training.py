@@ -45,6 +45,7 @@ def test_nguyen_and_widrows_start(hidden, inputs, seed):
         )
 
 
+@pytest.mark.slow
 def test_a_teacher_is_found_again(plant):
     """A network of the same size, noise-free data: nothing is left over."""
     rough = narx_neural(plant.narx(0), hidden=2, rules=TrainingRules(epochs=5))

@@ -68,6 +68,7 @@ def test_free_run_beyond_the_linear_model(plant):
     assert fit(other, linear.simulate(other)) < 90
 
 
+@pytest.mark.slow
 def test_prediction_errors_come_near_the_noise(plant):
     error = [np.std(narx_wavelet(plant.narx(0, 6000), units=n).innovations(plant.narx(9))[2:]) for n in (1, 25, 60)]
     assert error[0] > 0.05

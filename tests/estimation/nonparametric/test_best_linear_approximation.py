@@ -32,6 +32,7 @@ def told(estimate):
     return shares
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("realisations", "periods"), [(7, 5), (2, 2)])
 def test_of_a_linear_plant_the_robust_method_sees_no_nonlinearity_but_by_chance(plant, realisations, periods):
     shares = []

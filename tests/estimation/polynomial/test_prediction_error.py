@@ -45,6 +45,7 @@ def test_slopes_are_the_gradient_of_the_errors(initial, seed, orders):
     np.testing.assert_allclose(gradient, numerical, atol=1e-6 * np.abs(gradient).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("estimator", "system", "truth"),
     [
@@ -64,6 +65,7 @@ def test_no_bias_and_honest_standard_errors(made, estimator, system, truth):
     assert np.mean([m.loss for m in models]) == pytest.approx(0.25, rel=0.05)
 
 
+@pytest.mark.slow
 def test_error_falls_with_the_root_of_the_samples(made):
     truth = [-1.5, 0.7, 1.0, 0.5, -1.0, 0.2]
     errors = [
@@ -73,6 +75,7 @@ def test_error_falls_with_the_root_of_the_samples(made):
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.4)
 
 
+@pytest.mark.slow
 def test_output_error_is_honest_in_coloured_noise(made):
     models = [output_error(made(800, seed, **BOX), 2, 2) for seed in range(40)]
     found = np.array([values(m) for m in models])

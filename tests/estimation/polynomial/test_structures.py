@@ -42,6 +42,7 @@ def test_validation_loss_is_the_prediction_error_on_the_other_data(made):
     assert table.validation_loss[0] == pytest.approx(np.mean(errors**2), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_the_true_structure_is_found_more_surely_in_longer_records(made):
     def hits(samples):
         chosen = [

@@ -55,6 +55,7 @@ def test_noise_of_the_output_does_no_harm_where_its_size_is_known(made):
     assert 0.4 < np.sqrt(np.mean((many / stderr) ** 2)) < 1.6
 
 
+@pytest.mark.slow
 def test_a_high_order_starts_within_the_circle():
     rng = np.random.default_rng(0)
     u = rng.normal(size=1500)
@@ -129,6 +130,7 @@ def test_an_integrator_is_followed():
     np.testing.assert_allclose(estimator.coefficients, [-1.0, 0.01], atol=0.002)
 
 
+@pytest.mark.slow
 @given(cut=st.lists(st.integers(1, 120), min_size=1, max_size=6))
 def test_sample_by_sample_is_block_by_block(made, cut):
     data = made(500, f=POLES)
@@ -143,6 +145,7 @@ def test_sample_by_sample_is_block_by_block(made, cut):
 numbers = st.floats(-1e6, 1e6) | st.just(float("nan")) | st.sampled_from([0.0, 1.0, -1.0])
 
 
+@pytest.mark.slow
 @given(
     pattern=st.lists(st.tuples(numbers, numbers), min_size=1, max_size=40),
     order=st.integers(1, 4),
@@ -181,6 +184,7 @@ def test_missing_samples_and_new_experiments_teach_nothing_and_harm_nothing(made
     assert np.all(estimator.stderr > narrow)
 
 
+@pytest.mark.slow
 @given(st.floats(-8, 8), st.floats(-8, 8))
 def test_units_change_nothing(made, command, measurement):
     k, g = 10.0**command, 10.0**measurement

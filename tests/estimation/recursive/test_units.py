@@ -65,6 +65,7 @@ def test_no_sample_of_the_start_is_predicted_far_beyond_what_was_seen(made, meth
         assert np.max(np.abs(left)) < 2.0 * scale * np.max(np.abs(data.output))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["rarx", "ekf"])
 @given(st.lists(st.integers(1, 300), min_size=1, max_size=6))
 def test_a_plant_at_rest_is_taken_sample_by_sample_as_in_blocks(made, method, cut):

@@ -34,6 +34,7 @@ def test_loss_is_the_determinant() -> None:
     assert of_errors(errors, 3).loss == pytest.approx(4.0, rel=0.2)
 
 
+@pytest.mark.slow
 def test_coloured_noise_does_not_raise_the_order_of_output_errors() -> None:
     orders = []
     for seed in range(6):
@@ -60,6 +61,7 @@ def test_the_least_criterion_does_not_know_the_unit(decades: float, starts: list
     np.testing.assert_allclose(chosen[2:], chosen[:2], rtol=1e-6, atol=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["arx", "armax", "bj", "n4sid"])
 def test_the_order_does_not_depend_on_the_unit_of_the_output(method: str) -> None:
     rng = np.random.default_rng(0)

@@ -50,6 +50,7 @@ def loop(law, samples=1500, added=0.0):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", LAWS)
 @pytest.mark.parametrize("limit", [None, 0.3])
 def test_the_controller_that_ran_made_the_command(kind, limit):

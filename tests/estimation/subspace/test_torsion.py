@@ -100,6 +100,7 @@ def test_a_clipped_command_that_is_measured_costs_nothing(method):
     assert fit(method(data), experiment(2, limit=1.5)) > 99.99
 
 
+@pytest.mark.slow
 def test_with_noise_of_four_degrees_the_predictor_based_model_is_nearly_the_plant():
     # The thesis has 87.3 to 93.2 %, its true system 90.4 %.
     data, other = experiment(1, noise=4.0 / 3.0), experiment(2, noise=4.0 / 3.0)

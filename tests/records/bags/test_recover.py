@@ -34,6 +34,7 @@ def test_a_whole_bag_is_copied_whole(bag: Path, tmp_path: Path) -> None:
     np.testing.assert_array_equal(after.position, before.position)
 
 
+@pytest.mark.slow
 @settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(part=st.floats(0.6, 0.95))
 def test_what_is_saved_of_a_cut_bag_is_its_beginning(bag: Path, tmp_path_factory, part: float) -> None:

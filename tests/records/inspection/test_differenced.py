@@ -89,6 +89,7 @@ def test_lost_messages_turns_of_the_encoder_and_stamps_that_jitter_hide_nothing(
     assert difference(stamps, counts, np.concatenate([[0.0], np.diff(counts) / np.diff(stamps)])) is not None
 
 
+@pytest.mark.slow
 def test_a_sensor_of_its_own_is_never_taken_for_a_difference() -> None:
     random = np.random.default_rng(3)
     taken = []
@@ -118,6 +119,7 @@ def test_a_sensor_of_its_own_is_never_taken_for_a_difference() -> None:
     assert taken == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("several", [1, 2, 6])
 def test_sines_obey_many_sums_and_are_no_differences(several: int) -> None:
     taken = []

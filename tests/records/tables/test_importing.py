@@ -253,6 +253,7 @@ def _signals(joint, *fields):
     )
 
 
+@pytest.mark.slow
 def test_emps(data_dir, tmp_path):
     from scipy.io import loadmat
 
@@ -316,6 +317,7 @@ def test_bam_without_load_is_imported_with_a_warning_and_refused_for_a_fit(data_
         read_record(tmp_path / "bag", _signals("servo", "position"))
 
 
+@pytest.mark.slow
 def test_silverbox(data_dir, tmp_path):
     source = data_dir / "silverbox" / "SNLS80mV.csv"
     with pytest.raises(InputError, match="--part: arrow, multisines"):

@@ -252,6 +252,7 @@ def test_the_first_row_of_another_width_is_named(tmp_path, monkeypatch, stretch)
         read_table(_csv(tmp_path / "a.csv", "t,u\n" + "0,1\n" * 27 + "0,1,2\n0,1\n0\n"))
 
 
+@pytest.mark.slow
 def test_a_long_log_takes_eight_bytes_for_a_number(tmp_path, monkeypatch):
     monkeypatch.setattr(csv_file, "_CELLS", 20_000)
     path = _csv(tmp_path / "a.csv", "t,u,n\n" + "0.125,-1.5,7\n" * 200_000)

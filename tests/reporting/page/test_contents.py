@@ -74,6 +74,7 @@ def hidden_motion(story):
     return gather(Ladder((*story["ladder"].steps, step), "adequate"), *records)
 
 
+@pytest.mark.slow
 def test_the_force_is_shown_up_to_the_last_step_that_tells_it(hidden_motion):
     assert driven_step(hidden_motion.ladder) == 1
     for one in hidden_motion.judged:
@@ -94,6 +95,7 @@ def test_the_force_is_shown_up_to_the_last_step_that_tells_it(hidden_motion):
     assert where["drive force"]["after"]
 
 
+@pytest.mark.slow
 def test_the_figures_for_a_paper_show_the_force_up_to_the_same_step(hidden_motion):
     axes = paper_figures(hidden_motion)["where_1_unseen"].axes
     legends = [one.get_legend() for one in axes if one.get_legend() is not None]

@@ -66,6 +66,7 @@ def test_a_fit_is_explained_where_it_is_first_listed(html):
     assert "100&nbsp;% is perfect, 0&nbsp;% no better than a constant" in ladder
 
 
+@pytest.mark.slow
 def test_what_was_passed_over_is_listed_once_with_its_reason(contents):
     ladder = replace(contents.ladder, passed_over={"saturation@input": "beside imbalance@motor nothing is left of it"})
     page = render_page(replace(contents, ladder=ladder))
@@ -89,6 +90,7 @@ def test_the_answer_comes_first(html, contents):
     assert answer.count("no effect of the catalogue explains") == 1
 
 
+@pytest.mark.slow
 def test_values_are_those_of_the_last_model_beside_what_they_were_at_the_step(contents):
     start, step = contents.ladder.steps
     level = {"level": {"value": 2.5, "stderr": 0.1, "unit": "N·m"}}
@@ -99,6 +101,7 @@ def test_values_are_those_of_the_last_model_beside_what_they_were_at_the_step(co
     assert "When it was added: level 2.50 ± 0.20 N·m." in answer
 
 
+@pytest.mark.slow
 def test_a_fit_that_falls_is_not_coloured_like_a_gain(contents):
     start, step = contents.ladder.steps
     fits = {"motor.position": 99.0, "motor.velocity": 50.0}
@@ -111,6 +114,7 @@ def test_a_fit_that_falls_is_not_coloured_like_a_gain(contents):
     assert '<strong class="number better">10&nbsp;%</strong></span>' in page
 
 
+@pytest.mark.slow
 def test_what_was_found_is_not_among_what_the_data_cannot_show(contents):
     names = ("saturation@input", "dead_zone@input", "coulomb_friction@motor")
     page = render_page(replace(contents, ladder=replace(contents.ladder, verdict="not_excited", untestable=names)))
@@ -119,6 +123,7 @@ def test_what_was_found_is_not_among_what_the_data_cannot_show(contents):
     assert "this data cannot show saturation @ input." in page
 
 
+@pytest.mark.slow
 def test_a_verdict_is_contradicted_by_errors_that_are_not_white(contents, story):
     coloured = np.cumsum(np.random.default_rng(0).normal(size=(len(story["train"].time), 2)), axis=0) * (1e-4, 5e-4)
     train = replace(story["train"], output=story["train"].output + coloured)
@@ -132,6 +137,7 @@ def test_a_verdict_is_contradicted_by_errors_that_are_not_white(contents, story)
     assert "One-step residual of motor.position on the unseen data: unseen" in left
 
 
+@pytest.mark.slow
 def test_a_share_says_of_what_it_is_one_and_a_list_of_which_model(contents):
     page = render_page(contents)
     assert "80&nbsp;% of the power of the one-step prediction errors that the model without it leaves" in page
@@ -140,6 +146,7 @@ def test_a_share_says_of_what_it_is_one_and_a_list_of_which_model(contents):
     assert "<h3>As long as what is still missing is not in the model, this data cannot show</h3>" in stopped
 
 
+@pytest.mark.slow
 def test_effects_that_are_one_equation_get_their_check_by_hand(contents):
     start, step = contents.ladder.steps
     model = start.model.with_effects(["input_offset@input(offset=0.1)"])
@@ -154,6 +161,7 @@ def test_effects_that_are_one_equation_get_their_check_by_hand(contents):
     )
 
 
+@pytest.mark.slow
 def test_words_of_a_model_are_escaped(html, contents):
     assert "Dry friction &lt;opposes&gt; motion." in html
     name = '</script><img src="x">'
@@ -191,6 +199,7 @@ def test_the_figure_of_the_ladder_holds_the_numbers_of_the_document(items, conte
         assert any(np.array_equal(one, line.error) for one in held), line.label
 
 
+@pytest.mark.slow
 def test_a_ladder_without_a_step_says_so(contents):
     start = contents.ladder.steps[:1]
     for verdict, words in (("adequate", "Nothing is missing"), ("not_excited", "cannot show everything")):

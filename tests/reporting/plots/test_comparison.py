@@ -70,6 +70,7 @@ def test_the_band_is_drawn_where_it_is_known():
     assert len(axes[3].patches) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", (".png", ".svg", ".pdf"))
 def test_equal_figures_are_equal_files(suffix, tmp_path):
     one, two = (drawing.save(figure(panel()), tmp_path / f"{name}{suffix}") for name in ("one", "two"))

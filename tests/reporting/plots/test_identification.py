@@ -100,6 +100,7 @@ def test_lines_below_the_resolution_are_not_drawn(data):
     assert np.all(model.frequency[model.resolved] >= model.resolution * (1.0 - 1e-6))
 
 
+@pytest.mark.slow
 def test_one_legend_names_every_method(data, tmp_path):
     names = ("arx", "oe", "n4sid", "iv4", "cra")
     figure = plot_identification(drawn(data, *names), [data], "validation: run")

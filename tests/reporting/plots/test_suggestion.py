@@ -190,6 +190,7 @@ def test_rivals_that_are_told_by_the_force_say_so():
     assert "drive force" not in plot_suggestion(given).texts[1].get_text()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("signal", (SQUARE, CHIRP))
 def test_no_words_run_off_the_page_or_onto_each_other(signal):
     known = tuple(

@@ -118,6 +118,7 @@ def test_a_variable_that_was_left_out_says_why(found):
     assert "position:\nno position is measured" in texts
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", (".png", ".svg"))
 def test_equal_figures_are_equal_files(found, suffix, tmp_path):
     one, two = (

@@ -128,6 +128,7 @@ EFFECT = Effect("lean", "body", "It leans.", (EffectParameter("size", "{{force}}
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [("add", "lean@motor"), ("diagnose", "")])
 def test_the_page_runs_no_effect_that_was_changed_since_it_was_trusted(order, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))

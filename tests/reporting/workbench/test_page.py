@@ -59,6 +59,7 @@ def held(condition, seconds=200.0):
     raise AssertionError("condition not met in time")
 
 
+@pytest.mark.slow
 def test_it_shows_the_streams_as_they_come_and_no_peak_is_lost(site, source, visit):
     visitor = visit(site.address)
     first = visitor.page.evaluate("() => strips.pictures")
@@ -73,6 +74,7 @@ def test_it_shows_the_streams_as_they_come_and_no_peak_is_lost(site, source, vis
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_memory_of_the_page_is_bounded_however_long_it_follows(site, source, visit):
     visitor = visit(site.address)
     for part in range(1, 5):
@@ -85,6 +87,7 @@ def test_memory_of_the_page_is_bounded_however_long_it_follows(site, source, vis
     assert visitor.page.evaluate("() => strips.times('measured')[1]") > 62.9 - 10.5
 
 
+@pytest.mark.slow
 def test_figures_follow_new_findings_and_the_page_keeps_no_old_ones(site, source, visit):
     visitor = visit(site.address)
     models = "() => Bokeh.documents[0].all_models.size"
@@ -100,6 +103,7 @@ def test_figures_follow_new_findings_and_the_page_keeps_no_old_ones(site, source
         assert visitor.page.evaluate(models) == before
 
 
+@pytest.mark.slow
 def test_the_evidence_is_drawn_as_it_grows_and_said_in_numbers(site, source, visit):
     visitor = visit(site.address)
     page = visitor.page
@@ -126,6 +130,7 @@ def test_the_evidence_is_drawn_as_it_grows_and_said_in_numbers(site, source, vis
     assert {"new samples [s]", "log E [-]"} <= set(page.evaluate(labels))
 
 
+@pytest.mark.slow
 def test_a_tie_is_shown_as_one_and_either_effect_can_be_added_and_taken_back(site, source, visit):
     visitor = visit(site.address)
     page = visitor.page
@@ -143,6 +148,7 @@ def test_a_tie_is_shown_as_one_and_either_effect_can_be_added_and_taken_back(sit
     assert page.is_disabled("#undo")
 
 
+@pytest.mark.slow
 def test_through_a_tunnel_that_passes_on_the_pages_port_alone_the_page_stops(source, visit):
     site = Site(source, Place())
     site._stop.close()
@@ -158,6 +164,7 @@ def colour(page, selector):
     return page.eval_on_selector(selector, "one => getComputedStyle(one).backgroundColor")
 
 
+@pytest.mark.slow
 def test_a_page_that_has_lost_the_workbench_does_not_say_that_the_motor_is_stopped(site, source, visit):
     visitor = visit(site.address)
     source.state.change(stop=STOPPED)
@@ -170,6 +177,7 @@ def test_a_page_that_has_lost_the_workbench_does_not_say_that_the_motor_is_stopp
     visitor.complaints.clear()  # of requests without a network
 
 
+@pytest.mark.slow
 def test_a_release_that_is_not_confirmed_is_said(site, source, visit):
     page = visit(site.address).page
     source.state.change(stop=RELEASING)
@@ -177,6 +185,7 @@ def test_a_release_that_is_not_confirmed_is_said(site, source, visit):
     assert page.inner_text("#stop-state") == "Release sent, not confirmed."
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["button", "key"])
 def test_stop_is_one_click_or_one_key(site, source, visit, how):
     visitor = visit(site.address)
@@ -202,6 +211,7 @@ def test_stop_is_one_click_or_one_key(site, source, visit, how):
     assert source.orders == [("reset", "")]
 
 
+@pytest.mark.slow
 def test_an_experiment_shows_its_limits_and_asks_once(site, source, visit):
     visitor = visit(site.address)
     page = visitor.page
@@ -221,6 +231,7 @@ def many_that_tie(count):
     return replace(MISSING, candidates=tied, set=tuple(c.name for c in tied))
 
 
+@pytest.mark.slow
 def test_a_tie_of_many_has_the_way_on_and_all_its_effects_before_the_readers_eyes(site, source, visit):
     source.state.change(missing=many_that_tie(7))
     page = visit(site.address).page
@@ -239,6 +250,7 @@ def test_a_tie_of_many_has_the_way_on_and_all_its_effects_before_the_readers_eye
     assert last["y"] + last["height"] < page.viewport_size["height"]
 
 
+@pytest.mark.slow
 def test_what_the_graph_does_unasked_is_seen_and_switched_and_what_moves_is_confirmed(site, source, visit):
     page = visit(site.address).page
     page.wait_for_selector("[data-candidate]")
@@ -334,6 +346,7 @@ def test_effects_that_are_significant_and_not_chosen_are_not_called_insignifican
     page.wait_for_selector("summary >> text=1 fitted, not significant")
 
 
+@pytest.mark.slow
 def test_without_a_tie_there_is_no_experiment_to_run(site, source, visit):
     source.state.change(missing=replace(MISSING, set=(FRICTION.name,)))
     page = visit(site.address).page
@@ -342,6 +355,7 @@ def test_without_a_tie_there_is_no_experiment_to_run(site, source, visit):
     assert page.inner_text(f"[data-effect='{FRICTION.name}']") == "Add it"
 
 
+@pytest.mark.slow
 def test_escape_in_the_question_stops_and_does_not_run(site, source, visit):
     visitor = visit(site.address)
     visitor.page.click("#experiment")
@@ -351,6 +365,7 @@ def test_escape_in_the_question_stops_and_does_not_run(site, source, visit):
     assert source.orders == []
 
 
+@pytest.mark.slow
 def test_two_browsers_see_one_state_and_look_as_they_like(site, source, visit):
     one, other = visit(site.address), visit(site.address)
     one.page.click("#theme")
@@ -366,6 +381,7 @@ def test_two_browsers_see_one_state_and_look_as_they_like(site, source, visit):
     one.page.wait_for_selector("body.dark")
 
 
+@pytest.mark.slow
 def test_pause_holds_the_picture_and_follow_goes_on(site, source, visit):
     visitor = visit(site.address)
     page = visitor.page
@@ -382,6 +398,7 @@ def test_pause_holds_the_picture_and_follow_goes_on(site, source, visit):
     visitor.until(PEAK, 9.0)
 
 
+@pytest.mark.slow
 def test_the_readers_zoom_pauses_links_all_axes_and_shows_more_detail(site, source, visit):
     visitor = visit(site.address)
     page = visitor.page
@@ -408,6 +425,7 @@ def test_the_readers_zoom_pauses_links_all_axes_and_shows_more_detail(site, sour
     visitor.until("at => strips.start < at[0] - at[1] / 3", [start, span])
 
 
+@pytest.mark.slow
 def test_a_lost_server_is_said_and_the_page_comes_back_by_itself(source, browser):
     from visitor import Visitor
 
@@ -427,6 +445,7 @@ def test_a_lost_server_is_said_and_the_page_comes_back_by_itself(source, browser
         site.close()
 
 
+@pytest.mark.slow
 def test_a_node_that_is_heard_no_more_is_said_in_the_head(site, source, visit):
     page = visit(site.address).page
     assert page.inner_text("#state") == "live"
@@ -436,12 +455,14 @@ def test_a_node_that_is_heard_no_more_is_said_in_the_head(site, source, visit):
     page.wait_for_selector("#state.running >> text=live")
 
 
+@pytest.mark.slow
 def test_without_measurements_the_page_says_so(empty_site, visit):
     visitor = visit(empty_site.address)
     visitor.page.evaluate("() => { window.said = []; strips.say = (text) => said.push(text); strips.repaint(); }")
     visitor.until("() => said.includes('No measurements yet')")
 
 
+@pytest.mark.slow
 def test_a_picture_that_is_saved_has_what_is_out_of_sight_too(site, source, visit):
     page = visit(site.address).page
     page.set_viewport_size({"width": 1500, "height": 300})
@@ -457,6 +478,7 @@ def test_a_picture_that_is_saved_has_what_is_out_of_sight_too(site, source, visi
     assert lowest == surface
 
 
+@pytest.mark.slow
 def test_the_model_can_be_left_alone_and_the_newest_data_are_taken(site, source, visit):
     page = visit(site.address).page
     assert "even a poor model looks good" in page.inner_text("#corrected")
@@ -480,6 +502,7 @@ def test_an_axis_has_three_numbers_at_least(site, source, visit):
     assert min(len(set(one)) for one in numbers.values()) >= 3, numbers
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_words_stand_out_from_what_is_behind_them(site, visit, theme):
     page = visit(site.address).page
@@ -510,6 +533,7 @@ def contrast(one, other):
     return (high + 0.05) / (low + 0.05)
 
 
+@pytest.mark.slow
 def test_every_control_can_be_reached_by_the_keyboard(site, visit):
     page = visit(site.address).page
     page.evaluate("() => document.activeElement.blur()")

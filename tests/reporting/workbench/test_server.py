@@ -205,6 +205,7 @@ def test_a_browser_that_asks_and_does_not_read_costs_no_memory(site, source, mon
         assert len(asked) < 200
 
 
+@pytest.mark.slow
 def test_a_connection_that_takes_nothing_is_put_out(site, source, monkeypatch):
     monkeypatch.setattr("idloop.reporting.workbench.admission.LOOKS", 1)
     source.feed(20_000)

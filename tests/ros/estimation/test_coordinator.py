@@ -10,7 +10,7 @@ pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip i
 
 from idloop.errors import InputError
 from idloop_nodes.codec import LadderSummary, MissingSummary, StepSummary
-from idloop_nodes.estimation.coordinator import MOST_EXPERIMENTS, Autopilot, Coordinator
+from idloop_nodes.estimation.coordinator import MAXIMUM_EXPERIMENTS, Autopilot, Coordinator
 from idloop_nodes.estimation.diagnosis_jobs import (
     ADD_BEST,
     DIAGNOSE,
@@ -150,14 +150,14 @@ def test_an_experiment_that_settled_nothing_is_not_repeated():
 
 def test_experiments_come_to_an_end():
     office = Office(True, False, True)
-    for number in range(MOST_EXPERIMENTS + 2):
+    for number in range(MAXIMUM_EXPERIMENTS + 2):
         office.coordinator.order(DIAGNOSE)
         office.found("missing", (*TIE, f"effect{number}@motor"))
         if office.coordinator.waiting:
             office.coordinator.limits_known(MotionLimits())
             office.answer(ladder=suggestion())
             office.coordinator.handed_over("")
-    assert office.verbs.count(SUGGEST) == MOST_EXPERIMENTS
+    assert office.verbs.count(SUGGEST) == MAXIMUM_EXPERIMENTS
 
 
 @pytest.mark.parametrize("stage", ["limits", "suggestion", "handover"])

@@ -22,7 +22,7 @@ def test_in_lock_step_only_silence_tells_that_no_command_comes():
     wait = CommandWait(PERIOD, True, 0.0)
     assert wait.known_until(5, FAR, None, 0.9 * SILENCE) == 5
     assert wait.known_until(5, FAR, None, 1.1 * SILENCE) == FAR - PERIODS * PERIOD
-    wait.heard(1.1 * SILENCE)
+    wait.update(1.1 * SILENCE)
     assert wait.known_until(5, FAR, None, 1.2 * SILENCE) == 5
     # However long the controller thinks, one step ahead of it nothing is given up.
     assert wait.known_until(FAR, FAR + PERIOD, None, 100.0 * SILENCE) == FAR

@@ -32,7 +32,7 @@ REMAPPED = ("/robot/joint_states:=/joint_states", "/robot/commands:=/effort_cont
 def robot(ros_environment, tmp_path):
     """A robot with the topics of the example; its log."""
     log = tmp_path / "robot.log"
-    words = [sys.executable, str(Path(__file__).with_name("robot.py")), str(log), "0.01", "--ros-args"]
+    words = [sys.executable, str(Path(__file__).parents[1] / "robot.py"), str(log), "0.01", "--ros-args"]
     words += [word for rule in REMAPPED for word in ("-r", rule)]
     with subprocess.Popen(words, env=node_environment(), stdin=subprocess.PIPE, text=True) as process:
         yield log

@@ -24,7 +24,7 @@ from idloop_nodes.qos import topic_qos, topic_type
 
 pytestmark = [pytest.mark.ros, pytest.mark.usefixtures("ros_environment")]
 
-HERE = Path(__file__).parents[1] / "reporting" / "workbench"
+HERE = Path(__file__).parents[2] / "reporting" / "workbench"
 WAIT = 400.0  # a cold cache has the diagnosis compiled, on what the graph and two browsers leave
 FEW = {
     # Somewhat faster than a real machine, and without its late commands: two browsers and the graph share few cores.
