@@ -137,7 +137,7 @@ class StreamNode(Node):
     def subscribe_silent_again(self, topics: Sequence[str]) -> None:
         """Replace, once each, subscriptions that have received nothing although the run goes on.
 
-        A publisher that does not know of its reader, while the reader knows of it, is matched anew by this.
+        A publisher that does not know of its reader, while the reader knows of it, is matched again by this.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Which ROS 2 this is: bags say it, and message types differ a little from one to the next."""
+"""Which ROS 2 this is: bags name it, and message types differ a little between distributions."""
 
 from __future__ import annotations
 

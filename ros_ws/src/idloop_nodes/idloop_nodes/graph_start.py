@@ -64,7 +64,7 @@ class GraphStart:
         return [topic for topic, one in self.partners() if not one.complete]
 
     def connected(self) -> bool:
-        """Whether every stream is connected to all partners that the peers make expect, whoever else is connected."""
+        """Whether every stream is connected to all partners that the peers make expect, other nodes aside."""
         return self._match.complete([one for _, one in self.partners()], time.monotonic())
 
     def announce(self) -> bool:

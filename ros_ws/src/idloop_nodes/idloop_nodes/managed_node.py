@@ -23,7 +23,7 @@ class ManagedNode(StreamNode, LifecycleNode):
         self._state_machine.destroy_when_not_in_use()
 
     def start_by_itself(self) -> None:
-        """Configure and activate when the parameter autostart says so."""
+        """Configure and activate when the parameter autostart is set."""
         if self.parameters["autostart"]:
             self.bring_up()
 

@@ -1,4 +1,4 @@
-"""How fast simulated time may go by."""
+"""How fast simulated time may pass."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ class Pace:
     """Holds simulated time back to so many seconds in a second of the wall clock.
 
     What was lost while others held it back is not made up for: an experiment after a long computation would
-    otherwise be over before anybody has seen it.
+    otherwise be over at once.
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ def fixed(*rows: NodeParameter) -> Table:
 def accept(spec: NodeParameter, value: object) -> Any:
     """Return the value in its plain type.
 
-    ROS reads an empty list in a YAML file as "not set", so ``[""]`` is how a list of texts says that it is empty.
+    ROS reads an empty list in a YAML file as "not set", so ``[""]`` stands for an empty list of texts.
 
     Raises
     ------

@@ -24,7 +24,7 @@ TYPES: dict[str, type] = {
 
 
 def stream(depth: int = STREAM_DEPTH) -> QoSProfile:
-    """Samples of which none may be lost: measurements, references, commands as a recorder sees them."""
+    """Samples of which none may be lost: measurements, references, commands for a recorder."""
     return QoSProfile(
         reliability=ReliabilityPolicy.RELIABLE,
         durability=DurabilityPolicy.VOLATILE,

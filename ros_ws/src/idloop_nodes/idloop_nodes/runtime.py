@@ -23,10 +23,10 @@ from idloop_nodes.scheduling import use_scheduling
 from idloop_nodes.sockets_only import use_sockets_only
 
 WRONG_USE, COULD_NOT, DONE = 2, 1, 0
-# Of the linear algebra behind NumPy: a second thread for matrices as small as ours only waits, with all its might.
+# Of the linear algebra behind NumPy: a second thread only waits actively for matrices as small as ours.
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 END_LIMIT = 10  # seconds, whole, after which a further signal ends a process that has not ended yet
-LEAVE = 10.0  # seconds in which the middleware takes leave, before the process ends without it
+LEAVE = 10.0  # seconds for the middleware to shut down, before the process ends without it
 CHECK_PERIOD = 0.05  # seconds between two checks whether the node is to go on: too expensive for every message
 
 
@@ -75,12 +75,12 @@ def run(kind: str, arguments: list[str] | None = None) -> int:
         # While the interpreter ends it gives a handler of Python's up, and the signal would kill.
         _answer_signals_by(signal.SIG_IGN)
     if forgotten:
-        _start_anew(kind)
+        _restart(kind)
     return DONE
 
 
-def _start_anew(kind: str) -> None:
-    """Become the same program again, as the same process: who started it notices nothing."""
+def _restart(kind: str) -> None:
+    """Become the same program again, as the same process."""
     _complain(kind, "stood still for so long that the other nodes have forgotten it: starts anew")
     _answer_signals_by(signal.SIG_DFL)
     if hasattr(os, "sched_setscheduler"):
@@ -133,7 +133,7 @@ def make_executor() -> Any:
 
 
 def _spin(kind: str, arguments: list[str]) -> bool:
-    """Run the node to its end; return whether it has to be started anew."""
+    """Run the node to its end; return whether it has to be started again."""
     import rclpy
     from rclpy.exceptions import ParameterException
     from rclpy.signals import SignalHandlerOptions

@@ -1,4 +1,4 @@
-"""Processes that no other can block: they speak through sockets, not through shared memory."""
+"""Processes that no other can block: they communicate through sockets, not through shared memory."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 def use_sockets_only() -> None:
     """Keep Fast DDS from using shared memory in this process; call it before ROS starts.
 
-    Whoever is stopped or killed while it holds the lock of a shared segment blocks all who write to it for a second;
-    whose thread does not answer for a second is taken for dead, and its segment removed; and what is killed leaves its
+    A process that is stopped or killed while it holds the lock of a shared segment blocks all writers for a second; one
+    whose thread does not answer for a second is taken for dead, and its segment removed; and a killed one leaves its
     segments behind. A choice of the user's own (profile file, transports) is left as it is.
     """
     from rclpy.utilities import get_rmw_implementation_identifier
@@ -28,7 +28,7 @@ def use_sockets_only() -> None:
         return
     here = os.environ.get(RANGE) == "LOCALHOST"
     if here:
-        # That range adds shared memory whatever the transports are; the profile says the same without it.
+        # That range adds shared memory whatever the transports are; the profile sets the same range without it.
         os.environ[RANGE] = "SYSTEM_DEFAULT"
     before_kilted = ros_distribution() in ("humble", "jazzy")
     file = f"{'loopback' if here else 'network'}_udp{'_2' if before_kilted else ''}.xml"

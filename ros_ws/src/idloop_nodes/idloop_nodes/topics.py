@@ -12,7 +12,7 @@ TOPICS: dict[str, tuple[str, str]] = {
     "excitation": (JOINT_STATE, "added to the reference (position) or to the command (effort)"),
     "joint_command": (JOINT_STATE, "command in the model's input unit; stamp = when it takes effect"),
     "joint_states": (JOINT_STATE, "measurement; NaN where not measured"),
-    "bridge/command": (JOINT_STATE, "what a robot was told, in our unit, after all limits; stamp = when"),
+    "bridge/command": (JOINT_STATE, "command that a robot received, in our unit, after all limits; stamp = when"),
     "estimator/prediction": (JOINT_STATE, "one step ahead, stamped like its measurement"),
     "estimator/residual": (JOINT_STATE, "measurement minus prediction, stamped likewise"),
     "estimator/innovation": (
@@ -25,7 +25,7 @@ TOPICS: dict[str, tuple[str, str]] = {
     "estimator/missing_effects": (DIAGNOSTICS, "newest diagnosis: verdict, and one status for each effect (latched)"),
     "estimator/evidence": (
         DIAGNOSTICS,
-        "newest look at the evidence for every effect, and which estimates may be trusted (latched)",
+        "newest evidence for every effect, and which estimates may be trusted (latched)",
     ),
     "estimator/ladder": (DIAGNOSTICS, "effects added so far, with the error at each step (latched)"),
     "estimator/wear": (DIAGNOSTICS, "what has grown since the machine was healthy, if watched (latched)"),

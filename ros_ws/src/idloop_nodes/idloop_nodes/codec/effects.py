@@ -47,7 +47,7 @@ class EffectSummary:
     replaces : str
         Effect of the model whose place it takes; empty when none.
     why, text : str
-        Why it is testable or looks like this one; its physics in a sentence.
+        Why it is testable or resembles this one; its physics in a sentence.
     fitted_model : str
         The model that was fitted with it, as the text of a model file; empty when it was only screened.
     """

@@ -139,7 +139,7 @@ def evidence_from_statuses(statuses: Sequence[Status]) -> EvidenceSummary:
     with reading("estimator/evidence", statuses) as values:
         found = read_json(values["document"], "evidence")
         del found["schema"]
-        # JSON has no infinity: before the first look there is no threshold.
+        # JSON has no infinity: before the first score there is no threshold.
         found["threshold"] = math.inf if found["threshold"] is None else found["threshold"]
         found["candidates"] = tuple(EffectEvidence(**one) for one in found["candidates"])
         found["parameters"] = tuple(ParameterSummary(**one) for one in found["parameters"])

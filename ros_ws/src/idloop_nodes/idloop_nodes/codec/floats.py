@@ -28,7 +28,7 @@ def encode_floats(values: Sequence[float]) -> bytes:
 
 
 def decode_floats(data: bytes) -> tuple[float, ...]:
-    """Return the numbers of a std_msgs/Float64MultiArray, whatever its dimensions say.
+    """Return the numbers of a std_msgs/Float64MultiArray, whatever its dimensions are.
 
     Raises
     ------

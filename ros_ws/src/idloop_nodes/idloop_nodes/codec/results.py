@@ -35,7 +35,7 @@ class FitSummary:
     loss : float
         Loss of the fit.
     whiteness : dict of str to float
-        By output, the probability that a white residual of the free run on the validation window looks like this.
+        By output, p-value of the whiteness test of the free-run residual on the validation window.
     error : str
         Why there is no fit, one line; empty when there is one.
     missed : dict of str to float

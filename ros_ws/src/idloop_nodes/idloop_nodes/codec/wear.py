@@ -29,13 +29,13 @@ class WatchSummary:
     why : str
         Why it cannot tell; empty otherwise.
     growth, low, high : float or None
-        Growth that the newest samples show, with its 95 % interval [unit]; None before any of them told anything.
+        Growth that the newest samples show, with its 95 % interval [unit]; None before any informative sample.
     evidence, threshold : float
         Sum of log-likelihood ratios, and where it alarms.
     blocks, telling : int
-        Blocks seen, and those that told anything.
+        Blocks, and the informative ones among them.
     delay : float
-        Expected time from the watched growth to its alarm in motions as seen [s]; infinite where there is none.
+        Expected time from the watched growth to its alarm in motions as recorded [s]; infinite where there is none.
     alarms : int
         Raised so far.
     first, newest, onset : int

@@ -1,4 +1,4 @@
-"""The estimator's orders to its worker and what follows from the answers; no ROS and no mathematics."""
+"""Orders to the estimator's worker, and what follows from its answers; no ROS and no mathematics."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from idloop_nodes.estimation.diagnosis_jobs import (
     MotionLimits,
 )
 
-MOST_EXPERIMENTS = 3  # that the estimator orders by itself for one set of effects that tie
+MAXIMUM_EXPERIMENTS = 3  # that the estimator orders by itself for one set of effects that tie
 
 
 @dataclass(frozen=True)
 class Autopilot:
-    """What the estimator does without being asked."""
+    """What the estimator does automatically."""
 
     diagnose: bool = True
     add: bool = False
@@ -37,7 +37,7 @@ class Autopilot:
 
 @dataclass
 class Coordinator:
-    """What has been ordered and what is known.
+    """The orders under way, and their newest results.
 
     Parameters
     ----------
@@ -75,8 +75,8 @@ class Coordinator:
     waiting: str = ""
     span: tuple[int, int] | None = None
     _queued_effects: tuple[str, ...] | None = None
-    _alone: int = 0  # experiments ordered by the autopilot since the last added effect
-    _asked: tuple[str, ...] | None = None  # what the last of them was to settle
+    _automatic: int = 0  # experiments ordered automatically since the last added effect
+    _asked: tuple[str, ...] | None = None  # what the last of them was to separate
 
     @property
     def busy(self) -> bool:
@@ -115,7 +115,7 @@ class Coordinator:
         return text
 
     def set_effects(self, effects: tuple[str, ...]) -> None:
-        """Climb to exactly these effects, now or after the order that is under way."""
+        """Refit with exactly these effects, now or after the order that is under way."""
         self.missing = None
         if self.busy:
             self._queued_effects = effects
@@ -126,17 +126,17 @@ class Coordinator:
             self.log(f"no refit: {error}")
 
     def forget(self) -> None:
-        """Forget what was found: another model, or a new run of the clock. An order under way is in vain."""
+        """Forget all results, of an order under way as well: another model, or a new run of the clock."""
         self.state, self.missing, self.ladder, self.span = b"", None, None, None
         self._queued_effects = None
-        self._alone, self._asked = 0, None
+        self._automatic, self._asked = 0, None
         if self.ordered:
             self.ordered = "an order for the model before"
 
     # answers
 
     def take(self, answer: DiagnosisAnswer) -> DiagnosisAnswer | None:
-        """Take in what the worker found; None when nobody wants it any more."""
+        """Take in an answer of the worker; None when it is not wanted any more."""
         wanted, self.ordered = answer.verb == self.ordered, ""
         if self._overtaken() or not wanted:
             return None
@@ -156,21 +156,21 @@ class Coordinator:
         return replace(answer, ladder=ladder)
 
     def _overtaken(self) -> bool:
-        """Whether the user has chosen other effects in the meantime; they are climbed to now."""
+        """Whether the user has chosen other effects in the meantime; they are fitted now."""
         effects, self._queued_effects = self._queued_effects, None
         if effects is not None:
             self.set_effects(effects)
         return effects is not None
 
     def go_on(self, answer: DiagnosisAnswer) -> None:
-        """Order what follows from an answer that was taken."""
+        """Order what follows from an answer."""
         pilot = self.autopilot()
         if answer.verb == SUGGEST:
             self._after_suggestion(answer)
         elif answer.error:
             return
         elif answer.verb == ADD_BEST:
-            self._alone, self._asked = 0, None
+            self._automatic, self._asked = 0, None
             if pilot.add:
                 self._try(DIAGNOSE)
         elif answer.verb == DIAGNOSE:
@@ -181,9 +181,9 @@ class Coordinator:
         if missing is None:
             return
         undecided = missing.verdict == "not_excited" or (missing.verdict == "missing" and len(missing.set) > 1)
-        # What an experiment could not settle, another one will not settle either.
-        if undecided and pilot.experiment and self._alone < MOST_EXPERIMENTS and missing.set != self._asked:
-            self._alone += 1
+        # What one experiment could not separate, another will not separate either.
+        if undecided and pilot.experiment and self._automatic < MAXIMUM_EXPERIMENTS and missing.set != self._asked:
+            self._automatic += 1
             self._asked = missing.set
             self._try(SUGGEST)
         elif missing.verdict == "missing" and pilot.add:
@@ -199,7 +199,7 @@ class Coordinator:
         self.hand_over(json.dumps(suggested["experiment"]))
 
     def _without_experiment(self) -> None:
-        """What would have been decided by an experiment is decided without one."""
+        """Decide without an experiment."""
         if self.autopilot().add and self.missing is not None and self.missing.verdict == "missing":
             self._try(ADD_BEST)
 

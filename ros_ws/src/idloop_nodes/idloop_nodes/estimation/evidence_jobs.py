@@ -86,7 +86,7 @@ class EvidenceJob:
 
 
 def summarise_evidence(evidence: LiveEvidence, stamp: int) -> EvidenceSummary:
-    """Return what ``estimator/evidence`` says, without the estimates."""
+    """Return the contents of ``estimator/evidence``, without the estimates."""
     decided = evidence.decided
     candidates = []
     for name, log_e in evidence.logs.items():

@@ -19,7 +19,7 @@ LAGS = 25  # of the whiteness test
 
 @dataclass(frozen=True)
 class FitAnswer:
-    """What came of a job; `parameters` is empty when the fit failed."""
+    """Result of a job; `parameters` is empty when the fit failed."""
 
     number: int
     summary: FitSummary
@@ -74,9 +74,9 @@ class FitJob:
 
 
 def whiteness(comparison: Comparison) -> dict[str, float]:
-    """Return for each output the probability that a white residual of the free run looks like this one.
+    """Return for each output the p-value of the whiteness test of the free-run residual.
 
-    The prediction error would not do: its observer takes what is missing for a disturbance and whitens it.
+    Not of the prediction error: its observer takes a missing effect for a disturbance and whitens it.
     """
     import numpy as np
 
@@ -91,7 +91,7 @@ def whiteness(comparison: Comparison) -> dict[str, float]:
 
 
 def missed(comparison: Comparison) -> dict[str, float]:
-    """Return for each output the rms error of the free run over the noise of its sensor: as stated, else as seen."""
+    """Return for each output the rms error of the free run over the noise of its sensor, stated or else estimated."""
     from idloop.estimation.observer.sensor_noise import noise_std
 
     found = {}

@@ -32,7 +32,7 @@ class LadderState:
     diagnosis : Diagnosis or None
         The newest one, without its fits; None when the model has changed since.
     suggested : dict or None
-        The next experiment, as `idloop suggest` writes it, and under ``experiment`` what the excitation is told.
+        The next experiment, as `idloop suggest` writes it, and under ``experiment`` what the excitation receives.
     """
 
     ladder: Ladder | None = None
@@ -189,7 +189,7 @@ def _measured_anew(ladder: Ladder, job: DiagnosisJob) -> Ladder:
 
 
 def _newest_position(job: DiagnosisJob) -> float | None:
-    """Position at which the axis is, as far as the data tell."""
+    """Position at which the axis is, as far as the data show."""
     import numpy as np
 
     for column, output in enumerate(job.model.outputs):

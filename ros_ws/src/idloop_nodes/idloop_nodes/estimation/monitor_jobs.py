@@ -143,7 +143,7 @@ def _answer(number: int, stamp: int, monitor: Monitor) -> MonitorAnswer:
 
 
 def summarise_wear(monitor: Monitor) -> WearSummary:
-    """Return what ``estimator/wear`` says."""
+    """Return the contents of ``estimator/wear``."""
     baseline = monitor.baseline
     able = [not normal.why for normal in baseline.normal]
     watches = tuple(_summarise(baseline, state, able=can) for state, can in zip(monitor.states(), able, strict=True))

@@ -87,7 +87,7 @@ class SampleInput:
 
     def _take_command(self, data: bytes) -> None:
         stamp, row = self._command_reader.read(data)
-        self._wait.heard(time.monotonic())
+        self._wait.update(time.monotonic())
         self._held.push(stamp, row)
         self._buffer.commands.append(stamp, row)
 

@@ -1,4 +1,4 @@
-"""From what the library found to what the messages say."""
+"""Results of the library as contents of messages."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Span = tuple[int, int]
 
 
 def summarise_diagnosis(diagnosis: Diagnosis, where: Sequence[str], windows: Sequence[Span]) -> MissingSummary:
-    """Return what ``estimator/missing_effects`` says."""
+    """Return the contents of ``estimator/missing_effects``."""
     return MissingSummary(
         model=diagnosis.model.name,
         effects=tuple(diagnosis.model.effect_names),
@@ -73,7 +73,7 @@ def summarise_unknown(one: UnknownStructure) -> UnknownSummary:
 def summarise_ladder(
     ladder: Ladder, suggested: Mapping[str, Any] | None = None, experiments: int = 0, error: str = ""
 ) -> LadderSummary:
-    """Return what ``estimator/ladder`` says."""
+    """Return the contents of ``estimator/ladder``."""
     return LadderSummary(
         model=ladder.model.name,
         steps=tuple(summarise_step(step) for step in ladder.steps),

@@ -1,4 +1,4 @@
-"""When a residual has stopped being white: once for every time, not at every fit."""
+"""When a residual is not white any more: once for each change, not at every fit."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from collections.abc import Mapping
 
 BAD, GOOD = 1e-4, 1e-2  # probabilities under whiteness: below BAD it is not white, from GOOD on it is again
 IN_A_ROW = 2  # one bad fit may be a bump
-GROWTH = 2.0  # a residual that never was white again must have grown so much before it counts anew
+GROWTH = 2.0  # a residual that never was white again must have grown so much before it counts again
 
 
 class WhitenessWatch:
     """Hysteresis over the residuals of successive fits.
 
-    It calls once, after the residual was not white several times in a row. Then it stays silent until the
-    residual has been white again, has grown clearly, or `arm` says that there is a new model.
+    It triggers once, after the residual was not white several times in a row. Then it stays silent until the
+    residual has been white again, has grown clearly, or `arm` announces a new model.
     """
 
     def __init__(self) -> None:
@@ -22,16 +22,16 @@ class WhitenessWatch:
         self._error = 0.0
 
     def arm(self) -> None:
-        """Begin anew: the model or what is excited has changed."""
+        """Begin again: the model or the excitation has changed."""
         self.armed, self._bad, self._error = True, 0, 0.0
 
     def look(self, whiteness: Mapping[str, float], fit: Mapping[str, float]) -> bool:
-        """Take in one fit; return whether this is the moment to find out what is missing.
+        """Take in one fit; return whether to diagnose now.
 
         Parameters
         ----------
         whiteness : mapping of str to float
-            By output, the probability that a white residual looks like this one.
+            By output, p-value of the whiteness test.
         fit : mapping of str to float
             FIT of the same residuals in percent.
         """

@@ -1,4 +1,4 @@
-"""What the excitation sends, sample by sample: the normal signal, and experiments smoothly put in between."""
+"""What the excitation sends, sample by sample: the normal signal, and experiments with smooth transitions."""
 
 from __future__ import annotations
 
@@ -80,14 +80,14 @@ class ExcitationSequence:
         self.restart()
 
     def restart(self) -> None:
-        """Begin anew with the normal signal."""
+        """Begin again with the normal signal."""
         self.index = 0
         self._between: deque[tuple[float, float]] = deque()
         self._left = 0  # samples up to the end of an experiment that are not out yet
         self._own = 0  # samples of the experiment itself
 
     def forget(self) -> None:
-        """Begin anew in a new run of the clock."""
+        """Begin again in a new run of the clock."""
         self.restart()
         self._announced.clear()
         self.span = None
@@ -184,7 +184,7 @@ class ExcitationSequence:
     def cut(self, now: int, handover: float) -> int | None:
         """End an experiment that is not over at `now`, with a smooth way back; return the stamp of its end.
 
-        What was announced for after `now` has to be announced anew.
+        What was announced for after `now` has to be announced again.
         """
         stop = now + self._period_ns
         if self.span is None or stop >= self.span[1]:

@@ -209,7 +209,7 @@ class BridgeNode(ManagedNode):
         self._stop.set()
         self._thread.join(timeout=1.0)
         self._send_neutral()
-        with contextlib.suppress(Exception):  # without a robot there is nobody to acknowledge
+        with contextlib.suppress(Exception):  # without a robot nothing is acknowledged
             self._to_robot.wait_for_all_acked(ACKNOWLEDGE)
         if self._guardian is not None:
             self._guardian.close()

@@ -27,7 +27,7 @@ from idloop_nodes.streams.sample_buffer import SECOND, SampleBuffer
 from idloop_nodes.wiring import command_topic
 
 BURST, LOCKSTEP_BURST = 0.003, 0.04  # seconds between bursts of samples
-# Parameters of the evidence: another value begins anew.
+# Parameters of the evidence: another value restarts the scores.
 EVIDENCE_PARAMETERS = {"evidence_period", "end_when_decided", "level", "minimum_improvement", "catalogue"}
 ORDERS = {"diagnose": DIAGNOSE, "add_best_effect": ADD_BEST, "undo": UNDO, "run_suggested_experiment": SUGGEST}
 

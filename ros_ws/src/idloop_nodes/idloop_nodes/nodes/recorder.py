@@ -86,7 +86,7 @@ class RecorderNode(StreamNode):
             self.subscribe_silent_again(["joint_states"])
         if self._failure:
             raise IdloopError(self._failure)
-        # Long bursts cost less than short ones; an event such as somebody's progress must not cut them short.
+        # Long bursts cost less than short ones; an event such as the progress of another node must not cut them short.
         now = time.monotonic()
         if now < self._next_burst:
             return

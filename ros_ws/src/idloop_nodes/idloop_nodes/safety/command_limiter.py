@@ -1,4 +1,4 @@
-"""What may stand at a motor: amplitude, rate, soft start, rms; and the work that has been done through it."""
+"""Limits of a motor's command: amplitude, rate, soft start, rms; and the work that was done by it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class CommandLimits:
     soft_start : float
         Time in which the allowed command grows from nothing to `command` [s].
     standing : float
-        Longest time for which a command may stand without another look at it [s].
+        Longest time for which a command holds without another check [s].
     """
 
     command: float
@@ -40,10 +40,10 @@ class CommandLimits:
 
 
 class CommandLimiter:
-    """Keeps account of what stands at the motor and says what may stand there next.
+    """Tracks the command of a motor and limits the next one.
 
-    Times are nanoseconds of a steady clock. The account is never cleared: a motor does not cool down because
-    somebody calls a service.
+    Times are nanoseconds of a steady clock. The state is never cleared: a motor does not cool down because
+    of a service call.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ class CommandLimiter:
 
     @property
     def rms(self) -> float:
-        """Root of the low-pass filtered square of what stood at the motor."""
+        """Root of the low-pass filtered square of the command."""
         return math.sqrt(self._mean_square)
 
     def start(self, now_ns: int) -> None:
@@ -77,7 +77,7 @@ class CommandLimiter:
         self._started = now_ns
 
     def advance(self, now_ns: int) -> None:
-        """Bring the account to now."""
+        """Advance the state to now."""
         if self._now is not None and now_ns > self._now:
             elapsed = (now_ns - self._now) / SECOND
             keep = math.exp(-elapsed / self.limits.rms_time)
@@ -87,7 +87,7 @@ class CommandLimiter:
         self._now = now_ns
 
     def move(self, now_ns: int, velocity: float, base: float = 0.0) -> None:
-        """Take in how fast the axis is (NaN where nobody knows), and the base of its commands now."""
+        """Take in the velocity of the axis (NaN where it is unknown), and the base of its commands."""
         self.advance(now_ns)
         self._velocity = 0.0 if math.isnan(velocity) else velocity
         if self._output is not None:
@@ -95,7 +95,7 @@ class CommandLimiter:
         self._power = abs(self._distance * self._velocity)
 
     def limit(self, now_ns: int, wanted: float, base: float = 0.0) -> float:
-        """Return the command nearest to `wanted` that may stand from now on."""
+        """Return the allowed command nearest to `wanted`."""
         self.advance(now_ns)
         last = base if self._output is None else self._output
         if self.limits.rate is not None:
@@ -105,7 +105,7 @@ class CommandLimiter:
         return min(max(wanted, base - bound), base + bound)
 
     def sent(self, now_ns: int, output: float, base: float = 0.0) -> None:
-        """Take in what has been sent."""
+        """Take in the command that was sent."""
         self.advance(now_ns)
         self._output, self._sent_at = output, now_ns
         self._distance = output - base
@@ -120,7 +120,7 @@ class CommandLimiter:
         return min(max((now_ns - self._started) / SECOND / self.limits.soft_start, 0.0), 1.0)
 
     def _warm_bound(self) -> float:
-        """Largest command that keeps the rms within its limit as long as it may stand."""
+        """Largest command that keeps the rms within its limit while it holds."""
         if self.limits.rms is None:
             return math.inf
         keep = math.exp(-self.limits.standing / self.limits.rms_time)

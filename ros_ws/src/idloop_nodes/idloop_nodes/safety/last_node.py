@@ -19,7 +19,7 @@ def prepare() -> None:
     """Keep other processes, a busy machine and the terminal from delaying the watchdog of this process.
 
     Every thread becomes urgent, for the watchdog needs the interpreter, and the others hold it now and then. What has
-    been imported is taken from the garbage collector, which would stop everything to look through it. Ctrl-Z ends the
+    been imported is taken from the garbage collector, which would stop everything to search it. Ctrl-Z ends the
     process instead of stopping it: a stopped one would leave the motor with its last command.
     """
     become_urgent(PRIORITY)

@@ -105,7 +105,7 @@ class RobotJoints:
         return self._reader.names
 
     def _hold_others(self, positions: Sequence[float]) -> None:
-        """Remember where the other joints of a position controller are: there they are told to stay."""
+        """Remember where the other joints of a position controller are: they are commanded to stay there."""
         known = zip(self._rest, positions, strict=True)
         self._rest = [position if math.isnan(rest) else rest for rest, position in known]
 

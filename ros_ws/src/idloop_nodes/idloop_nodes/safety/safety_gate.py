@@ -1,7 +1,7 @@
 """The last decision before a motor: which command may pass, and what is sent where none may.
 
 What the bridge decides itself (command, its rate, rms, soft start) is held within its limits; what the machine does
-(position, velocity, work) is watched, and a breach stops the motor until somebody resets it. Whatever comes in, what
+(position, velocity, work) is watched, and a breach stops the motor until a reset. Whatever comes in, what
 goes out is finite and within the limits. No ROS and no clock in here: every call receives the time.
 """
 

@@ -15,8 +15,8 @@ class StandstillWatch:
     """Tells a stopped process (SIGSTOP, a frozen container) from a busy one.
 
     The middleware of a stopped process does not notice that the others have removed it, and what it had announced is
-    not always announced again: seen as a controller that computes and that the bridge never hears. Only a new
-    participant is met for certain.
+    not always announced again: observed as a controller that computes and whose commands the bridge never receives.
+    Only a new participant is discovered for certain.
 
     Parameters
     ----------

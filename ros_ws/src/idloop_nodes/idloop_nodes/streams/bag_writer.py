@@ -52,7 +52,7 @@ def choose_folder(bag: str, directory: str, prefix: str) -> Path:
 
 @dataclass
 class _File:
-    """What metadata.yaml says about one file."""
+    """Entry of one file in metadata.yaml."""
 
     path: str
     start: int = 2**63 - 1
@@ -149,7 +149,7 @@ class BagWriter:
         if self._closed:
             return
         self._closed = True
-        # After a split for which no new file could be made there is no file to finish, but what to say of the last.
+        # After a split for which no new file could be made there is no file to finish, but the last one to list.
         self._close_file()
         self._syncing.shutdown()
         if not self.count:
@@ -159,7 +159,7 @@ class BagWriter:
         self._check_synced()
 
     def discard(self) -> None:
-        """Close and remove what was written: it is of somebody else's run."""
+        """Close and remove what was written: it is of another run."""
         self._closed = True
         self._close_file()
         self._syncing.shutdown()
@@ -168,7 +168,7 @@ class BagWriter:
     def _remove(self) -> None:
         for name in (*(file.path for file in self._files), "metadata.yaml"):
             (self.folder / name).unlink(missing_ok=True)
-        with contextlib.suppress(OSError):  # what somebody else has put there stays
+        with contextlib.suppress(OSError):  # foreign files stay
             self.folder.rmdir()
 
     def _is_full(self, file: _File, log_time: int) -> bool:
@@ -248,7 +248,7 @@ class BagWriter:
             temporary.write_text(text, encoding="utf-8")
             temporary.replace(place)
         except PermissionError:
-            # No new file can be made here any more: what is there must still say what was recorded.
+            # No new file can be made here any more: the old file must still list what was recorded.
             place.write_text(text, encoding="utf-8")
 
 

@@ -1,4 +1,4 @@
-"""When a node that takes its samples in bursts looks for the next ones."""
+"""When a node that takes its samples in bursts takes the next ones."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ def rank_topics(topics: Sequence[str]) -> dict[str, int]:
 class CanonicalOrder:
     """Sorts messages by stamp, then topic, with a delay that covers how far streams run apart.
 
-    A message that was said again, because its answer did not come, is there once.
+    A message that was repeated, because its answer did not arrive, is kept once.
     """
 
     def __init__(self) -> None:

@@ -26,11 +26,11 @@ class CommandWait:
     def __init__(self, period_ns: int, lockstep: bool, now: float) -> None:
         self._patience = PERIODS * period_ns
         self._lockstep = lockstep
-        self._heard = now
+        self._newest = now
 
-    def heard(self, now: float) -> None:
+    def update(self, now: float) -> None:
         """Note that a command has come."""
-        self._heard = now
+        self._newest = now
 
     def known_until(self, command: int | None, output: int, end: int | None, now: float) -> int:
         """Newest stamp whose command is settled [ns].
@@ -42,13 +42,13 @@ class CommandWait:
         output : int
             Stamp of the newest measurement.
         end : int or None
-            Stamp after which nothing comes, where that has been said.
+            Stamp after which nothing comes, where that is known.
         now : float
             [s]
         """
         given_up = output - self._patience
-        if self._lockstep and now - self._heard < SILENCE:
+        if self._lockstep and now - self._newest < SILENCE:
             given_up = -1
-        elif end is not None and output >= end and now - self._heard >= SILENCE:
+        elif end is not None and output >= end and now - self._newest >= SILENCE:
             given_up = EVER
         return given_up if command is None else max(command, given_up)

@@ -28,7 +28,7 @@ class Decimator:
         self._last: int | None = None
 
     def passes(self, stamp_ns: int) -> bool:
-        """Return whether the sample of this stamp [ns] is passed; one from before the last begins anew."""
+        """Return whether the sample of this stamp [ns] is passed; one from before the last restarts the count."""
         last, self._last = self._last, stamp_ns
         if last is None or stamp_ns < last:
             self._ahead = 1.0

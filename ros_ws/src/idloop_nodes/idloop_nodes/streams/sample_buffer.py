@@ -1,4 +1,4 @@
-"""What the estimator has seen: samples, cut into records on request."""
+"""The estimator's samples, cut into records on request."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ class DiagnosisData:
     Each is split in two: the first part is fitted, the second judges.
     """
 
-    MOST_EXPERIMENTS = 4
+    MAXIMUM_EXPERIMENTS = 4
 
     def __init__(self) -> None:
         self._base: tuple[Record, Record, Span] | None = None
@@ -177,7 +177,7 @@ class DiagnosisData:
         one = self._split(buffer, model, span, share, shortest)
         if one is None:
             return False
-        self._experiments = [*self._experiments, one][-self.MOST_EXPERIMENTS :]
+        self._experiments = [*self._experiments, one][-self.MAXIMUM_EXPERIMENTS :]
         return True
 
     @staticmethod

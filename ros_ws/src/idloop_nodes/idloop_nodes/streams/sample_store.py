@@ -69,7 +69,7 @@ class SampleStore:
         return self._stamps[part].copy(), self._rows[part].copy()
 
     def take_back(self, stamp: int) -> None:
-        """Drop rows from `stamp` on: their sender has announced them anew."""
+        """Drop rows from `stamp` on: their sender has announced them again."""
         if stamp > self._newest:
             return
         self._store_new()

@@ -1,7 +1,7 @@
-"""Whether streams have met all of their partners, whoever else is listening.
+"""Whether streams are connected to all of their partners, other nodes aside.
 
-A count alone does not tell: a plotter that listens already can stand in for the controller, whose reader is not matched
-yet. The first sample would be lost to it, and in lock-step both would then wait for ever.
+A count alone is not enough: a plotter that is connected can take the place of the controller, whose reader is not
+connected yet. The first sample would be lost to it, and in lock-step both would then wait for ever.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Endpoints:
 
     @property
     def connected(self) -> bool:
-        """Whether nobody who is known is left to be connected, and there are enough."""
+        """Whether all known endpoints are connected, and there are enough."""
         return self.matched >= max(self.expected, self.known)
 
     @property
@@ -85,13 +85,13 @@ def _own(node: Any, known: Iterable[Any], family: Collection[str]) -> int:
 
 
 class StreamMatch:
-    """Whether all streams of a node are matched; nodes that go by names of their own cost some patience."""
+    """Whether all streams of a node are connected; nodes with other names cost a waiting time."""
 
     def __init__(self) -> None:
         self._connected_since: float | None = None
 
     def complete(self, streams: Iterable[Endpoints], now: float) -> bool:
-        """Whether everybody is there.
+        """Whether all partners are connected.
 
         Parameters
         ----------

@@ -22,7 +22,7 @@ NANO = 1e-9
 MAXIMUM_POINTS = 600  # that the page draws: more points than a figure has pixels for
 _PROGRESS = re.compile(r"\b(\d+) %,? ?(.*)")
 _EFFECT = re.compile(r"\w+@[\w.]+")
-# What an order is in words.
+# Text of each order.
 _WORK = {
     DIAGNOSE: "looking for what is missing",
     ADD_BEST: "adding the effect and fitting again",
@@ -86,7 +86,7 @@ def candidate_of(one: EffectSummary, folder: Path | None) -> Candidate:
 
 
 def evidence_of(summary: EvidenceSummary, before: Evidence | None) -> Evidence:
-    """Return how the evidence has grown, with the newest look after the earlier ones."""
+    """Return how the evidence has grown, with the newest scores after the earlier ones."""
     seconds: tuple[float, ...] = ()
     lines: dict[str, tuple[float, ...]] = {}
     if before is not None and before.effects == summary.effects and before.seconds[-1:] <= (summary.seconds,):

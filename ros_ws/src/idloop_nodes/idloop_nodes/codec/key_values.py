@@ -1,0 +1,131 @@
+"""Dataclasses as key values of a diagnostic status and back, without loss.
+
+A field becomes a key of its name; a dict of numbers becomes a key for each entry, ``name/entry``. Fields of other types
+are left to the caller. Metadata of a field: ``key``, another key than its name; ``lines``, a tuple of texts that may
+hold spaces; ``added``, messages of earlier versions do not have it, so the default is taken.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import fields
+from typing import Any, TypeVar, get_type_hints
+
+from idloop.documents import read_json
+from idloop.errors import InputError
+from idloop.records.bags.cdr import CdrError
+from idloop_nodes.codec.diagnostics import Status
+from idloop_nodes.codec.numbers import number_or_none, text_or_empty
+
+Summary = TypeVar("Summary")
+
+
+def _number(value: float) -> str:
+    return repr(float(value))
+
+
+def _span(text: str, separator: str | None = None) -> tuple[int, int]:
+    start, stop = text.split(separator)
+    return int(start), int(stop)
+
+
+def _mapping(text: str) -> dict[str, Any] | None:
+    document = read_json(text, "document") if text else None
+    if document is not None and not isinstance(document, dict):
+        raise ValueError(f"{text[:40]!r} is no mapping")
+    return document
+
+
+def _lines(text: str) -> tuple[str, ...]:
+    lines = read_json(text, "lines")
+    if not isinstance(lines, list) or not all(isinstance(one, str) for one in lines):
+        raise ValueError(f"{text[:40]!r} is no list of lines")
+    return tuple(lines)
+
+
+# Type of a field: how it is written, and how it is read.
+_CONVERSIONS: dict[Any, tuple[Callable[[Any], str], Callable[[str], Any]]] = {
+    str: (str, str),
+    int: (str, int),
+    float: (_number, float),
+    bool: (lambda value: "true" if value else "false", lambda text: text == "true"),
+    float | None: (text_or_empty, number_or_none),
+    tuple[str, ...]: (" ".join, lambda text: tuple(text.split())),
+    tuple[float, ...]: (
+        lambda values: " ".join(map(_number, values)),
+        lambda text: tuple(float(one) for one in text.split()),
+    ),
+    tuple[int, int]: (lambda span: " ".join(map(str, span)), _span),
+    tuple[tuple[int, int], ...]: (
+        lambda spans: " ".join(f"{start}-{stop}" for start, stop in spans),
+        lambda text: tuple(_span(one, "-") for one in text.split()),
+    ),
+    dict[str, Any] | None: (
+        lambda value: "" if value is None else json.dumps(value, ensure_ascii=False),
+        _mapping,
+    ),
+}
+_LINES = (lambda lines: json.dumps(list(lines), ensure_ascii=False), _lines)
+
+
+def to_values(summary: Any, prefix: str = "") -> dict[str, str]:
+    """Return the key values of a dataclass, each key with a prefix."""
+    hints: dict[str, Any] = get_type_hints(type(summary))
+    values: dict[str, str] = {}
+    for one in fields(summary):
+        value, kind = getattr(summary, one.name), hints[one.name]
+        key = prefix + (one.metadata.get("key") or one.name)
+        if kind == dict[str, float]:
+            values |= {f"{key}/{name}": _number(number) for name, number in value.items()}
+        elif kind in _CONVERSIONS:
+            write: Callable[[Any], str] = _LINES[0] if one.metadata.get("lines") else _CONVERSIONS[kind][0]
+            values[key] = write(value)
+    return values
+
+
+def from_values(kind: Callable[..., Summary], values: Mapping[str, str], prefix: str = "", **more: Any) -> Summary:
+    """Return the dataclass that `to_values` wrote.
+
+    Parameters
+    ----------
+    kind : type
+    values : mapping of str to str
+    prefix : str
+    **more
+        Fields of other types.
+
+    Raises
+    ------
+    KeyError, ValueError, InputError
+        A value is missing or cannot be read.
+    """
+    hints, found = get_type_hints(kind), dict(more)
+    for one in fields(kind):  # type: ignore[arg-type]
+        key = prefix + (one.metadata.get("key") or one.name)
+        if hints[one.name] == dict[str, float]:
+            found[one.name] = {
+                name.removeprefix(f"{key}/"): float(text) for name, text in values.items() if name.startswith(f"{key}/")
+            }
+        elif hints[one.name] in _CONVERSIONS and not (one.metadata.get("added") and key not in values):
+            read = _LINES[1] if one.metadata.get("lines") else _CONVERSIONS[hints[one.name]][1]
+            found[one.name] = read(values[key])
+    return kind(**found)
+
+
+@contextlib.contextmanager
+def reading(topic: str, statuses: Sequence[Status]) -> Iterator[dict[str, str]]:
+    """Give the key values of the first status; errors of reading become a CdrError that names the topic.
+
+    Raises
+    ------
+    CdrError
+        There is no status, or a value is missing or cannot be read.
+    """
+    if not statuses:
+        raise CdrError(f"{topic} holds no status")
+    try:
+        yield statuses[0].values
+    except (KeyError, ValueError, TypeError, AttributeError, InputError) as error:
+        raise CdrError(f"{topic} cannot be read: {error}") from error
