@@ -19,7 +19,7 @@ BY_NAME = {spec.name: spec for kind in ("plant", "estimator") for spec in TABLES
 
 
 def test_every_executable_has_a_table_with_defaults_that_pass():
-    assert len(KINDS) == 10
+    assert {"plant", "mujoco_plant", "estimator"} <= set(KINDS)
     for kind, table in TABLES.items():
         assert callable(getattr(executables, kind))
         values = accept_all(table, {})
