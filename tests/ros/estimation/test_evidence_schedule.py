@@ -10,6 +10,7 @@ pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip i
 pytest.importorskip("rclpy", reason="no rclpy: run launch_scripts/test, or source a ROS 2")
 
 from idloop.physics import load_model
+from idloop.records.bags.cdr import SECOND
 from idloop_nodes.codec import (
     EffectEvidence,
     FitSummary,
@@ -23,7 +24,7 @@ from idloop_nodes.descriptions import describe
 from idloop_nodes.estimation.estimator_context import EstimatorContext
 from idloop_nodes.estimation.evidence_jobs import EvidenceAnswer
 from idloop_nodes.estimation.evidence_schedule import EvidenceSchedule
-from idloop_nodes.streams.sample_buffer import SECOND, SampleBuffer
+from idloop_nodes.streams.sample_buffer import SampleBuffer
 
 STEP = SECOND // 100
 START = SECOND

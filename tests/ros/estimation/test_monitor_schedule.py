@@ -13,6 +13,7 @@ pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip i
 from idloop.diagnosis.design.experiment import Experiment
 from idloop.errors import IdloopError
 from idloop.physics import load_model
+from idloop.records.bags.cdr import SECOND
 from idloop_nodes.codec import (
     CdrError,
     Level,
@@ -28,7 +29,7 @@ from idloop_nodes.descriptions import describe
 from idloop_nodes.estimation.estimator_context import EstimatorContext
 from idloop_nodes.estimation.monitor_jobs import USUAL, CheckJob, LearnJob
 from idloop_nodes.estimation.monitor_schedule import MonitorSchedule
-from idloop_nodes.streams.sample_buffer import SECOND, SampleBuffer
+from idloop_nodes.streams.sample_buffer import SampleBuffer
 
 LEVEL = "coulomb_friction@motor.level"
 texts = st.text(st.characters(exclude_characters="\x00", exclude_categories=("Cs",)), max_size=12)

@@ -8,7 +8,8 @@ import pytest
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
 from idloop.physics import load_model
-from idloop_nodes.streams.sample_buffer import SECOND, DiagnosisData, SampleBuffer
+from idloop.records.bags.cdr import SECOND
+from idloop_nodes.streams.sample_buffer import DiagnosisData, SampleBuffer
 
 MODEL = load_model("dc_motor")
 STEP = SECOND // 100

@@ -14,7 +14,9 @@ from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
 from std_msgs.msg import Header
+from std_srvs.srv import Trigger
 
+from idloop.errors import InputError
 from idloop_nodes import qos
 from idloop_nodes.codec import Status, decode_header, encode_diagnostics, encode_header
 from idloop_nodes.descriptions import describe
@@ -160,6 +162,25 @@ class StreamNode(Node):
             self.destroy_subscription(stream.subscription)
             stream.subscription = self._polled_subscription(topic, stream.subscription.msg_type)
             self.subscriptions_by_topic[topic] = stream.subscription
+
+    def offer(self, name: str, run: Callable[[], str]) -> None:
+        """Offer a std_srvs/Trigger service.
+
+        Parameters
+        ----------
+        name : str
+        run : callable
+            Returns the message of the answer; raises InputError with the reason of a refusal.
+        """
+
+        def answer(request: Any, response: Any) -> Any:
+            try:
+                response.success, response.message = True, run()
+            except InputError as error:
+                response.success, response.message = False, str(error)
+            return response
+
+        self.create_service(Trigger, name, answer)
 
     # progress
 

@@ -43,7 +43,7 @@ PARAMETERS: Table = fixed(
         (),
         "Joints of a controller that takes several, in its order; the others hold still. None: the driven joint alone.",
     ),
-    P("interface", "str", "effort", "What the robot is told.", choices=INTERFACES),
+    P("interface", "str", "effort", "What is commanded.", choices=INTERFACES),
     P(
         "neutral",
         "str",
@@ -74,7 +74,7 @@ PARAMETERS: Table = fixed(
         "offset.command",
         "float",
         None,
-        "Our command where the robot is told zero; not set: that of the measured field of the interface.",
+        "Our command where the robot's is zero; not set: that of the measured field of the interface.",
     ),
     P(
         "limit.command",
@@ -140,11 +140,11 @@ PARAMETERS: Table = fixed(
 )
 
 DESCRIPTION = NodeDescription(
-    about="The last node before the motor: passes a robot's measurement of a joint on to us and our command on to the "
-    "robot, within limits that no message and no service can widen. Lifecycle node: inactive, after an emergency "
-    "stop or a breach of a limit, while a stream is silent, not finite or its clock jumps, and at its end the "
-    "motor is told to stay. All limits are in our units, and ours = scale × the robot's + offset. [Which fault "
-    "ends how soon](how-to/bridge.md).",
+    about="The last node before the motor: forwards a robot's measurement of a joint to us and our command to the "
+    "robot, within limits that no message and no service can widen. Lifecycle node: inactive, after an "
+    "emergency stop or a breach of a limit, while a stream is silent, not finite or its clock jumps, and at its"
+    " end the motor is stopped. All limits are in our units, and ours = scale × the robot's + offset. [Which "
+    "fault ends how soon](how-to/bridge.md).",
     parameters=lambda: PARAMETERS,
     publishes=("joint_states", "bridge/command"),
     subscribes=("joint_command",),

@@ -37,7 +37,7 @@ START_TIMEOUT = P(
 )
 MODEL = P("model", "str", "dc_motor", "Model: name of a preset or path of a model file.")
 EFFECTS = P("effects", "strs", (), "Effects added to the model: name@site or name@site(parameter=value,...).")
-AUTOSTART = P("autostart", "bool", True, "Configure and activate by itself.", read_only=True)
+AUTOSTART = P("autostart", "bool", True, "Configure and activate at the start.", read_only=True)
 WINDOW = P(
     "listener_window",
     "int",

@@ -9,7 +9,7 @@ from idloop_nodes.parameters import Table
 
 
 def _compensation(name: str, text: str, unit: str = "") -> P:
-    """A number of the compensator, chosen by itself where it is not set."""
+    """A number of the compensator, chosen automatically where it is not set."""
     return P(f"compensation_{name}", "float", None, text, unit=unit, minimum=0.0, exclusive=True, read_only=True)
 
 

@@ -70,13 +70,12 @@ PARAMETERS: Table = (
         minimum=0.0,
         maximum=0.99,
     ),
-    P("catalogue", "strs", (), "Effects that are looked for: name or name@site; none: the whole catalogue."),
+    P("catalogue", "strs", (), "Candidate effects: name or name@site; none: the whole catalogue."),
     P(
         "evidence_period",
         "float",
         10.0,
-        "Time between two looks at the evidence for effects that may be missing; each scores the samples since the one "
-        "before. 0 never looks.",
+        "Time between two scores of the evidence for missing effects, each of the newest samples; 0 never.",
         unit="s",
         minimum=0.0,
     ),
@@ -105,14 +104,8 @@ PARAMETERS: Table = (
     ),
     P("seed", "int", 0, "Seed of the bootstrap; equal seeds give equal answers.", minimum=0, maximum=2**53),
     P("excitation_node", "str", "excitation", "Node that runs the suggested experiment.", read_only=True),
-    P("controller_node", "str", "controller", "Node that is told to stop when the experiment ends.", read_only=True),
-    P(
-        "bridge_node",
-        "str",
-        "",
-        "Bridge to a robot's motor, which is told to stop first; empty for none.",
-        read_only=True,
-    ),
+    P("controller_node", "str", "controller", "Node that is stopped when the experiment ends.", read_only=True),
+    P("bridge_node", "str", "", "Bridge to a robot's motor, which is stopped first; empty for none.", read_only=True),
     P(
         "monitor",
         "strs",
@@ -132,17 +125,17 @@ PARAMETERS: Table = (
         "monitor_learn",
         "float",
         600.0,
-        "How long this run is taken for healthy, without monitor_reference.",
+        "Time for which this run counts as healthy, without monitor_reference.",
         unit="s",
         minimum=10.0,
         read_only=True,
     ),
-    P("monitor_period", "float", 10.0, "Time between two looks for wear.", unit="s", minimum=1.0),
+    P("monitor_period", "float", 10.0, "Time between two checks for wear.", unit="s", minimum=1.0),
     P(
         "monitor_false_alarms",
         "str",
         "per 1000 h",
-        "One false alarm of all that is watched in so much time of running (s, min, h, days, weeks, years).",
+        "Rate of false alarms of all watched parameters together, per running time (s, min, h, days, weeks, years).",
         read_only=True,
     ),
     P(
@@ -156,18 +149,18 @@ PARAMETERS: Table = (
 
 DESCRIPTION = NodeDescription(
     about="Predicts every sample, fits a sliding window in a worker process, judges the fit on the samples after the "
-    "window. Diagnoses in the same worker process when told to, after an experiment, and by itself when the free-"
-    "run residual of successive fits stops being white; in lock-step simulated time waits for it. With "
-    "`recursion` a black-box model of each output follows every sample beside the prediction: measurements that "
-    "are NaN, and samples that never came, are predicted and teach nothing; a bag gives the same in `idloop "
-    "identify`. With `monitor` it watches wear: an alarm is an error on `/diagnostics` and on `estimator/wear`, "
-    "at the rate of false ones that is asked for. [How it decides](how-to/monitor.md).",
+    "window. Diagnoses in the same worker process on request, after an experiment, and automatically when the "
+    "free-run residual of successive fits is not white any more; in lock-step simulated time waits for it. With"
+    " `recursion` a black-box model of each output follows every sample beside the prediction: measurements "
+    "that are NaN, and lost samples, are predicted and not used; a bag gives the same in `idloop identify`. "
+    "With `monitor` it watches wear: an alarm is an error on `/diagnostics` and on `estimator/wear`, at the "
+    "rate of false alarms of `monitor_false_alarms`. [How it decides](how-to/monitor.md).",
     parameters=lambda: PARAMETERS,
     publishes=("estimator/prediction", "estimator/residual", "estimator/innovation", *RESULTS),
     subscribes=("joint_states", "joint_command", "reference"),
     services={
         "~/refit": "fit the newest window now",
-        "~/diagnose": "find out what is missing, on the newest data and all experiments",
+        "~/diagnose": "diagnose missing effects, on the newest data and all experiments",
         "~/add_best_effect": "add what the newest diagnosis names first, and refit",
         "~/undo": "take the last step of the ladder back; `auto_add` and `auto_experiment` are then switched off",
         "~/run_suggested_experiment": "run an experiment that separates the tied effects, then diagnose again",

@@ -15,7 +15,7 @@ PARAMETERS: Table = (
         "silence",
         "float",
         0.03,
-        "Time without a sign of life from the bridge after which the motor is told to stop; it gives one every 5 ms.",
+        "Time without a beat of the bridge after which the motor is stopped; one comes every 5 ms.",
         unit="s",
         minimum=0.01,
         maximum=1.0,
@@ -24,9 +24,9 @@ PARAMETERS: Table = (
 )
 
 DESCRIPTION = NodeDescription(
-    about="Watches the process of the bridge through a Unix socket. When the bridge ends, whatever ends it, or gives no"
-    " sign of life, the guardian sends the robot the message that stops the motor, which the bridge has told it "
-    "before. When the guardian ends or hangs, the bridge stops the motor. It runs on the machine of the bridge.",
+    about="Watches the process of the bridge through a Unix socket. When the bridge ends or hangs, the guardian sends"
+    " the robot the message that stops the motor, which it has received from the bridge before. When the "
+    "guardian ends or hangs, the bridge stops the motor. It runs on the machine of the bridge.",
     parameters=lambda: PARAMETERS,
     example="-r __ns:=/axis",
 )

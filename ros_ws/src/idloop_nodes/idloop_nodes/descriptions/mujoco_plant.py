@@ -24,8 +24,8 @@ PARAMETERS: Table = (
 )
 
 DESCRIPTION = NodeDescription(
-    about="Takes the place of the plant (node name `plant`) with a joint of any MJCF file, moved by MuJoCo (`pip "
-    "install mujoco`): a machine that nobody here wrote, behind the same topics.",
+    about="Takes the place of the plant (node name `plant`) with a joint of any MJCF file, simulated by MuJoCo (`pip "
+    "install mujoco`): a machine whose simulation is independent of ours, behind the same topics.",
     parameters=lambda: PARAMETERS,
     publishes=("joint_states", "/clock"),
     subscribes=("joint_command",),

@@ -30,22 +30,15 @@ PARAMETERS: Table = (
         minimum=0.5,
     ),
     P("estimator_node", "str", "estimator", "Node that diagnoses, adds and takes back.", read_only=True),
-    P("controller_node", "str", "controller", "Node that is told to stop.", read_only=True),
-    P(
-        "bridge_node",
-        "str",
-        "",
-        "Bridge to a robot's motor, which is told to stop first; empty for none.",
-        read_only=True,
-    ),
+    P("controller_node", "str", "controller", "Node that is stopped.", read_only=True),
+    P("bridge_node", "str", "", "Bridge to a robot's motor, which is stopped first; empty for none.", read_only=True),
     P("excitation_node", "str", "excitation", "Node that runs experiments; stopped as well.", read_only=True),
 )
 
 DESCRIPTION = NodeDescription(
-    about="Serves a browser page on this machine: measured and model, where the model fails, what is missing, the "
-    "ladder, the health of the graph, and a button that stops the motor. Passes orders on to the services of the "
-    "other nodes; only looks on, so that the graph starts and runs without it. [What the page shows](how-"
-    "to/workbench.md).",
+    about="Serves a browser page on this machine: measurement and model, where the model fails, missing effects, the "
+    "ladder, the health of the graph, and a button that stops the motor. Its orders are calls of the services "
+    "of the other nodes; the graph starts and runs without it. [What the page shows](how-to/workbench.md).",
     parameters=lambda: PARAMETERS,
     subscribes=(
         "reference",

@@ -6,13 +6,14 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from idloop.errors import InputError
+from idloop.records.bags.cdr import SECOND
 from idloop_nodes.codec import Level, Status, encode_diagnostics, ladder_to_statuses, missing_to_statuses
 from idloop_nodes.estimation.coordinator import Autopilot, Coordinator
 from idloop_nodes.estimation.diagnosis_jobs import DIAGNOSE, DiagnosisAnswer, DiagnosisJob
 from idloop_nodes.estimation.estimator_context import SHORTEST, EstimatorContext, Publish
 from idloop_nodes.estimation.experiment_client import ExperimentClient
 from idloop_nodes.estimation.whiteness_watch import WhitenessWatch
-from idloop_nodes.streams.sample_buffer import SECOND, DiagnosisData
+from idloop_nodes.streams.sample_buffer import DiagnosisData
 
 if TYPE_CHECKING:
     from idloop.physics import Model

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from idloop.errors import InputError
+from idloop.records.bags.cdr import SECOND
 from idloop_nodes.codec import Level, Status
 from idloop_nodes.estimation.diagnosis_jobs import DiagnosisAnswer
 from idloop_nodes.estimation.diagnosis_schedule import DiagnosisSchedule
@@ -23,7 +26,6 @@ from idloop_nodes.estimation.recursive_model import RecursiveModel
 from idloop_nodes.estimation.sample_input import Sample, SampleInput
 from idloop_nodes.streams.joint_layout import OutputPacker, output_columns
 from idloop_nodes.streams.rates import RateCounter
-from idloop_nodes.streams.sample_buffer import SECOND
 
 if TYPE_CHECKING:
     from idloop.physics import Model
@@ -118,7 +120,8 @@ class Estimator:
             self._monitor.begin(model)
         self.diagnosis.another_model(model)
         self._evidence.begin(model)
-        self.fits.fit_now(model, last)
+        with contextlib.suppress(InputError):  # too few samples
+            self.fits.fit_now(model, last)
 
     def _adopt(self, model: Model) -> None:
         """Continue with the model of a new step."""

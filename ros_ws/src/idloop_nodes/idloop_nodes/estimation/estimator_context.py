@@ -6,7 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
-from idloop_nodes.streams.sample_buffer import SECOND, SampleBuffer
+from idloop.records.bags.cdr import SECOND
+from idloop_nodes.streams.sample_buffer import SampleBuffer
 
 if TYPE_CHECKING:
     from idloop_nodes.estimation.job_queue import Job

@@ -77,7 +77,7 @@ class EvidenceJob:
 
         before = LiveEvidence(self.model, self.level, self.minimum_improvement, self.catalogue)
         evidence: LiveEvidence = pickle.loads(self.state) if self.state else before  # noqa: S301  (our own estimator's)
-        evidence = evidence.look([self.earlier], self.new, self.stamp)
+        evidence = evidence.update([self.earlier], self.new, self.stamp)
         return EvidenceAnswer(self.number, pickle.dumps(evidence), summarise_evidence(evidence, self.stamp))
 
     def failed(self, reason: str) -> EvidenceAnswer:

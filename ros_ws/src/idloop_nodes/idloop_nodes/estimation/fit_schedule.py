@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from idloop.errors import InputError
+from idloop.records.bags.cdr import SECOND
 from idloop_nodes.codec import FitSummary, Level, Status, encode_diagnostics, fit_to_statuses
 from idloop_nodes.estimation.estimator_context import SHORTEST, EstimatorContext, Publish
 from idloop_nodes.estimation.fit_jobs import FitAnswer, FitJob
-from idloop_nodes.streams.sample_buffer import SECOND
 
 if TYPE_CHECKING:
     from idloop.physics import Model
@@ -57,24 +58,28 @@ class FitSchedule:
             self._submit(model, self._next - validation - window, self._next - validation, self._next)
             self._next += period
 
-    def fit_now(self, model: Model, last: int | None) -> tuple[bool, str]:
-        """Fit what there is, a part of it kept for validation; return whether a fit was started, and a line on it."""
+    def fit_now(self, model: Model, last: int | None) -> str:
+        """Fit what there is, a part of it kept for validation; return what was started, or raise InputError."""
         first = self._context.buffer.first
         if first is None or last is None:
-            return False, "no samples yet"
+            raise InputError("no samples yet")
         window, validation = self.spans
         end = last + self._context.period_ns
         have = min(end - first, window + validation)
-        return self._submit(model, end - have, end - have * validation // (window + validation), end)
+        started = self._submit(model, end - have, end - have * validation // (window + validation), end)
+        if not started:
+            raise InputError("too few samples")
+        return started
 
-    def _submit(self, model: Model, start: int, cut: int, end: int) -> tuple[bool, str]:
+    def _submit(self, model: Model, start: int, cut: int, end: int) -> str:
+        """Return what was started; empty for too few samples."""
         context = self._context
         train, validation = context.buffer.split(model, start, cut, end)
         if min(train.time.size, validation.time.size) < SHORTEST:
-            return False, "too few samples"
+            return ""
         number, criterion = context.next_number(), context.parameters["criterion"]
         context.jobs.submit(FitJob(number, model, criterion, train, validation, (start, cut), (cut, end)))
-        return True, f"fit {number} of {(cut - start) / SECOND:.1f} s, judged on {(end - cut) / SECOND:.1f} s"
+        return f"fit {number} of {(cut - start) / SECOND:.1f} s, judged on {(end - cut) / SECOND:.1f} s"
 
     def take(self, answer: FitAnswer) -> int:
         """Publish a fit; return the stamp of the last sample that it was judged on [ns]."""

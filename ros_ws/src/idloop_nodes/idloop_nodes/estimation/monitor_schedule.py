@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections import deque
 from typing import TYPE_CHECKING
 
+from idloop.records.bags.cdr import SECOND
 from idloop_nodes.codec import Level, Status, WearSummary, encode_diagnostics, wear_to_statuses
 from idloop_nodes.estimation.estimator_context import EstimatorContext, Publish
 from idloop_nodes.estimation.monitor_jobs import CheckJob, LearnJob, MonitorAnswer
-from idloop_nodes.streams.sample_buffer import SECOND
 
 if TYPE_CHECKING:
     from idloop.physics import Model

@@ -9,10 +9,10 @@ import numpy as np
 
 from idloop.errors import IdloopError
 from idloop.estimation.live_estimator import RecursiveEstimator
+from idloop.records.bags.cdr import SECOND
 from idloop_nodes.estimation.estimator_context import Publish, Values
 from idloop_nodes.estimation.sample_input import Sample
 from idloop_nodes.streams.joint_layout import OutputPacker
-from idloop_nodes.streams.sample_buffer import SECOND
 
 if TYPE_CHECKING:
     from idloop.physics import Model

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from idloop.errors import IdloopError
+from idloop.records.bags.cdr import SECOND
 from idloop_nodes.codec import Level, RecursionSummary, Status, encode_diagnostics, recursion_to_statuses
 from idloop_nodes.estimation.estimator_context import EstimatorContext, Publish
 from idloop_nodes.estimation.sample_input import Sample
 from idloop_nodes.streams.joint_layout import OutputPacker
-from idloop_nodes.streams.sample_buffer import SECOND
 
 if TYPE_CHECKING:
     from idloop.estimation.recursive import LiveRecursion

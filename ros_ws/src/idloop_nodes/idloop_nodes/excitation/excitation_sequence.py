@@ -7,11 +7,11 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.records.bags.cdr import SECOND
 from idloop.signals import build_signal
 from idloop_nodes.excitation.experiment import Experiment
 
 Array = NDArray[np.float64]
-SECOND = 1_000_000_000
 
 
 def blend(start: float, end: float, seconds: float, sample_time: float) -> tuple[Array, Array]:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import time
-from typing import Any
+from functools import partial
 
 from rclpy.parameter import Parameter
-from std_srvs.srv import Trigger
 
 from idloop.errors import InputError
 from idloop.physics import Model, load_model
+from idloop.records.bags.cdr import SECOND
 from idloop_nodes.base import StreamNode
 from idloop_nodes.codec import Status
 from idloop_nodes.estimation.diagnosis_jobs import ADD_BEST, DIAGNOSE, SUGGEST, UNDO
@@ -23,7 +23,7 @@ from idloop_nodes.progress import DONE, due
 from idloop_nodes.service_calls import ServiceCalls
 from idloop_nodes.streams.bursts import Bursts
 from idloop_nodes.streams.joint_layout import output_columns, output_topic
-from idloop_nodes.streams.sample_buffer import SECOND, SampleBuffer
+from idloop_nodes.streams.sample_buffer import SampleBuffer
 from idloop_nodes.wiring import command_topic
 
 BURST, LOCKSTEP_BURST = 0.003, 0.04  # seconds between bursts of samples
@@ -61,9 +61,9 @@ class EstimatorNode(StreamNode):
         self._adopting = False
         values.check = self._check
         values.apply = self._apply
-        self.create_service(Trigger, "~/refit", self._on_refit)
+        self.offer("~/refit", self._refit)
         for service, verb in ORDERS.items():
-            self.create_service(Trigger, f"~/{service}", self._order_service(verb))
+            self.offer(f"~/{service}", partial(self._order, verb))
 
     # parameters
 
@@ -142,22 +142,12 @@ class EstimatorNode(StreamNode):
 
     # services
 
-    def _on_refit(self, request: Any, response: Any) -> Any:
-        estimator = self.estimator
-        response.success, response.message = estimator.fits.fit_now(estimator.model, estimator.input.last)
-        return response
+    def _refit(self) -> str:
+        return self.estimator.fits.fit_now(self.estimator.model, self.estimator.input.last)
 
-    def _order_service(self, verb: str) -> Any:
-        def answer(request: Any, response: Any) -> Any:
-            try:
-                response.message, response.success = self.estimator.diagnosis.coordinator.order(verb), True
-                if verb == UNDO:
-                    response.message += self._switch_off_automatic()
-            except InputError as error:
-                response.message, response.success = str(error), False
-            return response
-
-        return answer
+    def _order(self, verb: str) -> str:
+        message = self.estimator.diagnosis.coordinator.order(verb)
+        return message + self._switch_off_automatic() if verb == UNDO else message
 
     def close(self) -> None:
         """End the worker."""

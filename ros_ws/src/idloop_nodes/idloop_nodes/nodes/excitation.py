@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from typing import Any
 
 from rclpy.parameter import Parameter
-from std_srvs.srv import Trigger
 
 from idloop.errors import InputError
 from idloop.records.bags.cdr import SECOND
@@ -67,10 +65,10 @@ class ExcitationNode(ManagedNode):
         self._choose_limit()
         if self._lockstep:
             self.listen("/clock", self._on_clock)
-        self.create_service(Trigger, "~/start", self._on_start)
-        self.create_service(Trigger, "~/stop", self._on_stop)
-        self.create_service(Trigger, "~/run_experiment", self._on_run_experiment)
-        self.create_service(Trigger, "~/stop_experiment", self._on_stop_experiment)
+        self.offer("~/start", self._start_signal)
+        self.offer("~/stop", self._stop_signal)
+        self.offer("~/run_experiment", self._begin_experiment)
+        self.offer("~/stop_experiment", self._stop_experiment)
         self.start_by_itself()
 
     # parameters
@@ -112,29 +110,24 @@ class ExcitationNode(ManagedNode):
             return
         self._sequence.cut(self._now, 0.0)
         self._sequence.take_back(self._now)
-        self._announce_anew(self._now)
+        self._announce_again(self._now)
 
-    def _announce_anew(self, now: int) -> None:
+    def _announce_again(self, now: int) -> None:
         self._next = now + self._period_ns
         self._publish_ahead(now)
 
-    def _on_start(self, request: Any, response: Any) -> Any:
+    def _start_signal(self) -> str:
         self.bring_up()
-        response.success, response.message = self.active, "running" if self.active else "not started"
-        return response
+        if not self.active:
+            raise InputError("not started")
+        return "running"
 
-    def _on_stop(self, request: Any, response: Any) -> Any:
+    def _stop_signal(self) -> str:
         if self.active:
             self.trigger_deactivate()
-        response.success, response.message = not self.active, "stopped: neutral values from the next sample on"
-        return response
-
-    def _on_run_experiment(self, request: Any, response: Any) -> Any:
-        try:
-            response.success, response.message = True, self._begin_experiment()
-        except InputError as error:
-            response.success, response.message = False, str(error)
-        return response
+        if self.active:
+            raise InputError("not stopped")
+        return "stopped: neutral values from the next sample on"
 
     def _begin_experiment(self) -> str:
         values = self.parameters
@@ -154,14 +147,12 @@ class ExcitationNode(ManagedNode):
         self.get_logger().info(text)
         return text
 
-    def _on_stop_experiment(self, request: Any, response: Any) -> Any:
+    def _stop_experiment(self) -> str:
         end = None if self._now is None else self._sequence.cut(self._now, self.parameters["handover_time"])
         if end is None or self._now is None:
-            response.success, response.message = False, "no experiment is running"
-            return response
-        self._announce_anew(self._now)
-        response.success, response.message = True, "stopped: back to the normal signal from the next sample on"
-        return response
+            raise InputError("no experiment is running")
+        self._announce_again(self._now)
+        return "stopped: back to the normal signal from the next sample on"
 
     def _report_span(self) -> None:
         """Publish from when to when an experiment runs, again when a stop or a pause has moved that."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-SECOND = 1_000_000_000
+from idloop.records.bags.cdr import SECOND
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,12 @@ in the clock of the robot, or motion and command would be apart by the differenc
 
 from __future__ import annotations
 
+from idloop_nodes.streams.stream_watch import JUMP_NS
+
 # A stamp this much older than its arrival, and none in the future, may be of our own clock [ns].
 PLAUSIBLE_NS = 50_000_000
 # The least delay of one such stretch and of the one before counts, so that a drifting clock is followed [ns].
 STRETCH_NS = 10_000_000_000
-# From here on a stamp is of a clock that was set [ns].
-JUMP_NS = 1_000_000_000
 
 
 class RobotClock:

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 
-from idloop_nodes.safety.command_limiter import SECOND, CommandLimiter
+from idloop.records.bags.cdr import SECOND
+from idloop_nodes.safety.command_limiter import CommandLimiter
 from idloop_nodes.safety.gate_settings import GateSettings
 from idloop_nodes.safety.velocity_estimator import VelocityEstimator
 from idloop_nodes.streams.stream_watch import Arrival, StreamWatch

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-SECOND = 1_000_000_000
+from idloop.records.bags.cdr import SECOND
+
 # Samples by which a stream may be ahead of the rate: stamps vary, and a stream that was held up catches up.
 BURST = 20
 

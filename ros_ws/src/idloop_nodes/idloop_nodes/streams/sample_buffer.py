@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from idloop.records.bags.cdr import SECOND
 from idloop_nodes.streams.sample_store import SampleStore
 
 if TYPE_CHECKING:
     from idloop.physics import Model
     from idloop.records import Finding, Record
-
-SECOND = 1_000_000_000
 
 Row = tuple[float, ...]
 Span = tuple[int, int]
