@@ -79,7 +79,9 @@ def test_the_page_of_the_mapping_file_names_every_key_and_every_unit() -> None:
     page = (DOCS / "reference" / "mapping-file.md").read_text(encoding="utf-8")
     codes = re.findall(r"`([^`\n]+)`", page)
     known = set(codes).union(*(re.findall(r"\w+", code) for code in codes))
-    words = mapping._WORDS - {"schema_name"} | base_units._BASE.keys() | base_units._ALIASES.keys() - {""}
+    models = (mapping.Mapping, mapping.Part, mapping.Channel, *mapping._SECTIONS.values())
+    keys = {field.alias or name for model in models for name, field in model.model_fields.items()}
+    words = keys | base_units._BASE.keys() | base_units._ALIASES.keys() - {""}
     assert words - known == set()
 
 

@@ -86,7 +86,7 @@ def test_a_constant_command_without_a_step_is_refused_and_told_the_cure(steps, t
     command = np.full(time.size, record.input[0])
     late = replace(record, name="late", time=time, output=output, input_time=time, input=command, findings=())
     assert main.run(words("fit", "dc_motor", write_bag(tmp_path / "late", late))) == 2
-    assert "sets off only at" in capsys.readouterr().err
+    assert "starts only at" in capsys.readouterr().err
 
 
 @pytest.mark.slow

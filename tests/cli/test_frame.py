@@ -69,8 +69,7 @@ def test_help_and_version_import_nothing_heavy(arguments):
 
 
 def test_every_verb_of_the_table_is_a_file_and_every_file_is_in_the_table():
-    files = {path.stem for path in VERB_FOLDER.glob("*.py")} - {"main"}
-    verbs = {name for name in files if not name.startswith("_")}
+    verbs = {path.stem for path in (VERB_FOLDER / "verbs").glob("[a-z]*.py")}
     assert verbs == {verb.module.rpartition(".")[2] for verb in main.VERBS.values()}
 
 

@@ -6,6 +6,7 @@ import importlib
 import inspect
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -42,7 +43,8 @@ def test_wrong_use_in_one_line(make, words: str) -> None:
 
 def test_the_list_of_rows_imports_nothing_heavy() -> None:
     code = "import sys, papers; print(*{'numpy', 'scipy', 'numba', 'control', 'matplotlib'} & set(sys.modules))"
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    examples = str(Path(papers.__file__).parents[1])
+    found = subprocess.run([sys.executable, "-c", code], cwd=examples, capture_output=True, text=True, check=True)
     assert found.stdout.strip() == ""
 
 
