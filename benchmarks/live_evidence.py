@@ -64,9 +64,9 @@ def least_level(case: str, seed: int, looks: int, effects: tuple[str, ...]) -> f
         start = FIRST + look * PERIOD
         stop = start + PERIOD
         earlier = whole.cut(max(start - MEMORY, 0.0), start - 0.5 * STEP)
-        found = found.look([earlier], whole.cut(start, stop - 0.5 * STEP), round(stop * 1e9))
+        found = found.update([earlier], whole.cut(start, stop - 0.5 * STEP), round(stop * 1e9))
         evidences = [one.evidence for one in found.tallies.values() if one.enough]
-        least = min([least, *(one.p_value(found.count) for one in evidences if one.told)])
+        least = min([least, *(one.p_value(found.count) for one in evidences if one.distinguishable)])
     return least
 
 

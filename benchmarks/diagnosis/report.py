@@ -110,7 +110,7 @@ class Answer:
             return False
         for hidden in self.case.hidden:
             limit = limits.get(hidden.name)
-            if limit is None or not DetectionLimit.from_dict(limit).hides(hidden.values[limit["parameter"]]):
+            if limit is None or not DetectionLimit.from_dict(limit).undetectable(hidden.values[limit["parameter"]]):
                 return False
         return True
 

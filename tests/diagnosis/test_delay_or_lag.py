@@ -1,4 +1,4 @@
-"""What has a memory before the drive: the balance of forces finds it, predictions say what it is."""
+"""Effects with memory at the input: the force balance finds them, predictions separate a delay from a lag."""
 
 import pytest
 

@@ -48,7 +48,7 @@ def test_nothing_is_named_where_nothing_is_hidden(start: Model, disturbance: flo
 
 
 @pytest.mark.slow
-def test_what_the_noise_model_has_swallowed_is_named(start: Model) -> None:
+def test_an_effect_that_the_noise_model_has_absorbed_is_named(start: Model) -> None:
     hidden = "velocity_filter@velocity[axis](time_constant=0.04)"
     record = record_of(load_model("axis").with_effects([hidden]), 1)
     estimation = prepare_estimation(start, [record], "prediction")
@@ -62,7 +62,7 @@ def test_what_the_noise_model_has_swallowed_is_named(start: Model) -> None:
 
 
 @pytest.mark.slow
-def test_twins_come_as_a_set(start: Model) -> None:
+def test_equivalent_effects_come_as_a_set(start: Model) -> None:
     machine = load_model("axis").with_effects(["load_torque@axis(torque=0.05)"])
     found = diagnose(start, [record_of(machine, 2)])
     assert set(found.set) == {"input_offset@input", "load_torque@axis"}

@@ -1,4 +1,4 @@
-"""The weight of an arm has its own name where it hangs at the sensor's zero; elsewhere it is an imbalance."""
+"""The weight of an arm is `gravity` where it hangs at the sensor's zero; elsewhere it is an imbalance."""
 
 import pytest
 
@@ -25,6 +25,6 @@ def test_an_imbalance_at_another_angle_is_no_gravity(start: Model) -> None:
     assert refine(start, [record_of(machine, 1)]).added == ("imbalance@axis",)
 
 
-def test_a_lowest_position_that_is_told_is_held() -> None:
+def test_a_given_lowest_position_is_held() -> None:
     model = load_model("axis").with_effect("gravity", "axis", moment=0.1, lowest=0.5)
     assert "gravity@axis.moment" in model.free

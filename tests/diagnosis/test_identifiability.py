@@ -1,4 +1,4 @@
-"""What the gate says of the data is what a comparison says of them."""
+"""The identifiability check counts what a comparison counts, and gives detection limits."""
 
 from dataclasses import replace
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from idloop.diagnosis.evidence.detection_limit import DetectionLimit
-from idloop.diagnosis.identifiability import _reversals, gate, within
+from idloop.diagnosis.identifiability import _reversals, gate, limited_to
 from idloop.diagnosis.screening.proposals import proposals
 from idloop.diagnosis.screening.score_test import Screened, Trace
 from idloop.estimation.dataset import prepare
@@ -51,7 +51,7 @@ def estimation() -> EstimationProblem:
 
 
 @pytest.mark.parametrize(
-    ("name", "size", "power", "said"),
+    ("name", "size", "power", "message"),
     (
         ("sensor_offset@position[axis]", {"offset": 1.0}, 1e-3, "larger than the whole travel of "),
         ("dead_zone@input", {"width": 1.0}, 1e-3, "larger than the largest command of "),
@@ -61,27 +61,27 @@ def estimation() -> EstimationProblem:
     ),
 )
 def test_no_size_is_named_that_the_machine_cannot_have(
-    estimation: EstimationProblem, name: str, size: dict[str, float], power: float, said: str
+    estimation: EstimationProblem, name: str, size: dict[str, float], power: float, message: str
 ) -> None:
     model = load_model("axis")
     (proposal,) = proposals(model, [name])
     trace = Trace([size], 0.0, np.zeros(1), power, 1.0, np.zeros((1, 0)), np.zeros(0), power)
     found = gate(model, estimation, [Screened(proposal, [trace])], 9.0)
     assert found.testable[name] == "no"
-    assert said in found.why[name]
+    assert message in found.why[name]
     assert ("this experiment cannot show it" in found.why[name]) == ("≥" not in found.why[name])
 
 
 def test_of_a_size_that_depends_on_the_shape_only_what_can_be_is_named() -> None:
     limit = DetectionLimit("offset", "m", 0.1, 5.3)
-    assert within(limit, 0.128).short == "offset ≥ 0.1 m"
-    assert within(limit, np.inf) == limit
+    assert limited_to(limit, 0.128).short == "offset ≥ 0.1 m"
+    assert limited_to(limit, np.inf) == limit
     soft = replace(limit, at_most=True)
-    assert within(soft, 0.01) == soft
+    assert limited_to(soft, 0.01) == soft
 
 
 @pytest.mark.parametrize(
-    ("name", "shape", "shown", "said"),
+    ("name", "shape", "shown", "message"),
     (
         # The axis has 200 samples a second and an inertia of 0.01.
         ("input_delay@input", {"delay": 0.005}, "delay", "a delay of one sample, 5 ms, would not show: excite faster"),
@@ -94,18 +94,18 @@ def test_of_a_size_that_depends_on_the_shape_only_what_can_be_is_named() -> None
         ),
     ),
 )
-def test_what_is_as_quick_as_the_samples_must_show_to_be_ruled_out(estimation, name, shape, shown, said):
+def test_effects_as_fast_as_the_samples_need_a_fast_excitation(estimation, name, shape, shown, message):
     """The trace of a delay of one sample, and of a joint that swings once in ten, weak and strong."""
     model = load_model("axis")
     (proposal,) = proposals(model, [name])
 
     def judged(power):
-        trace = Trace([shape], 0.0, np.zeros(1), power, 1.0, np.zeros((1, 1)), np.zeros(1), power, worth=1e6)
+        trace = Trace([shape], 0.0, np.zeros(1), power, 1.0, np.zeros((1, 1)), np.zeros(1), power, typical=1e6)
         return gate(model, estimation, [Screened(proposal, [trace])], 20.0)
 
     weak, strong = judged(1.0), judged(1e4)
     assert (weak.testable[name], strong.testable[name]) == ("no", "yes")
-    assert weak.why[name].startswith(said)
+    assert weak.why[name].startswith(message)
     assert weak.untestable == (name,)
     assert weak.limits[name].parameter == shown
     assert strong.untestable == ()

@@ -1,4 +1,4 @@
-"""Friction that goes with a temperature and a drive that goes with the supply, found where these are recorded."""
+"""Friction that depends on a temperature and a drive that depends on the supply, where these are recorded."""
 
 from __future__ import annotations
 
@@ -55,12 +55,14 @@ def test_where_friction_and_drive_are_steady_nothing_is_named(dry: Model, machin
     assert [named(diagnose(model, [one], criterion="force")) for one in records] == [[], [], []]
 
 
-def test_without_the_channel_the_diagnosis_says_nothing_of_it(dry: Model) -> None:
+def test_without_the_channel_the_effect_is_no_candidate(dry: Model) -> None:
     record = record_of(HIDDEN[0][0], 2, SECONDS)
     bare = replace(record, conditions=())
     found = diagnose(dry, [bare, record], criterion="force")  # only where all records have it
-    weighed = {one.name.partition("@")[0] for one in found.candidates} | {n.partition("@")[0] for n in found.untestable}
-    assert not weighed & {"thermal_viscosity", "thermal_dry_friction", "supply_sag"}
+    evaluated = {one.name.partition("@")[0] for one in found.candidates} | {
+        n.partition("@")[0] for n in found.untestable
+    }
+    assert not evaluated & {"thermal_viscosity", "thermal_dry_friction", "supply_sag"}
     with pytest.raises(InputError, match="depends on the condition 'temperature' in °C, which not all records hold"):
         diagnose(dry, [bare], effects=["thermal_viscosity"])
 

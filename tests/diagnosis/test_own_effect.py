@@ -1,4 +1,4 @@
-"""An effect of the user's own takes part in what a diagnosis says, as those of the catalogue do."""
+"""A user's own effect takes part in a diagnosis as those of the catalogue do."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import pytest
 from idloop.diagnosis import Ladder
 from idloop.diagnosis.design.next_experiment import suggest_next
 from idloop.diagnosis.design.suggest import Limits
-from idloop.diagnosis.equivalence.equivalent_effects import find_twins
-from idloop.diagnosis.evidence.quantisation import quantised, resolution_limits
+from idloop.diagnosis.equivalence.equivalent_effects import find_equivalent_effects
+from idloop.diagnosis.evidence.quantisation import quantised_outputs, resolution_limits
 from idloop.diagnosis.identifiability import gate
 from idloop.diagnosis.ladder import Step
 from idloop.diagnosis.screening.proposals import proposals
@@ -36,7 +36,7 @@ EFFECT = Effect(
     looks_like=("input_offset",), same_as=("load_torque",), by_hand={"load_torque": "measure the leak"},
 )
 """,
-    # The same under another name, said of the one above.
+    # The same under another name, by the fact in the file above.
     "creep": """command(value, velocity, sent, elapsed, state, parameters):
     return value + parameters[0]
 
@@ -112,7 +112,7 @@ def estimation(plain: Model) -> EstimationProblem:
 
 
 def groups(model: Model, *names: str) -> list[tuple[str, ...]]:
-    return [one.names for one in find_twins(model, names)]
+    return [one.names for one in find_equivalent_effects(model, names)]
 
 
 def test_its_look_alikes_are_on_the_page_of_effects(plain: Model, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -121,10 +121,10 @@ def test_its_look_alikes_are_on_the_page_of_effects(plain: Model, monkeypatch: p
     assert row.endswith("| `input_offset` |")
 
 
-def test_what_is_one_equation_with_it_is_known(plain: Model) -> None:
+def test_its_equivalent_effects_are_known(plain: Model) -> None:
     leak, offset, load = "leak@input", "input_offset@input", "load_torque@axis"
     assert groups(plain, leak, offset) == [(leak, offset)]
-    (twins,) = find_twins(plain, [leak, load])
+    (twins,) = find_equivalent_effects(plain, [leak, load])
     assert twins.checks == ("measure the leak",)
     assert groups(plain, "creep@input", leak, load) == [("creep@input", leak, load)]
     # Behind a dead zone neither is a constant force; between the two there is one only where it stands between.
@@ -136,7 +136,7 @@ def test_what_is_one_equation_with_it_is_known(plain: Model) -> None:
     assert f"coulomb_friction@axis + {leak}" in alike
 
 
-def test_effects_that_are_said_to_be_each_other_are_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_effects_that_name_each_other_are_equivalent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name, other in (("hum", "buzz"), ("buzz", "hum")):
         (tmp_path / f"{name}.py").write_text(
             "from idloop.physics import Effect\n" + f'EFFECT = Effect("{name}", "body", "", (), same_as=("{other}",))\n'
@@ -145,7 +145,7 @@ def test_effects_that_are_said_to_be_each_other_are_one(tmp_path: Path, monkeypa
     assert groups(load_model("axis"), "hum@axis", "buzz@axis") == [("hum@axis", "buzz@axis")]
 
 
-def test_it_takes_the_place_of_what_it_contains(plain: Model) -> None:
+def test_it_replaces_an_effect_that_it_contains(plain: Model) -> None:
     dry = plain.with_effects(["coulomb_friction@axis(level=0.02)"])
     (found,) = proposals(dry, ["tapered_friction"])
     assert found.replaces == "coulomb_friction@axis"
@@ -155,8 +155,8 @@ def test_it_takes_the_place_of_what_it_contains(plain: Model) -> None:
     assert command_limit(fuller) == 2.0
 
 
-def test_the_gate_judges_it_by_what_it_is(plain: Model, estimation: EstimationProblem) -> None:
-    trace = Trace([{"most": 1.0}], 0.0, np.zeros(1), 1e6, 1.0, np.zeros((1, 0)), np.zeros(0), 1e6, worth=1e6)
+def test_the_identifiability_check_uses_its_facts(plain: Model, estimation: EstimationProblem) -> None:
+    trace = Trace([{"most": 1.0}], 0.0, np.zeros(1), 1e6, 1.0, np.zeros((1, 0)), np.zeros(0), 1e6, typical=1e6)
     (limit,) = (Screened(one, [trace]) for one in proposals(plain, ["soft_limit"]))
     one_size = gate(plain, estimation, [limit], 9.0)
     assert one_size.testable == {"soft_limit@input": "no"}
@@ -175,13 +175,13 @@ def test_its_step_is_read_off_the_data(plain: Model) -> None:
     found = prepare_estimation(only, [record], "prediction")
     assert proposals(only, ["cut_off"]) == []
     assert "cut_off@position[axis]" in resolution_limits(only, found)
-    (candidate,) = quantised(only, found, ["cut_off"])
+    (candidate,) = quantised_outputs(only, found, ["cut_off"])
     assert candidate.name == "cut_off@position[axis]"
     assert candidate.parameters["step"]["value"] == pytest.approx(0.02, rel=1e-3)
-    assert quantised(candidate.model, found) == []
+    assert quantised_outputs(candidate.model, found) == []
 
 
-def test_the_next_experiment_asks_for_it_in_its_turn(plain: Model) -> None:
+def test_the_next_experiment_is_for_it_in_its_turn(plain: Model) -> None:
     record = record_of(plain, 2, seconds=4.0)
     low, high = np.min(record.output[:, 0]), np.max(record.output[:, 0])
     small = replace(record, output=record.output * [2.0 / (high - low), 1.0])

@@ -1,4 +1,4 @@
-"""Play that only a motor's encoder sees: the spring first, then the play inside it, and no play where there is none."""
+"""Backlash that only a motor encoder measures: the spring first, then the backlash inside it."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import re
 import numpy as np
 import pytest
 
-from idloop.diagnosis.diagnosis import split_bodies
-from idloop.diagnosis.refine import _Task, refine
+from idloop.diagnosis.diagnosis import split_body_findings
+from idloop.diagnosis.refine import explains_less, refine
 from idloop.diagnosis.screening.proposals import proposals
 from idloop.physics import Model, load_model
 from idloop.physics.model_file import build_model
@@ -62,7 +62,7 @@ def geared(seed: int, gap: float) -> Record:
 
 
 @pytest.mark.slow
-def test_the_play_is_found_after_the_spring_and_the_answer_says_how_to_write_two_bodies():
+def test_backlash_is_found_after_the_spring_and_a_finding_gives_the_two_bodies():
     ladder = refine(one_body(), [geared(0, GAP)], effects=EFFECTS)
     assert ladder.added == (SPRING, PLAY)
     gap = ladder.model.parameter(f"{PLAY}.gap")
@@ -98,18 +98,17 @@ def test_play_is_a_candidate_once_a_body_is_split_and_the_fuller_spring_keeps_it
     assert both.values["backlash@axis-axis_far.gap"] == 0.02
 
 
-def test_a_body_that_is_two_has_no_balance_of_forces_so_that_the_free_run_bears_it_out():
+def test_the_free_run_decides_where_an_effect_splits_a_body():
     record = geared(3, 0.0)
-    task = _Task(one_body(), [record], (), 0.01, 0.01, None, 0, 8, lambda share, text: None, None)
     spring = f"{SPRING}(damping={DAMPING},split={LOAD / (MOTOR + LOAD)},stiffness="
     whole = one_body().with_values({"motor.inertia": MOTOR + LOAD, "motor.viscous_friction": 0.04})
-    assert not task._spoils(whole, whole.with_effects([f"{spring}{STIFFNESS})"]))
-    assert task._spoils(whole, whole.with_effects([f"{spring}{0.02 * STIFFNESS})"]))
+    assert not explains_less(whole, whole.with_effects([f"{spring}{STIFFNESS})"]), [record])
+    assert explains_less(whole, whole.with_effects([f"{spring}{0.02 * STIFFNESS})"]), [record])
 
 
-def test_bodies_that_the_model_file_has_split_already_or_a_stiff_one_are_not_told():
+def test_bodies_that_are_split_already_or_stiff_give_no_finding():
     split = load_model("axis").with_effects(["compliance@axis(stiffness=6)"])
-    assert split_bodies(split, ()) == []
-    assert split_bodies(split, ["coulomb_friction@axis"]) == []
-    assert len(split_bodies(split, ["compliance@axis"])) == 1
-    assert split_bodies(load_model("axis").with_effects(["compliance@axis"]), ["compliance@axis"]) == []
+    assert split_body_findings(split, ()) == []
+    assert split_body_findings(split, ["coulomb_friction@axis"]) == []
+    assert len(split_body_findings(split, ["compliance@axis"])) == 1
+    assert split_body_findings(load_model("axis").with_effects(["compliance@axis"]), ["compliance@axis"]) == []

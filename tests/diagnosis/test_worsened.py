@@ -1,4 +1,4 @@
-"""Steps that a ladder keeps although the model runs worse with them."""
+"""Steps that a ladder keeps although the free run is worse with them."""
 
 import pytest
 
@@ -19,7 +19,7 @@ def step(name, error, force=None, unseen=None):
     return Step(added, MODEL, train=train, validation=validation)
 
 
-def test_a_step_that_spoils_the_unseen_motion_is_told():
+def test_a_step_that_worsens_the_unseen_motion_is_reported():
     ladder = Ladder((step(None, 0.2, unseen=0.2), step("coulomb_friction", 0.1, unseen=0.1),
                      step("cogging", 0.1, unseen=0.9)))  # fmt: skip
     (found,) = ladder.worsened
@@ -31,40 +31,40 @@ def test_a_step_that_spoils_the_unseen_motion_is_told():
     ]
 
 
-def test_a_run_that_has_drifted_away_before_tells_nothing():
+def test_a_run_that_has_drifted_before_does_not_count():
     assert Ladder((step(None, 0.8), step("input_offset", 1.4))).worsened == []
 
 
 @pytest.mark.parametrize("last", [0.05, 0.1, 0.12, float("nan")])
-def test_less_than_chance_is_not_told(last):
+def test_changes_within_chance_do_not_count(last):
     assert Ladder((step(None, 0.1), step("cogging", last))).worsened == []
 
 
-def test_without_validation_the_fitted_data_tell():
+def test_without_validation_the_fitted_data_decide():
     (found,) = Ladder((step(None, 0.1), step("cogging", 0.2))).worsened
     assert not found.unseen
     assert "on the fitted data" in found.text
 
 
-@pytest.mark.parametrize(("position", "told"), [(0.054, ["axis.position"]), (0.006, [])])
-def test_an_output_that_fits_badly_anyway_hides_no_other(position, told):
+@pytest.mark.parametrize(("position", "reported"), [(0.054, ["axis.position"]), (0.006, [])])
+def test_an_output_with_a_bad_fit_does_not_mask_another(position, reported):
     def errors(position, velocity):
         return {"nrmse": {"axis.position": position, "axis.velocity": velocity}, "force": None}
 
     found = worsened(["", "velocity_filter@axis"], [errors(0.002, 0.3), errors(position, 0.2)], unseen=True)
-    assert [one.output for one in found] == told
+    assert [one.output for one in found] == reported
 
 
-@pytest.mark.parametrize(("force", "told"), [(0.3, 0), (0.4, 1)])
-def test_a_free_run_that_drifts_while_the_force_is_explained_is_not_told(force, told):
+@pytest.mark.parametrize(("force", "reported"), [(0.3, 0), (0.4, 1)])
+def test_a_drifting_free_run_does_not_count_where_the_force_error_falls(force, reported):
     ladder = Ladder((step(None, 0.1, force=0.4), step("input_offset", 0.3, force=force)))
-    assert len(ladder.worsened) == told
+    assert len(ladder.worsened) == reported
 
 
-@pytest.mark.parametrize(("anew", "told"), [(0.05, 0), (0.08, 0), (0.09, 1), (None, 1)])
-def test_a_run_that_only_a_disturbance_has_carried_away_is_not_told(anew, told):
+@pytest.mark.parametrize(("anew", "reported"), [(0.05, 0), (0.08, 0), (0.09, 1), (None, 1)])
+def test_a_run_that_only_a_disturbance_moves_does_not_count(anew, reported):
     def errors(whole, stretches):
-        said = {"nrmse": {"axis.position": whole}, "force": None}
-        return said if stretches is None else said | {"anew": {"axis.position": stretches}}
+        found = {"nrmse": {"axis.position": whole}, "force": None}
+        return found if stretches is None else found | {"anew": {"axis.position": stretches}}
 
-    assert len(worsened(["", "coulomb_friction@axis"], [errors(0.1, 0.08), errors(0.2, anew)], unseen=True)) == told
+    assert len(worsened(["", "coulomb_friction@axis"], [errors(0.1, 0.08), errors(0.2, anew)], unseen=True)) == reported

@@ -1,4 +1,4 @@
-"""A servo axis whose friction, or drive, depends on what is measured beside it: integrated by itself, not by idloop."""
+"""A servo axis whose friction, or drive, depends on a measured condition: integrated without idloop."""
 
 from __future__ import annotations
 

@@ -58,11 +58,11 @@ def test_what_spoils_the_free_run_is_not_what_is_missing(verdict: str) -> None:
 def test_what_a_later_step_makes_good_is_not_held_against_the_model() -> None:
     good = ladder(*SPOILT, step(COGGING, FRICTION, error=0.05))
     assert [one.name for one in good.worsened] == ["cogging@axis"]
-    assert good.spoilt == []
+    assert good.still_worsened == []
     assert conclusion(good) == VERDICTS["adequate"]
     assert headline(good) == "Missing from the model: cogging and Coulomb friction."
     bad = ladder(*SPOILT, step(COGGING, FRICTION, error=0.4))
-    assert [one.name for one in bad.spoilt] == ["cogging@axis"]
+    assert [one.name for one in bad.still_worsened] == ["cogging@axis"]
     assert headline(bad) == f"Missing from the model: Coulomb friction and {UNEXPLAINED}."
 
 

@@ -133,10 +133,10 @@ def fit(
     seen, unseen = ([compare(result.model, record) for record in part_] for part_ in (train, validation))
     unrelated = ""
     if hopeless(seen):
-        from idloop.diagnosis.screening.command_response import response_of
+        from idloop.diagnosis.screening.command_response import command_response
 
         progress(0.95, "testing whether the motion follows the command")
-        unrelated = response_of(model, train).text
+        unrelated = command_response(model, train).text
         if unrelated:
             result = replace(result, warnings=(*result.warnings, unrelated))
     return Fit(result, tuple(seen), tuple(unseen), unrelated)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from idloop.api.result import Progress, Result, as_records, ignore_progress
 from idloop.diagnosis import Ladder as Steps
-from idloop.diagnosis.equivalence.equivalent_effects import ladder_twins
+from idloop.diagnosis.equivalence.equivalent_effects import equivalent_effects_of_ladder
 from idloop.diagnosis.options import MINIMUM_IMPROVEMENT
 from idloop.reporting.detectability import undetectable
 from idloop.reporting.estimates import parameter_estimates
@@ -83,7 +83,7 @@ class Ladder(Result):
             "parameters": parameter_estimates(self.model),
             "residual": [one.to_dict() for one in self.remainders],
             "conclusion": conclusion(self.climbed, self.remainders, scope_text(self.climbed)),
-            "one_equation": [group.to_dict() for group in ladder_twins(self.climbed)],
+            "one_equation": [group.to_dict() for group in equivalent_effects_of_ladder(self.climbed)],
         }
 
     def undo(self) -> Ladder:

@@ -1,8 +1,8 @@
-"""An effect that may be missing, with its evidence."""
+"""Candidates: effects that may be missing, with their evidence."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from idloop.physics.model import Model, effect_name
 
 @dataclass(frozen=True)
 class Candidate:
-    """One effect at one site, as a diagnosis saw it.
+    """One effect at one site, as a diagnosis has evaluated it.
 
     Attributes
     ----------
@@ -29,13 +29,13 @@ class Candidate:
     p_value : float
         Probability that the best effect of the catalogue does as well by chance (family-wise).
     explains : float
-        Share of the unexplained error's power that it takes away, 0 to 1.
+        Share of the power of the unexplained error that it explains, 0 to 1.
     parameters : dict
         ``{name: {"value": ..., "stderr": ..., "unit": ..., "held": ...}}``; held at its value, not estimated.
     model : Model or None
         The model with the effect fitted; None when it was only screened.
     replaces : str or None
-        An effect of the model that it contains and takes the place of.
+        An effect of the model that it contains and replaces.
     number : int
         Which one it is of an effect that may act several times at a site.
     """
@@ -60,7 +60,7 @@ class Candidate:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
-        told = (
+        keys = (
             "effect",
             "at",
             "p_value",
@@ -73,30 +73,19 @@ class Candidate:
             "text",
             "why",
         )
-        return {name: getattr(self, name) for name in told} | ({"gain": None} if np.isnan(self.gain) else {})
+        return {name: getattr(self, name) for name in keys} | ({"gain": None} if np.isnan(self.gain) else {})
 
     @classmethod
     def from_dict(cls, document: dict[str, Any]) -> Candidate:
         """Read what `to_dict` wrote; the model is not part of it."""
-        gain = document.get("gain")
-        return cls(
-            effect=document["effect"],
-            at=document["at"],
-            testable=document.get("testable", "yes"),
-            why=document.get("why", ""),
-            text=document.get("text", ""),
-            gain=float("nan") if gain is None else float(gain),
-            p_value=float(document.get("p_value", 1.0)),
-            explains=float(document.get("explains", 0.0)),
-            parameters=dict(document.get("parameters", {})),
-            replaces=document.get("replaces"),
-            number=int(document.get("number", 1)),
-        )
+        known = {one.name for one in fields(cls)} - {"model"}
+        own = {"testable": "yes", "why": "", "text": ""} | {k: v for k, v in document.items() if k in known}
+        return cls(**own | {"gain": float("nan") if own.get("gain") is None else own["gain"]})
 
 
 @dataclass(frozen=True)
 class Rung:
-    """One effect that a ladder takes up, and those that the data cannot tell from it, itself first."""
+    """One effect that a ladder adds, and those that tie with it, itself first."""
 
     added: Candidate
     set: tuple[str, ...]
@@ -105,7 +94,7 @@ class Rung:
 def effect_parameters(model: Model, name: str) -> dict[str, dict[str, Any]]:
     """Value, standard error and unit of every parameter of one effect of a model, and whether it is held.
 
-    A whole number that a search has chosen is not held, nor is a resolution that is read off the data.
+    An integer that a search has chosen counts as estimated, as does a resolution that is read off the data.
     """
     prefix = f"{name}."
     chosen = {

@@ -2,28 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from idloop.diagnosis.diagnosis import Diagnosis, diagnosis_of, split_bodies
-from idloop.diagnosis.evidence.deciding_view import NOTHING, Views, as_predicted, asked_fit
+from idloop.diagnosis.diagnosis import Diagnosis, diagnosis_of, findings_of_model
+from idloop.diagnosis.evidence.deciding_view import UNEXPLAINED, DecidingView, as_predicted, requested_force_fit
 from idloop.diagnosis.evidence.force_view import ForceView
 from idloop.diagnosis.evidence.prediction_view import PredictionView, delay_or_lag
-from idloop.diagnosis.options import FORCE, MINIMUM_IMPROVEMENT, check_numbers, first_kind, with_common_whitening
+from idloop.diagnosis.options import (
+    FORCE,
+    MINIMUM_IMPROVEMENT,
+    PREDICTION,
+    Options,
+    Progress,
+    diagnosis_problem,
+    errors_of,
+    silent,
+)
 from idloop.estimation.dataset import prepare
-from idloop.estimation.direction import opposite_direction_warning
 from idloop.estimation.force_balance.weak_fit import WeakFit
 from idloop.estimation.force_balance.weak_form import WeakForm
-from idloop.estimation.likelihood.estimation_problem import EstimationProblem, prepare_estimation
+from idloop.estimation.likelihood.estimation_problem import EstimationProblem
 from idloop.estimation.likelihood.refit import refit, refit_or_none
 from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.estimation.statistics.undetermined import common_scale, effect_scales
 from idloop.physics.model import Model
 from idloop.records import Record
-
-Progress = Callable[[float, str], None]
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
@@ -44,17 +50,17 @@ def diagnose(
     ----------
     model : Model
     records : sequence of Record
-        Experiments; several amplitudes tell more than one.
+        Experiments; several amplitudes contain more information than one.
     level : float
         Probability of naming an effect where none is missing, over the whole catalogue and all its pairs.
     criterion : {"auto", "prediction", "simulation", "force"}
         What the models are measured by, as in `idloop.estimation.fit`.
     minimum_improvement : float
-        Part by which an effect must make the errors on unseen samples smaller to be named.
+        Part by which an effect must reduce the errors on unseen samples to be named.
     effects : sequence of str, optional
         Choose from these only (``name`` or ``name@site``).
     seed : int
-        Of the calibration.
+        Of the sketches and restarts.
     progress : callable, optional
         Called with the share done and a text.
 
@@ -67,68 +73,55 @@ def diagnose(
     InputError
         Bad level or improvement, unknown effects, records that do not suit the model.
     """
-    check_numbers(level, minimum_improvement)
-    tell = progress or (lambda share, text: None)
-    tell(0.0, "fitting the model as it is")
-    kind = first_kind(criterion)
-    together = common_scale(CachingEngine(model), prepare(model, records))
-    if together is not None:
-        model = together.fixed(model)
-    found = None
-    if criterion in ("auto", FORCE):
-        found = _by_force(model, records, criterion, level, minimum_improvement, effects, seed, tell)
-    diagnosis = found or _by_errors(model, records, kind, level, minimum_improvement, effects, seed, tell)
-    reached = diagnosis.model if diagnosis.best is None or diagnosis.best.model is None else diagnosis.best.model
-    told = [] if together is None else [together]
-    if diagnosis.best is not None and diagnosis.best.model is not None:
-        told += effect_scales(diagnosis.best.model, records)
-    texts = [
-        "" if diagnosis.response.tells_nothing else opposite_direction_warning(model, reached),
-        *(one.text for one in told),
-        *split_bodies(reached, [rung.added.name for rung in diagnosis.rungs]),
-    ]
-    findings = (*diagnosis.gate.findings, *(text for text in texts if text))
-    return replace(diagnosis, gate=replace(diagnosis.gate, findings=findings))
+    options = Options(level, minimum_improvement, effects, seed, progress or silent)
+    options.report(0.0, "fitting the model as it is")
+    kind = errors_of(criterion)
+    scale = common_scale(CachingEngine(model), prepare(model, records))
+    if scale is not None:
+        model = scale.fixed(model)
+    found = _by_force(model, records, criterion, options) if criterion in ("auto", FORCE) else None
+    if found is None:
+        estimation = diagnosis_problem(model, records, kind)
+        found = diagnosis_of(PredictionView(estimation, model, options).evaluate(refit(estimation, model)))
+    options.report(1.0, "done")
+    reached = found.model if found.best is None or found.best.model is None else found.best.model
+    undetermined = [] if scale is None else [scale]
+    if found.best is not None:
+        undetermined += effect_scales(reached, records)
+    added = [rung.added.name for rung in found.rungs]
+    findings = (*found.gate.findings, *findings_of_model(model, reached, added, found.response, undetermined))
+    return replace(found, gate=replace(found.gate, findings=findings))
 
 
-def _by_force(
-    model: Model,
-    records: Sequence[Record],
-    criterion: str,
-    level: float,
-    least: float,
-    effects: Sequence[str] | None,
-    seed: int,
-    tell: Progress,
-) -> Diagnosis | None:
-    """By the force balance; None where another view is to decide."""
-    estimation, asked = with_common_whitening(prepare_estimation(model, records, "prediction")), criterion == FORCE
+def _by_force(model: Model, records: Sequence[Record], criterion: str, options: Options) -> Diagnosis | None:
+    """By the force balance; None where another view decides."""
+    estimation, requested = diagnosis_problem(model, records, PREDICTION), criterion == FORCE
     forms: dict[int, WeakForm] = {}
-    views = None if asked else Views(model, estimation, forms)
-    fit = asked_fit(model, estimation, forms) if views is None else views.balance
+    deciding = None if requested else DecidingView(model, estimation, forms)
+    fit = requested_force_fit(model, estimation, forms) if deciding is None else deciding.balance
     if fit is None:
         return None
-    tell(0.3, "weighing effects")
-    step = ForceView(estimation, level, least, effects, forms=forms).weigh(fit)
-    shown = step.tied[0].fit if step.tied else fit if step.stand_ins else None
-    if views is not None and ((shown is None and not views.blind) or (shown or fit).relative >= NOTHING):
-        return None
-    if views is not None and step.tied and views.contradict(step.tied[0].fit.model, level):
-        return None
+    options.report(0.3, "evaluating effects")
+    step = ForceView(estimation, options, forms=forms).evaluate(fit)
+    shown = step.tied[0].fit if step.tied else fit if step.confounded else None
+    if deciding is not None:
+        if (shown or fit).relative >= UNEXPLAINED or (shown is None and not deciding.disturbance_absorbs_force):
+            return None
+        if step.tied and deciding.prediction_contradicts(step.tied[0].fit.model, options.level):
+            return None
     found = diagnosis_of(step)
-    if not asked and found.best is not None and found.pair is None and found.best.model is not None:
-        told = delay_or_lag(found.best.model, found.best.name, estimation, level, seed)
-        if told:
-            names = tuple(one.name for one in told)
-            found = replace(found, candidates=(*told, *(c for c in found.candidates if c.name not in names)), set=names)
-        elif step.tied:
-            found = _valued(found, step.tied[0].fit, estimation)
-    tell(1.0, "done")
-    return found
+    if requested or found.best is None or found.pair is not None or found.best.model is None:
+        return found
+    separated = delay_or_lag(found.best.model, found.best.name, estimation, options)
+    if separated:
+        names = tuple(one.name for one in separated)
+        others = (one for one in found.candidates if one.name not in names)
+        return replace(found, candidates=(*separated, *others), set=names)
+    return _with_predicted_values(found, step.tied[0].fit, estimation) if step.tied else found
 
 
-def _valued(found: Diagnosis, fit: WeakFit, estimation: EstimationProblem) -> Diagnosis:
-    """The same effects with the values that `fit` gives them: of predictions, where these are the finer ones."""
+def _with_predicted_values(found: Diagnosis, fit: WeakFit, estimation: EstimationProblem) -> Diagnosis:
+    """The same effects with values fitted to predictions, where these agree with the force balance."""
     if fit.model_error_dominates:
         return found
     candidates = []
@@ -136,24 +129,6 @@ def _valued(found: Diagnosis, fit: WeakFit, estimation: EstimationProblem) -> Di
         predicted = (
             None if one.model is None or one.name not in found.set else refit_or_none(estimation, one.model, near=True)
         )
-        finer = predicted is not None and not fit.contradicts(predicted.model)
-        candidates.append(as_predicted(one, predicted, estimation.records) if predicted is not None and finer else one)
+        agrees = predicted is not None and not fit.contradicts(predicted.model)
+        candidates.append(as_predicted(one, predicted, estimation.records) if predicted is not None and agrees else one)
     return replace(found, candidates=tuple(candidates))
-
-
-def _by_errors(
-    model: Model,
-    records: Sequence[Record],
-    kind: str,
-    level: float,
-    least: float,
-    effects: Sequence[str] | None,
-    seed: int,
-    tell: Progress,
-) -> Diagnosis:
-    """By one-step or free-run errors."""
-    estimation = with_common_whitening(prepare_estimation(model, records, kind))
-    view = PredictionView(estimation, model, level, least, effects, seed=seed, tell=tell)
-    found = diagnosis_of(view.weigh(refit(estimation, model)))
-    tell(1.0, "done")
-    return found

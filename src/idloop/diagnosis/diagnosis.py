@@ -1,4 +1,4 @@
-"""What is missing from a model, as one step of the search has found it."""
+"""The result of a diagnosis: what a model lacks, by one step of the search."""
 
 from __future__ import annotations
 
@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 
 from idloop.diagnosis.candidate import Candidate, Rung, effect_parameters
-from idloop.diagnosis.equivalence.equivalent_effects import Twins, find_twins
+from idloop.diagnosis.equivalence.equivalent_effects import EquivalentEffects, find_equivalent_effects
 from idloop.diagnosis.identifiability import Gate
 from idloop.diagnosis.residual_curves.unknown_structure import UnknownStructure
 from idloop.diagnosis.screening.command_response import CommandResponse
-from idloop.diagnosis.search.step import MISSING, NOT_EXCITED, UNKNOWN, FitT, Step, Weighed
+from idloop.diagnosis.search.step import MISSING, NOT_EXCITED, UNKNOWN, EvaluatedModel, FitT, SearchStep
+from idloop.estimation.direction import opposite_direction_warning
+from idloop.estimation.statistics.undetermined import Undetermined
 from idloop.physics.layout import lay_out
 from idloop.physics.model import Model
 
@@ -28,7 +30,7 @@ class Diagnosis:
     model : Model
         The model, its free parameters refitted.
     candidates : tuple of Candidate
-        All effects that were weighed, best first.
+        All effects that were evaluated, best first.
     set : tuple of str
         Effects that this data cannot tell from the best one, itself first; empty when none is significant.
         Of a pair: those that would do in the place of its first, beside its second.
@@ -79,15 +81,15 @@ class Diagnosis:
         return None if self.best is None else self.best.model
 
     @property
-    def twins(self) -> tuple[Twins, ...]:
-        """Effects that are one equation with the missing one, which no motion tells apart."""
+    def equivalent_effects(self) -> tuple[EquivalentEffects, ...]:
+        """Effects that have the same equation as the missing one."""
         if self.pair is not None:
-            return tuple(group for rung in self.rungs for group in find_twins(self.model, rung.set))
-        return find_twins(self.model, self.set, None if self.best is None else self.best.replaces)
+            return tuple(group for rung in self.rungs for group in find_equivalent_effects(self.model, rung.set))
+        return find_equivalent_effects(self.model, self.set, None if self.best is None else self.best.replaces)
 
     @property
     def rungs(self) -> tuple[Rung, ...]:
-        """What a ladder adds, one after the other: nothing, the best effect, or both effects of a pair."""
+        """What a ladder adds: nothing, the best effect, or both effects of a pair."""
         if self.best is None:
             return ()
         if self.pair is None or self.alone is None:
@@ -97,12 +99,8 @@ class Diagnosis:
 
     @property
     def untestable(self) -> tuple[str, ...]:
-        """Effects that this data cannot show; one that it has shown is none of them, however far it reaches.
-
-        What was significant and passed over has left its trace too: the reason is told, not that it cannot show. Nor is
-        what may stand, with another, for the missing one.
-        """
-        alike = (part for group in self.twins for part in group.parts)
+        """Effects that this data cannot show, without those that it has shown: found, passed over, or equivalent."""
+        alike = (part for group in self.equivalent_effects for part in group.parts)
         shown = {*self.set, *(self.pair or ()), *self.passed_over, *alike}
         return tuple(name for name in self.gate.untestable if name not in shown)
 
@@ -123,18 +121,18 @@ class Diagnosis:
             "gate": self.gate.to_dict(),
             "unknown": None if self.unknown is None else self.unknown.to_dict(),
             "passed_over": dict(self.passed_over),
-            "one_equation": [group.to_dict() for group in self.twins],
+            "one_equation": [group.to_dict() for group in self.equivalent_effects],
             "response": self.response.value,
         }
 
     def summary(self) -> str:
-        """The answer in words, several lines."""
+        """The result in words, several lines."""
         lines = list(self.gate.findings)
         if self.best is not None and self.pair is not None:
             first, second = self.candidates[:2]
             lines.append(
                 f"missing: only together: {first.name} and {second.name} (p = {first.p_value:.2g}); "
-                f"each hides the other. {first.text} {second.text}"
+                f"each masks the other. {first.text} {second.text}"
             )
             if self.rival_pairs:
                 lines.append("this data cannot tell them from " + ", ".join(" with ".join(p) for p in self.rival_pairs))
@@ -143,11 +141,11 @@ class Diagnosis:
             lines.append(f"missing: {self.best.name} (p = {self.best.p_value:.2g}). {self.best.text}")
             if others:
                 lines.append(f"this data cannot tell it from {', '.join(others)}")
-            lines += [group.text for group in self.twins]
+            lines += [group.text for group in self.equivalent_effects]
         elif self.unknown is not None:
             lines.append(self.unknown.text)
         elif self.response is CommandResponse.REVERSED or self.verdict == UNKNOWN:
-            pass  # the finding says what there is to say
+            pass  # a finding states the result
         elif self.verdict == NOT_EXCITED:
             lines.append("nothing significant is left, but this data cannot show " + ", ".join(self.untestable))
         else:
@@ -157,12 +155,12 @@ class Diagnosis:
 
 
 def tied_members(own: str, other: str, rivals: Sequence[tuple[str, str]]) -> tuple[str, ...]:
-    """Effects that rival pairs have in the place of one effect beside another one, that one itself first."""
+    """Effects that rival pairs have instead of one effect beside another one, that one itself first."""
     found = [name for names in rivals if other in names for name in names if name != other]
     return tuple(dict.fromkeys((own, *found)))
 
 
-def diagnosis_of(step: Step[FitT]) -> Diagnosis:
+def diagnosis_of(step: SearchStep[FitT]) -> Diagnosis:
     """What one step has found, as a diagnosis."""
     ending = step_ending(step)
     findings = ending.pop("findings")
@@ -181,17 +179,17 @@ def diagnosis_of(step: Step[FitT]) -> Diagnosis:
         alone=alone,
         **ending,
     )
-    # What may stand, with another, for the missing effect is not passed over.
-    parts = {part for group in found.twins for part in group.parts}
+    # An effect that is equivalent to the missing one together with another is not passed over.
+    parts = {part for group in found.equivalent_effects for part in group.parts}
     return replace(found, passed_over={name: why for name, why in found.passed_over.items() if name not in parts})
 
 
-def step_ending(step: Step[FitT]) -> dict[str, Any]:
-    """What a diagnosis and a ladder say alike of their last step."""
+def step_ending(step: SearchStep[FitT]) -> dict[str, Any]:
+    """What a diagnosis and a ladder report of their last step."""
     verdict, findings = (MISSING, ()) if step.tied else step.verdict()
     unknown = None
-    if not step.tied and step.structure is not None:
-        unknown = step.structure.unknown(max(step.structure.evidence.p_value(step.count), 1e-300))
+    if not step.tied and step.residual_curve is not None:
+        unknown = step.residual_curve.unknown(max(step.residual_curve.evidence.p_value(step.count), 1e-300))
     return {
         "verdict": verdict,
         "findings": (*step.gate.findings, *findings),
@@ -202,19 +200,19 @@ def step_ending(step: Step[FitT]) -> dict[str, Any]:
     }
 
 
-def rival_pairs(step: Step[FitT]) -> tuple[tuple[str, str], ...]:
-    """Pairs that cannot be told from the best choice."""
+def rival_pairs(step: SearchStep[FitT]) -> tuple[tuple[str, str], ...]:
+    """Pairs that tie with the best choice."""
     return tuple((a, b) for one in step.tied[1:] if len(one.names) == 2 for a, b in [one.names])
 
 
-def first_of_pair(step: Step[FitT], pair: Weighed[FitT]) -> Candidate:
+def first_of_pair(step: SearchStep[FitT], pair: EvaluatedModel[FitT]) -> Candidate:
     """The first effect of a pair, with the evidence for both and the model that has no other, where that was fitted."""
-    first = next((one for one in step.weighed if one.names == pair.names[:1]), pair)
+    first = next((one for one in step.evaluated if one.names == pair.names[:1]), pair)
     return candidate_of(step, pair, 0, step.reported(first.fit))
 
 
-def candidate_of(step: Step[FitT], one: Weighed[FitT], which: int, model: Model) -> Candidate:
-    """One effect of a choice that was weighed, with its evidence and a fitted model that has it."""
+def candidate_of(step: SearchStep[FitT], one: EvaluatedModel[FitT], which: int, model: Model) -> Candidate:
+    """One effect of a choice that was evaluated, with its evidence and a fitted model that has it."""
     proposal, evidence = one.proposals[which], one.evidence
     together = [other.name for other in one.proposals if other is not proposal]
     why = f"it shows together with {together[0]} only" if together else step.gate.why.get(proposal.name, "")
@@ -234,15 +232,15 @@ def candidate_of(step: Step[FitT], one: Weighed[FitT], which: int, model: Model)
     )
 
 
-def _candidates_of(step: Step[FitT]) -> tuple[Candidate, ...]:
-    """All effects that were looked for, the best choice first, each once; those that were screened only come last."""
+def _candidates_of(step: SearchStep[FitT]) -> tuple[Candidate, ...]:
+    """All effects that were evaluated, the best choice first, each once; then those that were only screened."""
     found: dict[str, Candidate] = {}
-    others = sorted((one for one in step.weighed if one not in step.tied), key=lambda one: -one.merit)
+    others = sorted((one for one in step.evaluated if one not in step.tied), key=lambda one: -one.lower_evidence)
     for one in [*step.tied, *others]:
         model = step.reported(one.fit) if one in step.tied else one.fit.model
         for which, proposal in enumerate(one.proposals):
             found.setdefault(proposal.name, candidate_of(step, one, which, model))
-    for proposal in step.asked:
+    for proposal in step.proposed:
         name, effect = proposal.name, proposal.effect
         testable, why = step.gate.testable.get(name, "no"), step.gate.why.get(name, "")
         screened = Candidate(
@@ -252,7 +250,23 @@ def _candidates_of(step: Step[FitT]) -> tuple[Candidate, ...]:
     return tuple(found.values())
 
 
-def split_bodies(model: Model, added: Collection[str]) -> list[str]:
+def findings_of_model(
+    start: Model,
+    reached: Model,
+    added: Collection[str],
+    response: CommandResponse,
+    undetermined: Sequence[Undetermined],
+) -> list[str]:
+    """Findings about the fitted model: direction of the command, undetermined scales, bodies that an effect splits."""
+    direction = "" if response.uninformative else opposite_direction_warning(start, reached)
+    return [
+        *([direction] if direction else []),
+        *(one.text for one in undetermined if one.text),
+        *split_body_findings(reached, added),
+    ]
+
+
+def split_body_findings(model: Model, added: Collection[str]) -> list[str]:
     """How the model file would say that a body is two, one line for each effect that splits one and is new in it."""
     layout, units = lay_out(model), model.units
     found = []

@@ -1,4 +1,4 @@
-"""What the data can show at all: per effect, before anything is ranked."""
+"""The identifiability check: whether the data can show each effect at all."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from idloop.physics.trial import Scales
 
 @dataclass(frozen=True)
 class Gate:
-    """What this data can show.
+    """Result of the identifiability check.
 
     Attributes
     ----------
@@ -65,9 +65,9 @@ class Gate:
 
 
 def gate(model: Model, estimation: EstimationProblem, screened: Sequence[Screened], chance: float) -> Gate:
-    """Judge what the data can show beside a fitted model.
+    """Check what the data can show beside a fitted model.
 
-    `chance` is the statistic that the best of the catalogue reaches by chance as often as the error rate allows.
+    `chance` is the statistic that the best of the catalogue reaches by chance with the probability of the level.
     """
     sizes = Sizes(model, estimation)
     findings, levels, turns = _excitation(model, estimation, sizes)
@@ -76,13 +76,13 @@ def gate(model: Model, estimation: EstimationProblem, screened: Sequence[Screene
         name, scales = s.proposal.name, sizes.at(s.proposal.effect.site, s.proposal.at)
         limit, reach = detection_limit(s, chance), ""
         if limit is not None:
-            most, reach = reach_of(s.proposal, limit, model, scales)
-            limit = within(limit, most)
-        testable[name], why[name] = _judge(s, levels, turns, chance, limit, reach)
+            most, reach = largest_size(s.proposal, limit, model, scales)
+            limit = limited_to(limit, most)
+        testable[name], why[name] = _testability(s, levels, turns, chance, limit, reach)
         if limit is not None and testable[name] != "no":
             limits[name] = limit
-            if quicker := _quicker(s.proposal, limit, scales):
-                testable[name], why[name] = "no", quicker
+            if reason := _excited_too_slowly(s.proposal, limit, scales):
+                testable[name], why[name] = "no", reason
     from_a_level = tuple(s.proposal.name for s in screened if s.proposal.effect.from_a_level)
     poor = any(s.proposal.effect.everyday and testable[s.proposal.name] == "no" for s in screened)
     return Gate(findings, testable, why, from_a_level, limits | resolution_limits(model, estimation), poor)
@@ -93,10 +93,10 @@ def excitation_findings(model: Model, estimation: EstimationProblem) -> tuple[st
     return _excitation(model, estimation, Sizes(model, estimation))[0]
 
 
-def reach_of(proposal: Proposal, limit: DetectionLimit, model: Model, scales: Scales) -> tuple[float, str]:
-    """The largest size that an effect can have on a machine, infinite where nothing bounds it, and what bounds it.
+def largest_size(proposal: Proposal, limit: DetectionLimit, model: Model, scales: Scales) -> tuple[float, str]:
+    """The largest size that an effect can have on a machine, infinite without a bound, and what bounds it.
 
-    Beyond its travel, its command or its bounds no size is worth naming, such as "the whole travel of 0.128 m".
+    The bound is that of the parameter, of the travel, of the speed or of the command.
     """
     spec = proposal.effect.spec(limit.parameter)
     found = [(math.inf, "")]
@@ -115,24 +115,21 @@ def reach_of(proposal: Proposal, limit: DetectionLimit, model: Model, scales: Sc
     return min(found, key=lambda one: one[0])
 
 
-def within(limit: DetectionLimit, most: float) -> DetectionLimit:
-    """The detection limit without the sizes that are out of reach."""
+def limited_to(limit: DetectionLimit, most: float) -> DetectionLimit:
+    """The detection limit without sizes above the largest."""
     if limit.at_most:
         return limit
     least, sure = (value if value <= most else math.inf for value in (limit.least, limit.sure))
     return replace(limit, least=least, sure=sure)
 
 
-def _quicker(proposal: Proposal, limit: DetectionLimit, scales: Scales) -> str:
-    """Why an excitation far slower than the samples cannot show what is as quick as they are; empty where it can.
-
-    A loop that is sampled may have a delay of one sample, and a joint that swings within ten of them can be seen.
-    """
+def _excited_too_slowly(proposal: Proposal, limit: DetectionLimit, scales: Scales) -> str:
+    """Why a slow excitation cannot show a delay of one sample or a joint that swings within ten; empty where it can."""
     period, also = scales.sample_time, f"; {limit.text}" if limit.text else ""
     if proposal.effect.delay and limit.least > period:
         return f"a delay of one sample, {1e3 * period:.3g} ms, would not show: excite faster{also}"
     if limit.at_most:
-        # Two halves against each other swing with a quarter of the inertia of both.
+        # Two equal halves swing with a quarter of the inertia of both.
         swing = math.sqrt(limit.least / (0.25 * scales.inertia)) / (2.0 * math.pi)
         if swing < 0.1 / period:
             return f"a joint that swings at more than {swing:.3g} Hz would not show: excite faster{also}"
@@ -156,9 +153,11 @@ def _excitation(model: Model, estimation: EstimationProblem, sizes: Sizes) -> tu
     )
     findings = [sentence]
     if levels <= 1:
-        findings.append("the command has one size only: what depends on its size cannot be told from the gain")
+        findings.append(
+            "the command has one size only: an effect that depends on its size cannot be told from the gain"
+        )
     if reversals < 4:
-        findings.append(f"the axis reverses {reversals} times: friction and play hardly show")
+        findings.append(f"the axis reverses {reversals} times: friction and backlash hardly show")
     return tuple(findings), levels, turns
 
 
@@ -170,7 +169,7 @@ def _reversals(model: Model, data: Data) -> int:
     return 0 if direction is None else len(since_reversal(data.time, direction)[1])
 
 
-def _judge(
+def _testability(
     s: Screened, levels: int, turns: float, chance: float, limit: DetectionLimit | None, reach: str
 ) -> tuple[str, str]:
     """``yes``, ``weak`` or ``no``, and why."""
@@ -179,19 +178,19 @@ def _judge(
         return "no", "the model cannot be simulated with it on this data"
     if effect.odd and levels <= 1:
         return "no", "the command has one size only, so the effect is a plain gain: use several amplitudes"
-    if s.left < 3e-3:
-        return "no", "on this data it does no more than the free parameters or the initial state can do"
-    worth = max(t.worth for t in s.traces)
+    if s.own_part < 3e-3:
+        return "no", "on this data the free parameters or the initial state can do the same"
+    typical = max(t.typical for t in s.traces)
     from_where = "" if limit is None else limit.text
-    if worth < chance:
+    if typical < chance:
         if reach and not from_where:
             from_where = f"to show it would have to be larger than {reach}, so this experiment cannot show it"
-        return "no", "at its usual size it does no more than chance" + (f"; {from_where}" if from_where else "")
-    # An effect of typical size must be worth 2.5 times what chance reaches to be found or ruled out for sure.
-    if worth < 2.5 * chance:
+        return "no", "at its typical size it is within chance" + (f"; {from_where}" if from_where else "")
+    # An effect is found or excluded reliably where its typical size reaches 2.5 times the statistic of chance.
+    if typical < 2.5 * chance:
         return "weak", from_where or "only a strong effect would show"
     if effect.from_a_level:
         return "weak", f"a {effect.from_a_level} that this data has reached would show, one beyond it cannot"
     if effect.whole_turn and turns < 1.0:
         return "weak", f"the motion covers {turns:.2g} of a turn: it looks like an offset or a spring"
-    return "yes", from_where or f"at its usual size it would be worth {0.5 * worth:.3g} units of log-likelihood"
+    return "yes", from_where or f"at its typical size it would gain {0.5 * typical:.3g} units of log-likelihood"

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from idloop.diagnosis.candidate import Candidate
 from idloop.diagnosis.evidence.detection_limit import DetectionLimit
+from idloop.diagnosis.model_errors import model_errors
 from idloop.diagnosis.residual_curves.unknown_structure import UnknownStructure
 from idloop.diagnosis.screening.command_response import CommandResponse
 from idloop.diagnosis.search.step import ADEQUATE
@@ -16,20 +17,21 @@ from idloop.diagnosis.worsened import Worsened, worsened
 from idloop.errors import InputError
 from idloop.physics.model import Model
 from idloop.physics.model_file import from_text
+from idloop.records import Record
 
 SCHEMA = "idloop/refine/1"
 
 
 @dataclass(frozen=True)
 class Step:
-    """One rung.
+    """One step of a ladder.
 
     Attributes
     ----------
     added : Candidate or None
         The effect that was added; None for the start.
     set : tuple of str
-        Effects that the data cannot tell from it, itself included.
+        Effects that tie with it, itself included.
     p_value : float or None
     chosen_by : {"diagnosis", "user"}
     model : Model
@@ -46,11 +48,17 @@ class Step:
     train: dict[str, Any] = field(default_factory=dict)
     validation: dict[str, Any] = field(default_factory=dict)
 
+    def measured(self, model: Model, records: Sequence[Record], validation: Sequence[Record]) -> Step:
+        """The step with a model and its errors."""
+        return replace(
+            self, model=model, train=model_errors(model, records), validation=model_errors(model, validation)
+        )
+
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON; the model as text."""
-        told = ("effect", "at", "parameters", "explains", "replaces", "number", "text")
+        keys = ("effect", "at", "parameters", "explains", "replaces", "number", "text")
         return {
-            "added": None if self.added is None else {name: getattr(self.added, name) for name in told},
+            "added": None if self.added is None else {name: getattr(self.added, name) for name in keys},
             "p_value": self.p_value,
             "set": list(self.set),
             "chosen_by": self.chosen_by,
@@ -71,12 +79,12 @@ class Ladder:
     verdict : {"adequate", "unknown_structure", "not_excited", "missing"}
         ``missing`` while the ladder was stopped before its end.
     candidates : tuple of Candidate
-        What was weighed last.
+        What the last step evaluated, best first.
     untestable : tuple of str
     findings : tuple of str
         What the data can show.
     limits : mapping of str to DetectionLimit
-        Size from which on what was not found would have been, by effect and site.
+        Detection limits of what was not found, by effect and site.
     unknown : UnknownStructure or None
     suggested_experiment : dict or None
     criterion : str
@@ -116,11 +124,11 @@ class Ladder:
         return self._worsened(*self.steps)
 
     @property
-    def spoilt(self) -> list[Worsened]:
-        """Those of `worsened` that no later step has made good: the last model runs worse than the one before them."""
-        found, told = [], {one.name for one in self.worsened}
+    def still_worsened(self) -> list[Worsened]:
+        """Those of `worsened` whose free run is still worse in the last model than before them."""
+        found, names = [], {one.name for one in self.worsened}
         for before, step in zip(self.steps, self.steps[1:], strict=False):
-            if step.added is not None and step.added.name in told:
+            if step.added is not None and step.added.name in names:
                 found += self._worsened(before, replace(self.steps[-1], added=step.added))
         return found
 
@@ -130,15 +138,15 @@ class Ladder:
         return worsened(names, [step.validation if unseen else step.train for step in steps], unseen=unseen)
 
     def rivals(self, step: Step) -> tuple[str, ...]:
-        """What the data cannot tell from the effect of a step; an effect that has come in since is none any more."""
+        """Effects that tie with that of a step and that the model does not have."""
         if step.added is None:
             return ()
         return tuple(name for name in step.set if name != step.added.name and name not in self.model.effect_names)
 
     def replaced(self, step: Step) -> str:
-        """What the effect of a step took the place of, in words; empty where it came in beside the others.
+        """What the effect of a step has replaced, in words; empty where it was added beside the others.
 
-        A plain effect that the ladder itself had added is no step any more once a richer one contains it.
+        A plain effect that the ladder itself had added is no step any more once one that contains it has replaced it.
         """
         name = None if step.added is None else step.added.replaces
         if step.added is None or not name:
@@ -151,10 +159,10 @@ class Ladder:
             return f"in place of {name}, which it contains"
         return f"it contains {name}, which was added before it and is no step of its own any more"
 
-    def seconded(self, other: Ladder) -> Ladder:
-        """The same, where another view of its last model has found nothing to add: the stricter verdict of both."""
+    def merged_with(self, other: Ladder) -> Ladder:
+        """The ladder with the verdict of a second view of its last model, which added nothing: the stricter of both."""
         shown = {one.name for one in other.candidates} - set(other.untestable)
-        # The other view answers for the candidates that this one cannot show.
+        # The other view decides about candidates that this one cannot show.
         there = {one.name: one for one in other.candidates}
         seen = [there.pop(one.name, one) if one.testable == "no" else one for one in self.candidates]
         names = {one.name for one in seen}

@@ -1,4 +1,4 @@
-"""How far a model is from a set of records, in the figures that a ladder shows."""
+"""Errors of a model on a set of records, as a ladder reports them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from idloop.validation.drive import force_error
 from idloop.validation.free_run import free_run
 from idloop.validation.measures import fit_percent, nrmse, rmse
 
-# Fifths of a record, which keeps them: what is known of them is asked for by every model.
+# Fifths of a record, kept for as long as the record: every model is run on them.
 _FIFTHS: WeakKeyDictionary[Record, list[Record]] = WeakKeyDictionary()
 
 
@@ -26,7 +26,7 @@ def model_errors(model: Model, records: Sequence[Record]) -> dict[str, Any]:
     """Free-run errors ``nrmse``, ``fit`` [%], ``rmse`` and ``anew`` by output over all records, and by ``records``.
 
     ``anew`` is nrmse of a run that is started anew at every fifth of a record, ``force`` the relative force error, None
-    where it cannot be told. Empty without records.
+    where it is unknown. Empty without records.
     """
     if not records:
         return {}
@@ -48,7 +48,7 @@ def _errors(model: Model, record: Record) -> dict[str, Any]:
         found[label] = {name: float(value) for name, value in zip(names, values, strict=True) if np.isfinite(value)}
     try:
         force = force_error(model, record)
-        # Where the sensors' noise alone makes more of it, the error says little about the model.
+        # With more sensor noise the error is not that of the model.
         found["force"] = force.relative if force.noise < 0.2 else None
     except IdloopError:
         found["force"] = None
@@ -56,7 +56,7 @@ def _errors(model: Model, record: Record) -> dict[str, Any]:
 
 
 def _anew(model: Model, record: Record) -> dict[str, float]:
-    """Error of the free run by output, started anew at every fifth: a disturbance has had less time to carry it away.
+    """Error of the free run by output, started anew at every fifth, over which a disturbance adds up less.
 
     Empty where a fifth is too short to be run.
     """

@@ -6,7 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from idloop.diagnosis.equivalence.equivalent_effects import Twins, ladder_twins, one_of_each, rival_twins
+from idloop.diagnosis.equivalence.equivalent_effects import (
+    EquivalentEffects,
+    equivalent_effects_of_ladder,
+    equivalent_rivals,
+    without_equivalents,
+)
 from idloop.reporting.detectability import undetectable
 
 if TYPE_CHECKING:
@@ -27,7 +32,7 @@ class Next:
     ----------
     suggestion : Suggestion or None
         An experiment that is worth running.
-    twins : tuple of Twins
+    twins : tuple of EquivalentEffects
         What no experiment settles.
     undetectable : mapping of str to str
         Effects that the data cannot show, and why; those that the experiment would show included.
@@ -40,7 +45,7 @@ class Next:
     """
 
     suggestion: Suggestion | None = None
-    twins: tuple[Twins, ...] = ()
+    twins: tuple[EquivalentEffects, ...] = ()
     undetectable: Mapping[str, str] = field(default_factory=dict)
     reason: str = ""
     futile: bool = False
@@ -80,8 +85,8 @@ def next_of_ladder(ladder: Ladder, records: Sequence[Record], limits: Limits, op
     """
     from idloop.diagnosis.design.next_experiment import suggest_next
 
-    twins = ladder_twins(ladder)
-    steps = [replace(step, set=one_of_each(_first(ladder, step), twins)) for step in ladder.steps]
+    twins = equivalent_effects_of_ladder(ladder)
+    steps = [replace(step, set=without_equivalents(_first(ladder, step), twins)) for step in ladder.steps]
     open_ = undetectable(ladder)
     asked = replace(ladder, steps=tuple(steps), untestable=tuple(open_))
     return _judged(suggest_next(asked, records, limits, **options), twins, open_, ladder.verdict)
@@ -91,9 +96,9 @@ def next_of_diagnosis(found: Diagnosis, records: Sequence[Record], limits: Limit
     """What settles what a diagnosis has left open; arguments as those of `next_of_ladder`."""
     from idloop.diagnosis.design.next_experiment import suggest_next
 
-    twins = found.twins
+    twins = found.equivalent_effects
     open_ = {name: found.gate.why.get(name, "") for name in found.untestable if name not in found.set}
-    asked = replace(found, set=one_of_each(found.set, twins))
+    asked = replace(found, set=without_equivalents(found.set, twins))
     best = found.best
     if best is not None and best.model is not None and len(asked.set) == 1 and not _ties(asked):
         # What else there is to ask is asked of the model that has what is missing.
@@ -118,7 +123,7 @@ def next_of_models(
     """What separates rival models; those that are one equation count once where they are fitted."""
     from idloop.diagnosis.design.suggest import suggest
 
-    kept, twins = rival_twins(models) if fitted else (tuple(range(len(models))), None)
+    kept, twins = equivalent_rivals(models) if fitted else (tuple(range(len(models))), None)
     groups = () if twins is None else (twins,)
     if len(kept) < 2:
         return Next(twins=groups)
@@ -137,7 +142,9 @@ def _ties(found: Diagnosis) -> bool:
     return any(len(rung.set) > 1 for rung in found.rungs)
 
 
-def _judged(found: Suggestion | None, twins: Sequence[Twins], open_: Mapping[str, str], verdict: str) -> Next:
+def _judged(
+    found: Suggestion | None, twins: Sequence[EquivalentEffects], open_: Mapping[str, str], verdict: str
+) -> Next:
     """The answer; an experiment that is expected to say nothing is none."""
     if found is not None and any(outcome.in_favour >= _NOTHING for outcome in found.outcomes):
         return Next(found, tuple(twins), open_)

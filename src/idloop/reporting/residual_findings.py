@@ -98,9 +98,9 @@ def residual_warnings(verdict: str, found: Sequence[ResidualFinding]) -> list[st
     list of str
         What more is left, and of which outputs; empty where the verdict says so already.
     """
-    from idloop.diagnosis.search.step import SAY_NOISE  # not before: a comparison needs no diagnosis
+    from idloop.diagnosis.search.step import NOISE_VERDICTS  # not before: a comparison needs no diagnosis
 
-    if verdict not in SAY_NOISE:
+    if verdict not in NOISE_VERDICTS:
         return []
     follows = [one for one in found if not one.test.input_free]
     coloured = [one for one in found if not one.test.white and one.test.name not in {o.test.name for o in follows}]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from idloop.diagnosis.ladder import Ladder
 from idloop.diagnosis.screening.command_response import CommandResponse
 from idloop.diagnosis.screening.proposals import proposals
-from idloop.diagnosis.search.step import SAY_NOISE
+from idloop.diagnosis.search.step import NOISE_VERDICTS
 from idloop.estimation.direction import OPPOSITE_DIRECTION
 from idloop.reporting.terms import effect_words
 from idloop.spelling import joined_names
@@ -64,7 +64,7 @@ def conclusion(ladder: Ladder, left: Sequence[ResidualFinding] = (), only: str =
         What was looked for where that was not the whole catalogue, as `scope_text` says it.
     """
     end = ending(ladder.verdict, only, ladder.response)
-    if ladder.verdict not in SAY_NOISE or ladder.response.tells_nothing:
+    if ladder.verdict not in NOISE_VERDICTS or ladder.response.uninformative:
         return end
     something, of_these = unexplained_cause(only), "" if only else "of the catalogue "
     names = confounding_effects(ladder)
@@ -85,7 +85,7 @@ def ending(verdict: str, only: str = "", response: CommandResponse = CommandResp
     end = f"{plain}: {only}" if only else plain
     if response is CommandResponse.REVERSED:
         return f"{OPPOSITE_DIRECTION}: turn one of the two, then ask again"
-    return f"{_TELLS_NOTHING}; {end}" if response.tells_nothing else end
+    return f"{_TELLS_NOTHING}; {end}" if response.uninformative else end
 
 
 def unexplained_cause(only: str) -> str:
@@ -95,9 +95,9 @@ def unexplained_cause(only: str) -> str:
 
 def confounding_effects(ladder: Ladder) -> list[str]:
     """Effects of a ladder without which the model runs better, although nothing of the catalogue is left to add."""
-    if ladder.verdict not in SAY_NOISE:
+    if ladder.verdict not in NOISE_VERDICTS:
         return []
-    return [one.name for one in ladder.spoilt if one.name in ladder.model.effect_names]
+    return [one.name for one in ladder.still_worsened if one.name in ladder.model.effect_names]
 
 
 def explained_of(criterion: str) -> str:

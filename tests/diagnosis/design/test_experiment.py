@@ -99,12 +99,12 @@ def test_other_values_of_the_free_parameters_are_simulated():
         (({**STEPS, "hold_max": 0.01},), "hold_max"),
     ),
 )
-def test_parts_that_contradict_each_other_are_said(arguments, word):
+def test_contradicting_parts_are_refused(arguments, word):
     with pytest.raises(InputError, match=word):
         Experiment(*arguments).run(load_model("dc_motor"))
 
 
-def test_a_controller_of_something_not_measured_is_said():
+def test_a_controller_of_an_unmeasured_output_is_refused():
     model = load_model("axis")
     blind = replace(model, outputs=model.outputs[1:])
     with pytest.raises(InputError, match=r"axis\.position"):

@@ -1,4 +1,4 @@
-"""The suggested experiment separates what is tied, stays within its limits and says what to expect."""
+"""The suggested experiment separates tied effects, stays within its limits and predicts the outcome."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ import pytest
 from idloop.diagnosis import diagnose, refine
 from idloop.diagnosis.design.effect_question import effect_rivals, suggest_effect
 from idloop.diagnosis.design.experiment import Experiment
+from idloop.diagnosis.design.innovation_errors import transfer
 from idloop.diagnosis.design.limits import motion
 from idloop.diagnosis.design.next_experiment import suggest_next
 from idloop.diagnosis.design.rival_set import experiment_gains, labels, prepare_rivals
 from idloop.diagnosis.design.suggest import Limits, suggest
-from idloop.diagnosis.design.transfer import transfer
 from idloop.errors import InputError
 from idloop.estimation import fit
 from idloop.estimation.observer.stationary import design, discretise
@@ -102,7 +102,7 @@ def test_equal_seeds_give_equal_answers(tie, suggestion):
     assert again.to_dict() == suggestion.to_dict()
 
 
-def test_the_answer_is_plain_json_and_names_both_cases(suggestion):
+def test_the_answer_is_json_and_names_both_cases(suggestion):
     document = json.loads(json.dumps(suggestion.to_dict()))
     assert (document["adds_to"], document["unit"]) == ("command", "V")
     assert document["discrimination"] > 30.0
@@ -132,7 +132,7 @@ def test_progress_runs_from_nothing_to_the_end(tie):
     assert 0.9 < shares[-1] <= 1.0
 
 
-def test_where_nothing_within_the_limits_can_tell_it_says_so(motor):
+def test_limits_too_narrow_to_decide_are_reported(motor):
     record = Experiment(PRBS).run(motor, noise=True, disturbance=0.02, seed=3)
     plain = fitted(motor, [record])
     rivals = [plain, plain.with_effect("saturation", "input", limit=5.0)]
@@ -264,12 +264,12 @@ def test_innovations_of_one_observer_give_those_of_another():
         ({"position": (1.0, -1.0)}, "lower end"),
     ),
 )
-def test_limits_that_make_no_sense_are_said(limits, word):
+def test_invalid_limits_are_refused(limits, word):
     with pytest.raises(InputError, match=word):
         Limits(**limits)
 
 
-def test_what_cannot_be_asked_is_said(motor, tie):
+def test_invalid_questions_are_refused(motor, tie):
     record, rivals = tie
     with pytest.raises(InputError, match="two rival"):
         suggest(rivals[:1], [record])

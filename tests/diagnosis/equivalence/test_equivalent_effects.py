@@ -1,4 +1,4 @@
-"""Effects that are one equation: which are, in which models, and what tells them apart by hand."""
+"""Equivalent effects: which there are, in which models, and the checks that separate them by hand."""
 
 from __future__ import annotations
 
@@ -10,7 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from idloop.diagnosis import Candidate, Ladder
-from idloop.diagnosis.equivalence.equivalent_effects import find_twins, ladder_twins, one_of_each, rival_twins
+from idloop.diagnosis.equivalence.equivalent_effects import (
+    equivalent_effects_of_ladder,
+    equivalent_rivals,
+    find_equivalent_effects,
+    without_equivalents,
+)
 from idloop.diagnosis.ladder import Step
 from idloop.physics import load_model, simulate
 from idloop.reporting.detectability import significant_not_added, undetectable
@@ -24,10 +29,10 @@ def model(*effects: str):
 
 
 def groups(*arguments) -> list[tuple[str, ...]]:
-    return [one.names for one in find_twins(*arguments)]
+    return [one.names for one in find_equivalent_effects(*arguments)]
 
 
-def test_an_offset_is_a_load_behind_a_linear_drive_only():
+def test_an_offset_is_equivalent_to_a_load_behind_a_linear_drive_only():
     assert groups(model(), [OFFSET, LOAD]) == [(OFFSET, LOAD)]
     assert groups(model("actuator_lag@input(time_constant=0.01)"), [OFFSET, LOAD]) == [(OFFSET, LOAD)]
     assert groups(model("saturation@input(limit=2)"), [OFFSET, LOAD]) == [(OFFSET, LOAD)]
@@ -57,7 +62,7 @@ def test_friction_that_differs_by_direction_is_two_effects_where_a_fit_found_it_
     assert groups(model(f"{OFFSET}(offset=0.1)"), [ASYMMETRIC]) == [(ASYMMETRIC, both[0])]
     # Behind a dead zone an offset is no constant force.
     assert groups(model(f"{DEAD}(width=0.1)"), [ASYMMETRIC]) == [(ASYMMETRIC, both[0])]
-    (twins,) = find_twins(model(), [ASYMMETRIC])
+    (twins,) = find_equivalent_effects(model(), [ASYMMETRIC])
     assert [text.split()[0] for text in twins.checks] == ["with", "mount"]
 
 
@@ -72,7 +77,7 @@ def test_what_is_called_one_equation_moves_the_same(level, ratio, seed):
         "load_torque": f"torque={-level * ratio}",
         "input_offset": f"offset={-level * ratio / model().values['drive.gain']}",
     }
-    (group,) = find_twins(model(), [ASYMMETRIC])
+    (group,) = find_equivalent_effects(model(), [ASYMMETRIC])
     runs = []
     for names in group.names:
         parts = [f"{name}({values[name.partition('@')[0]]})" for name in names.split(" + ")]
@@ -95,23 +100,23 @@ def test_what_is_merely_alike_is_left_to_an_experiment():
 
 
 def test_each_pair_has_its_check_by_hand():
-    (twins,) = find_twins(model(f"{FRICTION}(level=0.5)"), [OFFSET, LOAD, ASYMMETRIC])
+    (twins,) = find_equivalent_effects(model(f"{FRICTION}(level=0.5)"), [OFFSET, LOAD, ASYMMETRIC])
     assert twins.text.startswith(f"no motion can tell {OFFSET}, {LOAD} and {ASYMMETRIC} apart")
     assert len(twins.checks) == 2
     assert "amplifier" in twins.checks[0]
     assert "the other way round" in twins.checks[1]
-    assert one_of_each((OFFSET, DEAD, LOAD), [twins]) == (OFFSET, DEAD)
+    assert without_equivalents((OFFSET, DEAD, LOAD), [twins]) == (OFFSET, DEAD)
 
 
 def test_rival_models_that_are_one_count_once():
     rivals = [model(f"{OFFSET}(offset=0.1)"), model(f"{LOAD}(torque=0.1)"), model(f"{DEAD}(width=0.1)")]
-    kept, twins = rival_twins(rivals)
+    kept, twins = equivalent_rivals(rivals)
     assert kept == (0, 2)
     assert twins is not None
     assert twins.names == (OFFSET, LOAD)
     # Two strengths of one effect are two models, and so are two with other free parameters.
-    assert rival_twins([rivals[2], model(f"{DEAD}(width=0.2)")]) == ((0, 1), None)
-    assert rival_twins([rivals[0].with_free([]), rivals[1]]) == ((0, 1), None)
+    assert equivalent_rivals([rivals[2], model(f"{DEAD}(width=0.2)")]) == ((0, 1), None)
+    assert equivalent_rivals([rivals[0].with_free([]), rivals[1]]) == ((0, 1), None)
 
 
 @pytest.fixture
@@ -119,15 +124,17 @@ def ladder() -> Ladder:
     last = model(f"{FRICTION}(level=0.5)", f"{OFFSET}(offset=0.1)")
     added = Candidate("input_offset", "input", "yes", "", "", model=last)
     step = Step(added, last, set=(OFFSET, LOAD, ASYMMETRIC))
-    weighed = Candidate("saturation", "input", "no", "a limit beyond the data cannot show", "")
+    evaluated = Candidate("saturation", "input", "no", "a limit beyond the data cannot show", "")
     names = (LOAD, ASYMMETRIC, OFFSET, "saturation@input", FRICTION)
-    return Ladder((Step(None, model()), step), "adequate", candidates=(weighed,), untestable=names)
+    return Ladder((Step(None, model()), step), "adequate", candidates=(evaluated,), untestable=names)
 
 
 def test_the_ties_of_a_ladder_are_held_against_its_last_model(ladder):
-    assert [one.names for one in ladder_twins(ladder)] == [(OFFSET, LOAD, ASYMMETRIC)]
+    assert [one.names for one in equivalent_effects_of_ladder(ladder)] == [(OFFSET, LOAD, ASYMMETRIC)]
     later = Step(Candidate("dead_zone", "input", "yes", "", ""), ladder.model.with_effects([f"{DEAD}(width=0.1)"]))
-    assert [one.names for one in ladder_twins(replace(ladder, steps=(*ladder.steps, later)))] == [(LOAD, ASYMMETRIC)]
+    assert [one.names for one in equivalent_effects_of_ladder(replace(ladder, steps=(*ladder.steps, later)))] == [
+        (LOAD, ASYMMETRIC)
+    ]
 
 
 def test_what_was_found_or_ties_with_it_is_not_what_the_data_cannot_show(ladder):
@@ -136,7 +143,7 @@ def test_what_was_found_or_ties_with_it_is_not_what_the_data_cannot_show(ladder)
     assert undetectable(Ladder((Step(None, richer),), untestable=(FRICTION, DEAD))) == {DEAD: ""}
 
 
-def test_what_was_significant_and_not_added_is_told_once(ladder):
+def test_a_significant_effect_that_was_not_added_is_reported_once(ladder):
     """A limit that begins beyond the data may have left its trace all the same."""
     passed = replace(ladder, passed_over={"saturation@input": "it stands in for something else"})
     assert undetectable(passed) == {}
@@ -148,6 +155,6 @@ def test_what_was_significant_and_not_added_is_told_once(ladder):
 
 
 def test_effects_that_nobody_knows_are_none_of_the_others() -> None:
-    assert find_twins(load_model("axis"), ("effect_0@axis", "load_torque@axis", "effect_1@input")) == find_twins(
-        load_model("axis"), ("load_torque@axis",)
-    )
+    assert find_equivalent_effects(
+        load_model("axis"), ("effect_0@axis", "load_torque@axis", "effect_1@input")
+    ) == find_equivalent_effects(load_model("axis"), ("load_torque@axis",))

@@ -1,4 +1,4 @@
-"""The characteristic of an effect, read off a record in which it acts: its own curve, and the data lie on it."""
+"""The characteristic of an effect, read off a record in which it acts: its own curve, with the data on it."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ def test_without_a_measured_motion_there_is_no_picture():
     assert characteristic(model, "coulomb_friction@motor", replace(record, output=hidden)) is None
 
 
-def test_an_effect_that_is_not_there_is_said():
+def test_an_effect_without_a_characteristic_is_refused():
     model = load_model("dc_motor")
     with pytest.raises(InputError, match="no effect"):
         characteristic(model, "dead_zone@input", recorded(model))

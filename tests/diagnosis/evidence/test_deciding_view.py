@@ -1,4 +1,4 @@
-"""What a balance of forces has found, against predictions."""
+"""Results of the force balance, checked by predictions."""
 
 from dataclasses import replace
 

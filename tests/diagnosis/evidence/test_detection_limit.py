@@ -1,4 +1,4 @@
-"""From which size on an effect would show."""
+"""Detection limits."""
 
 import math
 from dataclasses import dataclass, field
@@ -38,7 +38,7 @@ def test_the_power_of_a_trace_grows_with_the_square_of_its_size(width: float, po
     limit = detection_limit(Screened(proposal("dead_zone"), [trace([{"width": width}], power)]), 9.0)
     assert limit is not None
     assert limit.least == limit.sure == pytest.approx(2.5 * width * (3.0 + 1.645) / math.sqrt(power))
-    assert limit.hides(0.99 * limit.least)
+    assert limit.undetectable(0.99 * limit.least)
     assert DetectionLimit.from_dict(limit.to_dict()) == limit
 
 
@@ -48,16 +48,16 @@ def test_a_soft_joint_shows_up_to_a_stiffness() -> None:
     traces = [trace([values], 4.0 * NEEDED), trace([stiffer], 1.01 * NEEDED), trace([stiffer], 0.99 * NEEDED)]
     limit = detection_limit(Screened(proposal("compliance"), traces), 9.0)
     assert limit is not None
-    assert limit.least == 200.0, "nothing is said of what was not tried"
-    assert limit.hides(201.0)
-    assert not limit.hides(199.0)
+    assert limit.least == 200.0, "no limit beyond the trials"
+    assert limit.undetectable(201.0)
+    assert not limit.undetectable(199.0)
     assert limit.text.startswith("it would show with stiffness ≤ 200 N·m/rad")
     limit = detection_limit(Screened(proposal("compliance"), [trace([values], 0.25 * NEEDED)]), 9.0)
     assert limit is not None
     assert limit.least == pytest.approx(50.0)
 
 
-def test_shapes_are_told_apart_and_what_lies_nearest_to_the_limit_speaks_for_its_shape() -> None:
+def test_each_shape_has_the_limit_of_its_nearest_trial() -> None:
     slow = [{"amplitude": 1.0, "harmonic": 2.0, "phase": 0.0}], [{"amplitude": 0.1, "harmonic": 2.0, "phase": 0.0}]
     fast = [{"amplitude": 1.0, "harmonic": 9.0, "phase": 0.0}]
     traces = [trace(slow[0], 1e9), trace(slow[1], NEEDED), trace(fast, NEEDED, 0.0)]

@@ -1,4 +1,4 @@
-"""Effects weighed by the force balance: on every body, at a glance first, beside a curve that explains far more."""
+"""Effects by the force balance: on every body, in coarse windows first, beside a curve that explains far more."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import pytest
 from tests.diagnosis.conftest import record_of
 
 from idloop.diagnosis.evidence import force_view
-from idloop.diagnosis.evidence.deciding_view import asked_fit
+from idloop.diagnosis.evidence.deciding_view import requested_force_fit
 from idloop.diagnosis.evidence.force_view import ForceView, unbalanced
+from idloop.diagnosis.options import Options
 from idloop.diagnosis.residual_curves.periods import harmonics
 from idloop.diagnosis.screening.proposals import proposals
 from idloop.estimation.dataset import prepare
@@ -58,16 +59,16 @@ def simulated(machine: Model, time: np.ndarray, command: np.ndarray) -> np.ndarr
     return simulate(machine, time, command, time, noise=noise * [float(o.noise or 0.0) for o in machine.outputs]).output
 
 
-def weighed(model: Model, record: Record, effects: list[str] | None = None) -> force_view.ForceStep:
+def evaluated(model: Model, record: Record, effects: list[str] | None = None) -> force_view.ForceStep:
     estimation = prepare_estimation(model, [record], "prediction")
-    step = ForceView(estimation, 0.01, 0.01, effects).weigh(asked_fit(model, estimation, {}))
+    step = ForceView(estimation, Options(effects=effects)).evaluate(requested_force_fit(model, estimation, {}))
     assert isinstance(step, force_view.ForceStep)
     return step
 
 
-def test_what_acts_on_a_body_without_a_drive_is_worth_naming():
+def test_an_effect_on_a_body_without_a_drive_is_named():
     machine = gear().with_effects(["imbalance@load(amplitude=0.1, phase=0.4)"])
-    step = weighed(gear(), turned(machine), ["imbalance", "coulomb_friction", "load_torque"])
+    step = evaluated(gear(), turned(machine), ["imbalance", "coulomb_friction", "load_torque"])
     assert step.names == ("imbalance@load",)
     best = step.tied[0]
     assert best.fit.relative_by_body[0] == pytest.approx(
@@ -78,19 +79,19 @@ def test_what_acts_on_a_body_without_a_drive_is_worth_naming():
 
 
 @pytest.mark.slow
-def test_a_glance_changes_no_answer(monkeypatch):
+def test_coarse_windows_change_no_answer(monkeypatch):
     machine = load_model("axis").with_effects(["coulomb_friction@axis(level=0.05)", "imbalance@axis(amplitude=0.1)"])
     record = turned(machine, rate=1000.0)
-    quick = weighed(load_model("axis"), record)
-    monkeypatch.setattr(force_view, "_GLANCE", 10**9)
-    whole = weighed(load_model("axis"), record)
+    quick = evaluated(load_model("axis"), record)
+    monkeypatch.setattr(force_view, "_COARSE_WINDOWS", 10**9)
+    whole = evaluated(load_model("axis"), record)
     assert len(quick.parent.rows) > 3_000
     assert quick.names == whole.names
     assert quick.tied[0].evidence.log == pytest.approx(whole.tied[0].evidence.log, rel=1e-3)
-    behind = [one for one in quick.weighed if one.names not in {tied.names for tied in quick.tied}]
+    behind = [one for one in quick.evaluated if one.names not in {tied.names for tied in quick.tied}]
     assert any(one.fit.jacobian.size == 0 for one in behind)  # judged by the values of a glance
     best = quick.tied[0].scores
-    assert all(best.against(one.scores).told for one in behind)
+    assert all(best.against(one.scores).distinguishable for one in behind)
 
 
 def test_a_wave_shorter_than_three_windows_is_found():
@@ -99,7 +100,7 @@ def test_a_wave_shorter_than_three_windows_is_found():
     speed = float(np.sqrt(np.mean(record.output[:, 1] ** 2)))
     assert 1.0 < 2.0 * np.pi / 14 / speed * 250.0 / 7 < 3.0  # windows that a period lasts at the speed of the motion
     estimation = prepare_estimation(load_model("axis"), [record], "prediction")
-    found, tried = harmonics(asked_fit(load_model("axis"), estimation, {}), 0)
+    found, tried = harmonics(requested_force_fit(load_model("axis"), estimation, {}), 0)
     assert found[0] == 14
     assert tried >= 13
 
@@ -120,12 +121,12 @@ def test_predictions_weigh_sensors_splits_and_what_is_new_since_the_balance():
 
 def test_an_effect_beside_a_curve_is_judged_by_what_it_adds(start: Model):
     record = record_of(load_model("axis").with_effects(["coulomb_friction@axis(level=0.1)"]), 3)
-    step = weighed(start, record)
+    step = evaluated(start, record)
     assert not step.beside  # no curve explains far more than the friction itself
-    friction = next(one for one in step.weighed if one.names == ("coulomb_friction@axis",))
-    over_velocity = next(c for c in step.structures if c.text == "a force over the velocity")
+    friction = next(one for one in step.evaluated if one.names == ("coulomb_friction@axis",))
+    over_velocity = next(c for c in step.residual_curves if c.text == "a force over the velocity")
     assert over_velocity.beside(friction).evidence.difference < 0.5 * friction.evidence.difference
-    over_position = next(c for c in step.structures if c.text == "a force over the position")
+    over_position = next(c for c in step.residual_curves if c.text == "a force over the position")
     assert over_position.beside(friction).evidence.difference > 0.5 * friction.evidence.difference
 
 
@@ -135,8 +136,8 @@ def test_held_out_records_that_move_otherwise_do_not_hide_an_effect():
     rough = machine.with_effects(["coulomb_friction@axis(level=0.03)"])
     estimation = prepare_estimation(load_model("axis"), [turned(machine, 1)], "prediction")
     held_out = prepare(load_model("axis"), [turned(rough, 2)])
-    step = ForceView(estimation, 0.01, 0.01, ["load_torque"], held_out).weigh(
-        asked_fit(load_model("axis"), estimation, {})
+    step = ForceView(estimation, Options(effects=["load_torque"]), held_out).evaluate(
+        requested_force_fit(load_model("axis"), estimation, {})
     )
     assert step.names == ("load_torque@axis",)
     assert step.tied[0].held_out is not None
@@ -147,8 +148,8 @@ def test_an_effect_that_held_out_records_do_not_have_is_not_named():
     machine = load_model("axis").with_effects(["load_torque@axis(torque=0.1)"])
     estimation = prepare_estimation(load_model("axis"), [turned(machine, 1)], "prediction")
     held_out = prepare(load_model("axis"), [turned(load_model("axis"), 2)])
-    step = ForceView(estimation, 0.01, 0.01, ["load_torque"], held_out).weigh(
-        asked_fit(load_model("axis"), estimation, {})
+    step = ForceView(estimation, Options(effects=["load_torque"]), held_out).evaluate(
+        requested_force_fit(load_model("axis"), estimation, {})
     )
     assert not step.tied
     assert "does not carry over" in step.passed_over["load_torque@axis"]
@@ -160,8 +161,8 @@ def test_a_limit_that_held_out_records_do_not_reach_is_judged_without_them():
     gentle = turned(machine, 2)
     gentle = replace(gentle, input=0.5 * gentle.input, output=simulated(machine, gentle.time, 0.5 * gentle.input))
     held_out = prepare(load_model("axis"), [gentle])
-    step = ForceView(estimation, 0.01, 0.01, ["saturation"], held_out).weigh(
-        asked_fit(load_model("axis"), estimation, {})
+    step = ForceView(estimation, Options(effects=["saturation"]), held_out).evaluate(
+        requested_force_fit(load_model("axis"), estimation, {})
     )
     assert step.names == ("saturation@input",)
     assert step.tied[0].held_out is None
@@ -171,10 +172,10 @@ def test_a_pair_whose_second_effect_takes_the_place_of_the_first_acts_on_held_ou
     model = load_model("axis")
     machine = model.with_effects(["coulomb_friction@axis(level=0.1)"])
     estimation = prepare_estimation(model, [turned(machine, 1)], "prediction")
-    parent = asked_fit(model, estimation, {})
-    weigher = force_view._Weigher(estimation, parent, parent, prepare(model, [turned(machine, 2)]))
+    parent = requested_force_fit(model, estimation, {})
+    evaluator = force_view._Evaluator(estimation, parent, parent, prepare(model, [turned(machine, 2)]))
     (first,) = proposals(model, ["coulomb_friction"])
     (second,) = proposals(first.model({"level": 0.1}), ["asymmetric_friction"])
-    fit = asked_fit(second.model({"level": 0.1, "ratio": 0.1}), estimation, {})
+    fit = requested_force_fit(second.model({"level": 0.1, "ratio": 0.1}), estimation, {})
     assert "coulomb_friction@axis" not in fit.model.effect_names
-    assert weigher._acts((first, second), fit)
+    assert evaluator._acts((first, second), fit)

@@ -20,7 +20,7 @@ def looked(model: Model, whole: Record, looks: int, first: float = 4.0, period: 
     for look in range(looks):
         start = first + look * period
         earlier, new = whole.cut(0.0, start - 0.5 * STEP), whole.cut(start, start + period - 0.5 * STEP)
-        found.append(found[-1].look([earlier], new, round((start + period) * 1e9)))
+        found.append(found[-1].update([earlier], new, round((start + period) * 1e9)))
     return found[1:]
 
 
@@ -45,13 +45,13 @@ def test_nothing_is_decided_of_a_machine_that_lacks_nothing(start: Model) -> Non
         assert not last.decided
 
 
-def test_what_has_been_said_does_not_depend_on_what_comes_later(start: Model) -> None:
+def test_evidence_does_not_depend_on_later_samples(start: Model) -> None:
     quiet, loud = load_model("axis"), load_model("axis").with_effects(["coulomb_friction@axis(level=0.3)"])
     one = looked(start, record_of(quiet, 2), looks=3)
     other = record_of(loud, 3)
     for index, before in enumerate(one[:2]):
         earlier = record_of(quiet, 2).cut(0.0, 6.0 + 2.0 * index - 0.5 * STEP)
-        after = before.look([earlier], other.cut(0.0, 2.0), 1)
+        after = before.update([earlier], other.cut(0.0, 2.0), 1)
         kept = {name: tally.sums[: len(before.tallies[name].sums)] for name, tally in after.tallies.items()
                 if name in before.tallies}  # fmt: skip
         assert kept == {name: tally.sums for name, tally in before.tallies.items()}
@@ -63,7 +63,7 @@ def differences(rng: np.random.Generator, count: int, size: float = 0.2) -> NDAr
 
 
 @pytest.mark.parametrize("level", [0.2, 0.05])
-def test_looking_after_every_stretch_gives_no_more_false_alarms_than_the_level_says(level: float) -> None:
+def test_interim_looks_keep_the_level_of_false_alarms(level: float) -> None:
     runs, alarms = 400, 0
     for seed in range(runs):
         rng, tally = np.random.default_rng(seed), Tally()
@@ -89,7 +89,7 @@ def test_errors_that_hang_together_temper_the_evidence() -> None:
 def test_a_stretch_that_is_too_short_is_refused_with_the_length_that_is_not(start: Model) -> None:
     whole = record_of(load_model("axis"), 1)
     with pytest.raises(IdloopError, match=r"too short to be scored: .* s are needed"):
-        LiveEvidence(start, effects=EFFECTS).look([whole.cut(0.0, 4.0)], whole.cut(4.0, 4.11), 1)
+        LiveEvidence(start, effects=EFFECTS).update([whole.cut(0.0, 4.0)], whole.cut(4.0, 4.11), 1)
 
 
 def test_a_body_that_nobody_measures_is_one_line(start: Model) -> None:
@@ -98,4 +98,4 @@ def test_a_body_that_nobody_measures_is_one_line(start: Model) -> None:
     time = np.arange(0.0, 3.0, 0.002)
     record = record_from_model("run", model, time, rng.normal(size=len(time)), rng.normal(size=(len(time), 2)))
     with pytest.raises(InputError, match="every body's position or velocity"):
-        LiveEvidence(model).look([record.cut(0.0, 2.0)], record.cut(2.0, 3.0), 1)
+        LiveEvidence(model).update([record.cut(0.0, 2.0)], record.cut(2.0, 3.0), 1)

@@ -1,4 +1,4 @@
-"""Which searches go on after their first round, and what ended where no larger effect makes sense."""
+"""Searches that continue after their first round, and strengths that end at their bound."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -8,7 +8,7 @@ import pytest
 from tests.diagnosis.conftest import RATE, record_of
 
 from idloop.diagnosis import refine
-from idloop.diagnosis.evidence.prediction_view import _may_decide, at_its_bound
+from idloop.diagnosis.evidence.prediction_view import _may_decide, bound_reached
 from idloop.diagnosis.screening.proposals import proposals
 from idloop.physics import Model, load_model
 
@@ -33,7 +33,7 @@ def test_what_is_searched_further_after_a_first_round(
 
 
 @pytest.mark.parametrize(
-    ("effect", "values", "told"),
+    ("effect", "values", "reported"),
     [
         ("load_dependent_friction", {"ratio": 0.99}, True),
         ("load_dependent_friction", {"ratio": 0.9}, False),
@@ -43,17 +43,19 @@ def test_what_is_searched_further_after_a_first_round(
         ("compliance", {"stiffness": 0.0}, False),
     ],
 )
-def test_a_strength_at_a_bound_that_is_not_nothing_is_told(effect: str, values: dict[str, float], told: bool) -> None:
+def test_a_strength_at_a_bound_other_than_zero_is_reported(
+    effect: str, values: dict[str, float], reported: bool
+) -> None:
     (proposal,) = proposals(load_model("axis"), [effect])
-    text = at_its_bound(proposal.model(values), proposal)
-    assert text == (f"its ratio ended at the bound of what makes sense, {values['ratio']:g}" if told else "")
+    text = bound_reached(proposal.model(values), proposal)
+    assert text == (f"its ratio ended at the bound of what makes sense, {values['ratio']:g}" if reported else "")
 
 
-@pytest.mark.parametrize(("ratio", "told"), [(1.0, True), (-1.0, True), (0.6, False), (0.0, False)])
-def test_what_makes_an_effect_richer_is_its_strength(ratio: float, told: bool) -> None:
+@pytest.mark.parametrize(("ratio", "reported"), [(1.0, True), (-1.0, True), (0.6, False), (0.0, False)])
+def test_the_strength_of_an_effect_is_what_it_has_beyond_a_simpler_one(ratio: float, reported: bool) -> None:
     model = load_model("axis").with_effects(["coulomb_friction@axis(level=0.1)"])
     (proposal,) = proposals(model, ["asymmetric_friction"])
-    assert bool(at_its_bound(proposal.model({"level": 0.1, "ratio": ratio}), proposal)) is told
+    assert bool(bound_reached(proposal.model({"level": 0.1, "ratio": ratio}), proposal)) is reported
 
 
 @pytest.mark.parametrize("share", [0.0, 1.0])
@@ -61,7 +63,7 @@ def test_all_of_a_share_is_a_share(share: float) -> None:
     model = load_model("axis").with_effects(["compliance@axis(stiffness=20.0, damping=0.02, split=0.4)"])
     (proposal,) = proposals(model, ["compliance"])
     values = {"stiffness": 20.0, "damping": 0.02, "split": 0.4, "viscous_split": share}
-    assert not at_its_bound(proposal.model(values), proposal)
+    assert not bound_reached(proposal.model(values), proposal)
 
 
 def test_no_friction_takes_the_whole_drive_of_an_axis_that_is_only_driven(start: Model) -> None:

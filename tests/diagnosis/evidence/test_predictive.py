@@ -34,6 +34,6 @@ def test_improvement_and_probability() -> None:
     evidence = Evidence(difference=100.0, design_effect=10.0, spread=20.0, samples=1000)
     assert evidence.log == pytest.approx(10.0)
     assert evidence.improvement == pytest.approx(1.0 - np.exp(-0.1))
-    assert evidence.told
+    assert evidence.distinguishable
     assert evidence.p_value(27) == pytest.approx(27 * np.exp(-10.0))
     assert Evidence(-5.0, 1.0, 1.0, 10).p_value(27) == 1.0

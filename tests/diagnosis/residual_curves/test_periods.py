@@ -1,12 +1,12 @@
-"""A force that repeats over the position with a period that nobody has named."""
+"""A force that repeats over the position with an unknown period."""
 
 import numpy as np
 import pytest
 from tests.diagnosis.conftest import record_of
 
 from idloop.diagnosis import diagnose
-from idloop.diagnosis.residual_curves.curves import CURVES, CurveProposal
-from idloop.diagnosis.residual_curves.periods import remaining_period
+from idloop.diagnosis.residual_curves.periods import residual_period
+from idloop.diagnosis.residual_curves.trial_curves import CURVES, CurveProposal
 from idloop.diagnosis.residual_curves.unknown_structure import KNOTS
 from idloop.estimation.likelihood.estimation_problem import prepare_estimation
 from idloop.physics import Model, load_model
@@ -26,7 +26,7 @@ def repeating() -> Model:
 def test_the_period_of_a_remaining_force_is_found() -> None:
     model = load_model("axis")
     estimation = prepare_estimation(model, [record_of(repeating(), 5), record_of(repeating(), 6)], "prediction")
-    found = remaining_period(model, estimation)
+    found = residual_period(model, estimation)
     assert found is not None
     length, tried = found
     assert length == pytest.approx(PERIOD, rel=0.01)
@@ -34,7 +34,7 @@ def test_the_period_of_a_remaining_force_is_found() -> None:
 
 
 @pytest.mark.slow
-def test_what_repeats_and_is_in_no_catalogue_is_told_with_its_period_and_strength(start: Model) -> None:
+def test_a_periodic_force_outside_the_catalogue_is_reported_with_its_period_and_strength(start: Model) -> None:
     diagnosis = diagnose(start, [record_of(repeating(), 5)])
     assert diagnosis.verdict == "unknown_structure"
     unknown = diagnosis.unknown
@@ -54,5 +54,5 @@ def test_too_short_a_travel_holds_no_period() -> None:
     record = record_of(model, 5)
     assert np.ptp(record.output[:, 0]) < 1.0
     estimation = prepare_estimation(model, [record], "prediction")
-    found = remaining_period(model, estimation)
+    found = residual_period(model, estimation)
     assert found is None or found[0] < np.ptp(record.output[:, 0])

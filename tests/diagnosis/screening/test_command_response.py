@@ -1,4 +1,4 @@
-"""Data in which the motion has nothing to do with the command: no effect is named on them, and it is said."""
+"""Data in which the motion has nothing to do with the command: no effect is named on them, and a finding reports it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from tests.diagnosis.conftest import record_of
 
 from idloop.diagnosis import Ladder, diagnose, refine
-from idloop.diagnosis.screening.command_response import CommandResponse, follows, response_of
+from idloop.diagnosis.screening.command_response import CommandResponse, command_response, responds_to_command
 from idloop.diagnosis.search.step import NOT_EXCITED
 from idloop.estimation.likelihood.estimation_problem import prepare_estimation
 from idloop.estimation.likelihood.refit import refit
@@ -28,7 +28,7 @@ def unrelated_motion(machine: Model, seed: int) -> Record:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
-def test_columns_of_two_runs_are_told_and_no_effect_is_named(start, seed):
+def test_columns_of_two_runs_are_reported_and_no_effect_is_named(start, seed):
     machine = start.with_effects([FRICTION])
     records = [unrelated_motion(machine, seed), unrelated_motion(machine, seed + 10)]
     found = diagnose(start, records)
@@ -56,7 +56,7 @@ def reversed_sign(seed: int) -> Record:
 
 
 @pytest.mark.slow
-def test_a_command_of_the_other_sign_is_told_and_is_all_that_is(start):
+def test_a_reversed_command_is_the_only_finding(start):
     found = diagnose(start, [reversed_sign(3)])
     assert found.response is CommandResponse.REVERSED
     assert (found.set, found.verdict, found.unknown) == ((), NOT_EXCITED, None)
@@ -71,11 +71,11 @@ def test_a_gain_that_may_be_negative_becomes_so_and_the_effect_is_found(start):
     free = start.with_free([*(name for name in start.free if name != "axis.inertia"), "drive.gain"])
     ladder = refine(free, [reversed_sign(3)], effects=["coulomb_friction", "input_offset"])
     assert ladder.added == ("coulomb_friction@axis",)
-    assert any("drive.gain is -" in said and "`scale: -1`" in said for said in ladder.findings)
+    assert any("drive.gain is -" in text and "`scale: -1`" in text for text in ladder.findings)
 
 
 @pytest.mark.slow
-def test_of_a_servo_whose_own_loop_saturates_it_is_not_said_that_it_does_not_follow():
+def test_a_servo_whose_own_loop_saturates_follows_its_command():
     """No model of ours has a loop in the drive; the command is far from the motion, and still it is what moves it."""
     time = np.arange(0.0, 6.0, 0.02)
     records = []
@@ -92,37 +92,37 @@ def test_of_a_servo_whose_own_loop_saturates_it_is_not_said_that_it_does_not_fol
     servo = servo.with_values({"axis.inertia": 1.0, "drive.gain": 300.0, "axis.viscous_friction": 30.0})
     servo = servo.with_free([*(name for name in servo.free if name != "axis.inertia"), "drive.gain"])
     found = diagnose(servo, records)
-    assert not found.response.tells_nothing
+    assert not found.response.uninformative
     assert found.verdict != NOT_EXCITED
 
 
 @pytest.mark.parametrize("turn", [1.0, -1.0])
-def test_whether_a_fit_is_of_related_data_is_told(start, turn):
+def test_the_command_response_of_related_and_unrelated_data(start, turn):
     record = record_of(start, 3, disturbance=0.02)
     record = replace(record, input=turn * record.input)
-    assert response_of(start, [record]) is (CommandResponse.FOLLOWS if turn > 0.0 else CommandResponse.REVERSED)
-    assert response_of(start, [unrelated_motion(start, 1)]) is CommandResponse.UNMOVED
+    assert command_response(start, [record]) is (CommandResponse.FOLLOWS if turn > 0.0 else CommandResponse.REVERSED)
+    assert command_response(start, [unrelated_motion(start, 1)]) is CommandResponse.UNMOVED
 
 
 @pytest.mark.parametrize("kind", ["prediction", "simulation", "force"])
 def test_a_machine_under_command_follows_by_every_criterion(start, kind):
     record = record_of(start.with_effects([FRICTION]), 3, disturbance=0.02)
     estimation = prepare_estimation(start, [record], kind)
-    assert follows(estimation, refit(estimation, start))
+    assert responds_to_command(estimation, refit(estimation, start))
 
 
 def test_steps_from_rest_are_followed_though_each_has_one_command(start):
     records = [record_of(start, seed, command=np.full(300, float(seed))) for seed in (1, 2, 3)]
     estimation = prepare_estimation(start, records, "prediction")
-    assert follows(estimation, refit(estimation, start))
+    assert responds_to_command(estimation, refit(estimation, start))
 
 
 def test_a_disturbance_as_strong_as_the_command_hides_nothing_of_it(start):
     record = record_of(start, 3, seconds=20.0, disturbance=1.0)
     estimation = prepare_estimation(start, [record], "prediction")
-    assert follows(estimation, refit(estimation, start))
+    assert responds_to_command(estimation, refit(estimation, start))
     found = diagnose(start, [record], effects=["coulomb_friction"])
-    assert not found.response.tells_nothing
+    assert not found.response.uninformative
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -133,5 +133,5 @@ def test_the_model_with_the_missing_effect_may_be_the_first_that_follows(start):
     record = record_of(machine, 5, command=command)
     estimation = prepare_estimation(start, [record], "prediction")
     plain = refit(estimation, start)
-    assert not follows(estimation, plain)
-    assert follows(estimation, refit(estimation, machine, None, plain))
+    assert not responds_to_command(estimation, plain)
+    assert responds_to_command(estimation, refit(estimation, machine, None, plain))

@@ -1,4 +1,4 @@
-"""What a model says of samples that its fits have not seen: much with a hidden effect, nothing with an idle one."""
+"""Scores of unseen samples: large with a hidden effect, zero with an idle one."""
 
 import math
 
@@ -39,7 +39,7 @@ def test_a_hidden_effect_shows_and_an_idle_one_does_not(start: Model) -> None:
     machine = plain.with_effects(["coulomb_friction@axis(level=0.05)"])
     shown = evidence(*fits(start, machine, 1, "coulomb_friction", FRICTION))
     assert shown.log > math.log(30 / 0.01)
-    assert shown.told
+    assert shown.distinguishable
     idle = [evidence(*fits(start, plain, seed, "load_torque", OFFSET)).log for seed in range(6)]
     assert max(idle) < math.log(30 / 0.01)
     # Unseen samples ask a parameter that does nothing for its price.
@@ -57,7 +57,7 @@ def test_a_fold_is_scored_by_the_other_ones(start: Model) -> None:
     assert 0.0 < loss < 10.0 * parent.parameters
 
 
-def test_columns_that_the_errors_follow_are_learnt_beside_the_parameters(start: Model) -> None:
+def test_regressors_of_the_errors_are_fitted_beside_the_parameters(start: Model) -> None:
     parent = refit(estimation_of(start, load_model("axis"), 3), start)
     scores = InnovationScores(parent)
     rng = np.random.default_rng(0)

@@ -1,4 +1,4 @@
-"""Effects that take another's place, or their own in a fuller form."""
+"""Candidates that replace another effect, or the simple form of their own."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ def found(model):
     return {one.name: one for one in proposals(model)}
 
 
-def test_bristles_are_offered_in_their_fuller_form_beside_their_plain_one():
+def test_bristles_are_proposed_in_their_full_form_where_the_model_has_the_simple_one():
     model = load_model("axis").with_effects([DAHL])
     fuller = found(model)["presliding_friction@axis"]
     assert fuller.replaces == "presliding_friction@axis"
     assert "presliding_friction@axis" not in fuller.base.effect_names
 
 
-def test_the_fuller_form_is_searched_from_the_values_of_the_plain_one():
+def test_the_full_form_is_searched_from_the_values_of_the_simple_one():
     model = load_model("axis").with_effects([DAHL])
     fuller = found(model)["presliding_friction@axis"]
     (trial, *_), *_ = fuller.alternatives(SCALES)

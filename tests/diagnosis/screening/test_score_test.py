@@ -1,4 +1,4 @@
-"""What the screening remembers of a trace."""
+"""Traces of the score test."""
 
 import numpy as np
 import pytest
@@ -34,7 +34,7 @@ def test_a_sketched_direction_points_to_where_the_effect_moves_the_errors(screen
     traces = [trace for trace in screen(proposal).traces if trace.sketch.shape[1] == 1]
     assert traces
     for trace in traces:
-        moved = screen.moved(proposal, trace.trials[0])
+        moved = screen.response_to_effect(proposal, trace.trials[0])
         assert moved is not None
         sketched = np.add.reduceat(moved * screen._signs, screen._edges)
         assert float(sketched @ trace.sketch[:, 0]) > 0.0
@@ -54,7 +54,7 @@ def test_a_trace_counts_by_what_is_its_own_however_much_the_parameters_could_do(
     finally:
         screen.errors = screen_errors
     assert trace is not None
-    assert trace.left < 1e-6
+    assert trace.own_part < 1e-6
     assert trace.detectable == pytest.approx(25.0, rel=1e-3)
     assert trace.size[0] == pytest.approx(size, rel=1e-3)
     assert trace.statistic == pytest.approx(25.0 * size**2, rel=1e-3)

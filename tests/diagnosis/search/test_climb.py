@@ -1,4 +1,4 @@
-"""A ladder ends, whatever a view says of its effects, and what is taken out is told by the fit without it."""
+"""A ladder ends, whatever a view names, and superfluous effects are removed by the fit without them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from idloop.diagnosis.evidence.predictive import Evidence, Scores
 from idloop.diagnosis.screening.proposals import proposals
 from idloop.diagnosis.search.climb import Climb
-from idloop.diagnosis.search.step import Step, View, Weighed
+from idloop.diagnosis.search.step import EvaluatedModel, SearchStep, View
 from idloop.physics import Model, load_model
 
 FRICTION, DRAG = "coulomb_friction@axis", "quadratic_drag@axis"
@@ -23,18 +23,18 @@ class Fit:
     log_likelihood: float = 0.0
 
 
-class Answers(Step[Any]):
-    """All that was weighed shows and is worth a name."""
+class Answers(SearchStep[Any]):
+    """All that was evaluated shows and is worth a name."""
 
     criterion = "prediction"
 
-    def smaller(self, one: Weighed[Any]) -> float:
+    def improvement(self, one: EvaluatedModel[Any]) -> float:
         return one.evidence.improvement
 
-    def only_together(self, pair: Weighed[Any]) -> bool:
+    def jointly_needed(self, pair: EvaluatedModel[Any]) -> bool:
         return True
 
-    def too_small(self, one: Weighed[Any]) -> str:
+    def insignificance(self, one: EvaluatedModel[Any]) -> str:
         return "it is too small"
 
     def reported(self, fit: Any) -> Model:
@@ -45,11 +45,11 @@ class Answers(Step[Any]):
         return "adequate", ()
 
 
-def weighed(model: Model, name: str, difference: float, samples: int = 1000) -> Weighed[Any]:
+def evaluated(model: Model, name: str, difference: float, samples: int = 1000) -> EvaluatedModel[Any]:
     (proposal,) = proposals(model, [name])
     fit: Any = Fit(proposal.model({}))
     scores = Scores(np.full(samples, difference / samples), [np.arange(samples)])
-    return Weighed((proposal,), fit, scores, Evidence(difference, 1.0, 0.1 * difference, samples), difference)
+    return EvaluatedModel((proposal,), fit, scores, Evidence(difference, 1.0, 0.1 * difference, samples), difference)
 
 
 class Fickle(View[Any]):
@@ -58,12 +58,12 @@ class Fickle(View[Any]):
     def __init__(self, dropping: bool) -> None:
         self.dropping, self.steps = dropping, 0
 
-    def weigh(self, parent: Any) -> Step[Any]:
+    def evaluate(self, parent: Any) -> SearchStep[Any]:
         self.steps += 1
         wanted = [name for name in (FRICTION, DRAG) if name not in parent.model.effect_names]
-        return Answers(parent, tuple(weighed(parent.model, name, 100.0) for name in wanted[:1]), 2, 0.01, 0.01)
+        return Answers(parent, tuple(evaluated(parent.model, name, 100.0) for name in wanted[:1]), 2, 0.01, 0.01)
 
-    def again(self, fit: Any) -> Any:
+    def refit_thoroughly(self, fit: Any) -> Any:
         return fit
 
     def without(self, fit: Any, name: str) -> Any:
@@ -85,11 +85,11 @@ def test_a_ladder_does_not_turn_in_a_circle() -> None:
 class Waves(View[Any]):
     """Finds three waves, of which the first has become superfluous in the end."""
 
-    def weigh(self, parent: Any) -> Step[Any]:
+    def evaluate(self, parent: Any) -> SearchStep[Any]:
         more = len(parent.model.effects) < 3 and "cogging#3@axis" not in parent.model.effect_names
-        return Answers(parent, (weighed(parent.model, "cogging@axis", 100.0),) if more else (), 1, 0.01, 0.01)
+        return Answers(parent, (evaluated(parent.model, "cogging@axis", 100.0),) if more else (), 1, 0.01, 0.01)
 
-    def again(self, fit: Any) -> Any:
+    def refit_thoroughly(self, fit: Any) -> Any:
         return fit
 
     def without(self, fit: Any, name: str) -> Any:
@@ -112,11 +112,11 @@ def test_a_ladder_adds_what_shows_and_ends_with_the_verdict_of_the_last_step() -
     assert fit.model is ladder.model
 
 
-def test_a_model_that_spoils_the_other_view_ends_the_ladder_with_what_was_there() -> None:
+def test_a_model_that_is_worse_in_the_other_view_ends_the_ladder_with_what_was_there() -> None:
     start, _ = climb(Fickle(dropping=False))(Fit(load_model("axis")))
     before = start.undo()
     guarded = Climb(
-        Fickle(dropping=False), (), (), "prediction", 0.01, 8, lambda share, text: None, spoils=lambda one, other: True
+        Fickle(dropping=False), (), (), "prediction", 0.01, 8, lambda share, text: None, worse=lambda one, other: True
     )
     ladder, _ = guarded(Fit(before.model), before)
     assert ladder is before
@@ -125,17 +125,17 @@ def test_a_model_that_spoils_the_other_view_ends_the_ladder_with_what_was_there(
 def test_the_step_that_shows_too_little_is_passed_over_with_the_reason() -> None:
     model = load_model("axis")
     parent: Any = SimpleNamespace(model=model)
-    step = Answers(parent, (weighed(model, FRICTION, 20.0, 10_000),), 2, 0.01, 0.01)
+    step = Answers(parent, (evaluated(model, FRICTION, 20.0, 10_000),), 2, 0.01, 0.01)
     assert step.significant
     assert not step.tied
     assert step.passed_over == {FRICTION: "it is too small"}
-    refused = Answers(parent, (weighed(model, FRICTION, 200.0),), 2, 0.01, 0.01, refused={FRICTION: "it harms"})
+    refused = Answers(parent, (evaluated(model, FRICTION, 200.0),), 2, 0.01, 0.01, rejected={FRICTION: "it harms"})
     assert refused.passed_over == {FRICTION: "it harms"}
 
 
-def test_a_plain_effect_goes_before_the_richer_one_that_contains_it() -> None:
+def test_a_simple_effect_goes_before_one_that_contains_it() -> None:
     model = load_model("axis")
     parent: Any = SimpleNamespace(model=model)
-    several = (weighed(model, "stribeck_friction@axis", 300.0), weighed(model, FRICTION, 200.0))
+    several = (evaluated(model, "stribeck_friction@axis", 300.0), evaluated(model, FRICTION, 200.0))
     step = Answers(parent, several, 2, 0.01, 0.01)
     assert step.names == (FRICTION,)

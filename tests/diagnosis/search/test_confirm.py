@@ -1,4 +1,4 @@
-"""Refits of single effects: what the noise model may take for its own."""
+"""Fits of single effects, and what the noise model absorbs."""
 
 from typing import NamedTuple
 
@@ -11,14 +11,14 @@ from tests.diagnosis.conftest import record_of
 from idloop.diagnosis import diagnose
 from idloop.diagnosis.screening.proposals import proposals
 from idloop.diagnosis.screening.score_test import Screen
-from idloop.diagnosis.search.confirm import confirm_behind_noise
+from idloop.diagnosis.search.confirm import refit_under_restricted_noise
 from idloop.estimation.likelihood.estimation_problem import prepare_estimation
 from idloop.estimation.likelihood.refit import STRENGTH_FACTORS, refit
 from idloop.physics import Model, catalogue, load_model
 
 
 @pytest.mark.parametrize("offset", [0.1, 0.0])
-def test_a_constant_force_is_found_behind_a_walk(start: Model, offset: float) -> None:
+def test_a_constant_force_is_found_beside_a_random_walk(start: Model, offset: float) -> None:
     # Ten samples of memory disturb this run; a walk does as well as long as it may stand for the offset too.
     machine = load_model("axis").with_effects([f"input_offset@input(offset={offset})"])
     record = record_of(machine, 1, seconds=6.0, disturbance=0.02)
@@ -35,13 +35,13 @@ def test_a_filter_that_the_noise_model_imitates_is_found_with_the_noise_held_dow
     assert parent.whitening_gain > 1.0
     names = [hidden, "sensor_delay@velocity[axis]", "actuator_lag@input", "coulomb_friction@axis"]
     screened = Screen(estimation, parent, 0).all(proposals(parent.model, names), lambda share, text: None)
-    found = confirm_behind_noise(estimation, parent, screened)
+    found = refit_under_restricted_noise(estimation, parent, screened)
     assert found[0].proposal.name == hidden
     assert found[0].fit.model.values[f"{hidden}.time_constant"] == pytest.approx(0.04, rel=0.01)
 
 
 @given(st.floats(1e-4, 10.0), st.floats(0.02, 50.0))
-def test_a_search_for_a_play_starts_near_any_gap(twist: float, gap: float) -> None:
+def test_a_search_for_backlash_starts_close_to_any_gap(twist: float, gap: float) -> None:
     # What has walls has an optimum wherever they touch at a wrong instant.
     travel = 100.0 * max(gap, 10.0 * twist)
     effect = next(e for e in catalogue()["backlash"] if e.site == "coupling")

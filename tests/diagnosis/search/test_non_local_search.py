@@ -1,4 +1,4 @@
-"""Effects that no small step leads to: found from values that are far off, alone and together with a second one."""
+"""Non-local searches: effects found from values that are far off, alone and together with a second one."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from idloop.diagnosis import refine
-from idloop.diagnosis.search.non_local_search import far_searches
+from idloop.diagnosis.search.non_local_search import non_local_searches
 from idloop.estimation.likelihood.estimation_problem import prepare_estimation
 from idloop.estimation.likelihood.refit import refit
 from idloop.physics import Model, load_model
@@ -52,7 +52,7 @@ def record_of(machine: Model, seed: int, seconds: float = 6.0) -> Record:
 
 
 @pytest.mark.slow
-def test_an_effect_without_a_weak_form_is_found_where_its_own_fit_is_far_away(start: Model) -> None:
+def test_an_effect_without_a_weak_form_is_found_far_from_the_fitted_values(start: Model) -> None:
     machine = start.with_values({"motor.viscous_friction": 9.0, "drive.gain": 25.0}).with_effects([BLIND])
     ladder = refine(start, [record_of(machine, 1)], [record_of(machine, 2)], criterion="simulation")
     assert ladder.added == (BLIND,)
@@ -98,7 +98,7 @@ drive: {gain: 1.0}
 
 
 @pytest.mark.slow
-def test_a_coupling_that_always_slips_is_found_behind_the_damper_that_it_looks_like(tmp_path: Path) -> None:
+def test_a_coupling_that_always_slips_is_found_although_it_resembles_a_damper(tmp_path: Path) -> None:
     path = tmp_path / "two_bodies.yaml"
     path.write_text(TWO_BODIES)
     model = load_model(path)
@@ -113,7 +113,7 @@ def test_a_coupling_that_always_slips_is_found_behind_the_damper_that_it_looks_l
     estimation = prepare_estimation(start, [record], "prediction")
     parent = refit(estimation, start)
     assert parent.model.values["motor-load.stiffness"] < 0.2 * start.values["motor-load.stiffness"]
-    best = far_searches(estimation, parent, start)[0]
+    best = non_local_searches(estimation, parent, start)[0]
     assert best.proposal.name == "slip@motor-load"
     assert best.gain > 100.0
     assert best.fit.model.values["slip@motor-load.limit"] == pytest.approx(0.15, rel=1e-2)

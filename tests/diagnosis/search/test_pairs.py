@@ -1,4 +1,4 @@
-"""Effects that hide each other: found together, never by chance more often than the level says."""
+"""Effects that mask each other: found together, and by chance no more often than the level."""
 
 import numpy as np
 import pytest
@@ -82,7 +82,7 @@ def test_effects_that_do_not_hide_each_other_are_no_pair() -> None:
 
 
 @pytest.mark.parametrize("alike", [0.995, -0.995, 0.05])
-def test_nearly_one_effect_and_nearly_strangers_are_no_pair(alike: float) -> None:
+def test_parallel_and_orthogonal_traces_are_no_pair(alike: float) -> None:
     columns = two_columns(alike)
     assert not np.any(Pairs(screened(columns, np.zeros(ROWS))).allowed)
 
@@ -177,7 +177,7 @@ def test_two_effects_that_only_show_together_are_named(start: Model, compensated
     assert "only together: gain_asymmetry@input and " in found.summary()
 
 
-def test_either_alone_falls_far_short_of_both(start: Model, compensated: Record) -> None:
+def test_either_effect_alone_explains_far_less_than_both(start: Model, compensated: Record) -> None:
     for name in ("gain_asymmetry", "load_torque"):
         # asked for one effect only, so with no catalogue to make up for, and still not at what both reach
         found = diagnose(start, [compensated], effects=[name], level=1e-5)
@@ -205,7 +205,7 @@ def test_the_ladder_takes_both_steps_and_keeps_both(start: Model, compensated: R
     assert refine(start, [compensated], [unseen], most=1).added == ()
 
 
-def test_sketches_say_what_the_traces_themselves_do(start: Model, compensated: Record) -> None:
+def test_sketches_preserve_the_inner_products_of_traces(start: Model, compensated: Record) -> None:
     estimation = prepare_estimation(start, [compensated], "prediction")
     screen = Screen(estimation, refit(estimation, start), seed=0)
     names = ["coulomb_friction", "quadratic_drag", "gain_asymmetry", "load_torque", "dead_zone", "input_delay"]

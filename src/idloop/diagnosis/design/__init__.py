@@ -1,1 +1,1 @@
-"""The next experiment: which motion tells models or effects apart, within what a machine bears."""
+"""Experiment design: the motion, within limits, that best separates models or shows effects."""

@@ -1,8 +1,8 @@
-"""The family of experiments that is looked through: shapes and bands that suit the machine.
+"""The family of experiment designs: signal shapes and bands that suit the machine.
 
-Every shape has a peak of one: a share of the largest command, or of the room about the start. Each asks
-something else of the machine: reversals at several speeds, standstill, letting go, a full turn, small and
-large levels, bands below and above its corners.
+Every shape has a peak of one: a share of the largest command, or of the room around the start. Together they contain
+reversals at several speeds, standstill, coasting, a full turn, small and large levels, and bands below and above the
+corner frequency.
 """
 
 from __future__ import annotations
@@ -23,23 +23,12 @@ _FRACTIONS = (1.0, 0.6, 0.35, 0.2, 0.1)
 
 @dataclass(frozen=True)
 class Design:
-    """A shape of a signal, to be scaled.
+    """A shape of a signal, to be scaled."""
 
-    Attributes
-    ----------
-    name : str
-        Kind of the signal.
-    parameters : mapping
-        Those of the kind.
-    amplitude, offset : float
-        Shares of the peak; they add up to one.
-    seed : int
-    """
-
-    name: str
-    parameters: Mapping[str, Any]
-    amplitude: float = 1.0
-    offset: float = 0.0
+    name: str  # kind of the signal
+    parameters: Mapping[str, Any]  # those of the kind
+    amplitude: float = 1.0  # share of the peak
+    offset: float = 0.0  # the rest of it
     seed: int = 0
 
     def signal(
@@ -62,37 +51,16 @@ class Design:
 
 @dataclass(frozen=True)
 class Scale:
-    """Times and frequencies of a machine.
+    """Times and frequencies of a machine."""
 
-    Attributes
-    ----------
-    settling : float
-        Its slow time constant [s].
-    corner : float
-        The frequency of that [Hz].
-    resonances : tuple of float
-        [Hz]
-    highest : float
-        Highest frequency that an experiment may ask for [Hz].
-    """
-
-    settling: float
-    corner: float
-    resonances: tuple[float, ...]
-    highest: float
+    settling: float  # slow time constant [s]
+    corner: float  # its frequency [Hz]
+    resonances: tuple[float, ...]  # [Hz]
+    highest: float  # highest frequency that an experiment may contain [Hz]
 
 
 def machine_scale(engine: Engine, sample_time: float, duration: float | None) -> Scale:
-    """Read the times of a machine off its linear part.
-
-    Parameters
-    ----------
-    engine : Engine
-    sample_time : float
-        Of the signal [s].
-    duration : float, optional
-        Of the experiment [s], where the user has chosen it.
-    """
+    """Times of a machine by its linear part; `sample_time` of the signal and `duration` of the experiment [s]."""
     roots = np.linalg.eigvals(engine.linearise(None).A)
     size = np.abs(roots)
     size = size[np.isfinite(size)]

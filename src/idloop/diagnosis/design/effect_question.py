@@ -1,20 +1,21 @@
-"""Rivals for the question whether an effect is there at all: the model with and without it.
+"""Rivals for the question whether an effect exists: the model with and without it.
 
-An effect that the data so far cannot show has no fitted size. It takes a typical one: the middle of the
-sizes that the effect itself proposes for motions within the limits, of those that the data so far allow.
+An effect that the data so far cannot show has no fitted size. It takes a typical one: the middle of the sizes that the
+effect proposes for motions within the limits, of those that the data so far allow.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from idloop.diagnosis.design.limits import Limits
-from idloop.diagnosis.design.rival_set import drawback
+from idloop.diagnosis.design.rival_set import log_likelihood_loss
 from idloop.diagnosis.design.suggest import Suggestion, suggest
+from idloop.diagnosis.options import Progress
 from idloop.diagnosis.screening.proposals import Proposal, proposals
 from idloop.diagnosis.screening.typical_sizes import Sizes
 from idloop.errors import InputError
@@ -40,7 +41,7 @@ def suggest_effect(
     seed: int = 0,
     start: float | None = None,
     adds_to: str | None = None,
-    progress: Callable[[float, str], None] | None = None,
+    progress: Progress | None = None,
 ) -> Suggestion:
     """Choose the experiment that would show whether an effect is there.
 
@@ -66,35 +67,19 @@ def suggest_effect(
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def effect_rivals(model: Model, effect: str, records: Sequence[Record], limits: Limits) -> tuple[Model, Model]:
-    """The model without and with an effect of typical size.
-
-    Parameters
-    ----------
-    model : Model
-    effect : str
-        ``effect@site``.
-    records : sequence of Record
-    limits : Limits
-        Of the experiment to come.
-    """
+    """The model without and with an effect, ``effect@site``, of typical size for the limits of the experiment."""
     proposal = find_proposal(model, effect)
     sizes = Sizes(model, prepare_estimation(model, records, "prediction"))
     scales = _allowed_scales(sizes.at(proposal.effect.site, proposal.at), limits.completed(model, records))
     choices = [proposal.model(group[0]) for group in proposal.alternatives(scales) if group]
-    costs = [drawback(model, choice, records) for choice in choices]
+    costs = [log_likelihood_loss(model, choice, records) for choice in choices]
     allowed = [choice for choice, cost in zip(choices, costs, strict=True) if cost < _ALLOWED]
     typical = allowed[len(allowed) // 2] if allowed else choices[int(np.argmin(costs))]
     return proposal.base, typical
 
 
 def find_proposal(model: Model, effect: str) -> Proposal:
-    """Find the proposal of an effect at its site.
-
-    Raises
-    ------
-    InputError
-        There is no such effect or site, or the model has it or cannot have it.
-    """
+    """The proposal of an effect at its site; an `InputError` where the model has it or cannot have it."""
     found = [proposal for proposal in proposals(model, [effect]) if proposal.name == effect]
     if not found:
         raise InputError(f"{effect}: model {model.name} has this effect, or cannot have it; write effect@site")

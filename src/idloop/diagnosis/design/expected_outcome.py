@@ -1,15 +1,15 @@
-"""What to expect of a suggested experiment, in numbers and sentences."""
+"""Expected outcome of an experiment, in numbers and sentences."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from idloop.diagnosis.design.rival_set import contained
+from idloop.diagnosis.design.rival_set import nested
 from idloop.spelling import joined_names
 
 if TYPE_CHECKING:
@@ -50,42 +50,23 @@ class Outcome:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON."""
-        return {
-            "rival": self.rival,
-            "in_favour": self.in_favour,
-            "closest": self.closest,
-            "errors": self.errors,
-            "text": self.text,
-        }
+        return asdict(self)
 
 
 def outcomes_of(
     rivals: Sequence[Rival], experiment: Experiment, gains: NDArray[np.float64], *, against_first: bool = False
 ) -> tuple[Outcome, ...]:
-    """Expected outcome for each rival as the truth.
-
-    Parameters
-    ----------
-    rivals : sequence of Rival
-    experiment : Experiment
-    gains : ndarray (m, m)
-        From `experiment_gains`.
-    against_first : bool
-        Only the first rival is held against the others.
-    """
+    """Expected outcome for each rival as the truth; `gains` (m, m) are from `experiment_gains`."""
     outcomes = []
-    inside = contained([rival.model for rival in rivals])
+    inside = nested([rival.model for rival in rivals])
     for i, truth in enumerate(rivals):
         record = experiment.run(truth.model, engine=truth.engine)
-        own = truth.leaves(record, experiment.start)
+        own = truth.errors(record, experiment.start)
         others = [j for j in range(len(rivals)) if j != i and (j == 0 or i == 0 or not against_first)]
         errors = {}
         for other in (rivals[j] for j in others if not inside[i, j]):
-            theta = other.missed(record, experiment.start, own, searched=True).theta
-            errors[other.label] = {
-                found.name: {"value": found.value, "unit": found.unit, "noise": found.noise}
-                for found in other.view.differences(record, experiment.start, theta, experiment)
-            }
+            theta = other.expected_loss(record, experiment.start, own, searched=True).theta
+            errors[other.label] = other.view.differences(record, experiment.start, theta, experiment)
         open_ = [j for j in others if not inside[i, j]]
         closest = min(open_ or others, key=lambda j: float(gains[i, j]))
         label = rivals[closest].label
@@ -115,15 +96,7 @@ def describe(
 ) -> str:
     """What the experiment is expected to decide, in one or two sentences.
 
-    Parameters
-    ----------
-    rivals : sequence of Rival
-    experiment : Experiment
-    limits : Limits
-    score : float
-        Expected lead for the pair that is hardest to tell apart.
-    gains : ndarray (m, m)
-        From `experiment_gains`.
+    `score` is the expected lead for the pair that is hardest to tell apart, `gains` (m, m) are from `experiment_gains`.
     """
     names = " and ".join(rival.label for rival in rivals) if len(rivals) == 2 else f"{len(rivals)} rivals"
     if score >= DECISIVE:
@@ -142,9 +115,11 @@ def describe(
     )
     best = f"(at best {lead_text(score)} in log-likelihood)"
     pairs = list(itertools.combinations(range(len(rivals)), 2))
-    told = sum(min(gains[i, j], gains[j, i]) >= DECISIVE for i, j in pairs)
-    if told:
-        return f"expected to tell {told} of the {len(pairs)} pairs of these apart; {none} to tell all of them {best}"
+    separated = sum(min(gains[i, j], gains[j, i]) >= DECISIVE for i, j in pairs)
+    if separated:
+        return (
+            f"expected to tell {separated} of the {len(pairs)} pairs of these apart; {none} to tell all of them {best}"
+        )
     return f"{none} to tell {names} apart {best}: widen them"
 
 
@@ -159,27 +134,17 @@ def describe_visible(outcomes: Sequence[Outcome]) -> str:
 
 
 def describe_signal(signal: Mapping[str, Any], adds_to: str, unit: str = "") -> str:
-    """One line with the kind, the size and the length of a signal.
-
-    Parameters
-    ----------
-    signal : mapping
-        Arguments of `idloop.signals.build_signal`.
-    adds_to : str
-        "command" or "reference".
-    unit : str
-        Of the amplitude.
-    """
+    """One line with the kind, the size and the length of a signal, by the arguments of `build_signal`."""
     from idloop.signals.catalogue import SIGNALS
 
     units = {spec.name: spec.unit for spec in SIGNALS[signal["name"]].parameters}
     per_second = {"velocity_limit": f"{unit}/s", "acceleration_limit": f"{unit}/s²"} if unit else {}
-    said = units | {"amplitude": unit, "offset": unit} | per_second
+    unit_of = units | {"amplitude": unit, "offset": unit} | per_second
     parts = [f"{signal['name'].replace('_', ' ')} on the {adds_to}", f"{signal['duration']:g} s"]
     for key, value in signal.items():
         if key in {"name", "sample_time", "duration", "seed", "ramp_in"} or (key == "offset" and not value):
             continue
-        parts.append(f"{key.replace('_', ' ')} {_short(value)} {said.get(key) or ''}".rstrip())
+        parts.append(f"{key.replace('_', ' ')} {_short(value)} {unit_of.get(key) or ''}".rstrip())
     return ", ".join(parts)
 
 
@@ -190,5 +155,5 @@ def _short(value: Any) -> str:
 
 
 def lead_text(gain: float) -> str:
-    """Text of a log-likelihood for the reader: no digits that mean nothing."""
+    """Text of a log-likelihood with its significant digits."""
     return f"{gain:.1f}" if gain < DECISIVE else f"{float(f'{gain:.2g}'):.0f}"

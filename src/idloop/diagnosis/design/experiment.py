@@ -1,4 +1,4 @@
-"""An experiment that could be run: what is sent in, where it adds, and what a model says would come out."""
+"""An experiment: its signal, the loop that the signal is added to, and the simulation of both."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.diagnosis.design.designs import Design
+from idloop.diagnosis.design.limits import Limits
 from idloop.errors import InputError
 
 if TYPE_CHECKING:
@@ -21,7 +23,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 COMMAND, REFERENCE = "command", "reference"
-# Instants of two grids that lie closer than this are one [s].
+# Instants of two grids that lie closer than this coincide [s].
 _SAME_TIME = 1e-9
 
 
@@ -156,8 +158,6 @@ class Experiment:
             excitation=excitation,
         )
 
-    # -- the loop -------------------------------------------------------------------------
-
     def check_controller(self, model: Model) -> None:
         """Raise an InputError where the controller reads what the model does not measure."""
         if self.controller is None:
@@ -239,3 +239,38 @@ class Experiment:
 def _nearest(instants: Array, wanted: Array) -> NDArray[np.int64]:
     """Places of `wanted` among the sorted `instants`, which hold them up to rounding."""
     return np.asarray(np.searchsorted(instants, wanted - 2.0 * _SAME_TIME), dtype=np.int64)
+
+
+@dataclass(frozen=True)
+class Setup:
+    """Where an experiment is to be run."""
+
+    adds_to: str  # command or reference
+    controller: dict[str, object] | None
+    start: float  # position at rest before it [position unit]
+    signal_time: float  # sample time of the signal [s]
+    sample_time: float  # of the measurements [s]
+    limits: Limits  # completed
+    pace: float | None  # largest rate of change of a reference, where the user has limited the velocity
+    seed: int
+
+    @property
+    def room(self) -> tuple[float, float]:
+        """Middle about which the signal acts, and its largest peak."""
+        if self.adds_to == COMMAND:
+            return 0.0, float(self.limits.command or 1.0)
+        if self.limits.position is None:
+            return 0.0, 1.0
+        low, high = self.limits.position
+        middle, half = 0.5 * (low + high) - self.start, 0.5 * (high - low)
+        if abs(middle) < 0.3 * half:
+            return 0.0, half - abs(middle)
+        return middle, half
+
+    def experiment(self, design: Design, level: float, duration: float) -> Experiment:
+        """A design at a share of the largest peak."""
+        about, peak = self.room
+        ramp = 0.0 if self.adds_to == COMMAND else 0.05 * duration
+        signal = design.signal(level * peak, self.signal_time, duration, ramp, about)
+        signal["seed"] = int(signal["seed"]) + 100 * self.seed
+        return Experiment(signal, self.adds_to, self.controller, self.start, self.sample_time)

@@ -1,4 +1,4 @@
-"""The compiled closed loop: a machine of any model under any controller, one call for a whole experiment."""
+"""The compiled closed loop: any model under any controller, one call for a whole experiment."""
 
 from __future__ import annotations
 
@@ -35,38 +35,12 @@ def simulate_closed_loop(
     noise: Array,
     disturbance: Array,
 ) -> tuple[Array, Array]:
-    """Run a machine under its controller.
+    """Simulate a machine under its controller.
 
-    Parameters
-    ----------
-    engine : Engine
-    theta : ndarray (k,) or None
-        Values of the free parameters; those of the model when None.
-    controller : Kernel
-        As after a reset.
-    inputs : ndarray of int, shape (i,)
-        Columns of the outputs that the controller reads.
-    instants : ndarray (n,)
-        When the sensors are read [s].
-    ticks : ndarray of bool, shape (n,)
-        Where the controller acts; its command holds from there on, after the reading of that instant.
-    reference : ndarray (n, 2)
-        Position and velocity to follow.
-    feedforward : ndarray (n,)
-        Added to the controller's law.
-    initial_state : ndarray
-        From ``engine.initial_state``.
-    noise : ndarray (n, p)
-        Added to the readings.
-    disturbance : ndarray (n,)
-        Force on body 0, held from each instant on.
-
-    Returns
-    -------
-    output : ndarray (n, p)
-        Readings.
-    command : ndarray (n,)
-        Command in force after each instant.
+    The controller, as after a reset, reads the outputs in the columns `inputs` at the `instants` (n,) [s] that `ticks`
+    (n,) marks; its command holds from there on. It follows `reference` (n, 2), position and velocity; `feedforward`
+    (n,) is added to its law, `noise` (n, p) to the readings, and `disturbance` (n,) is a force on body 0, held from
+    each instant on. Returns the readings (n, p) and the command after each instant (n,).
     """
     layout = engine.layout(theta)
     state = engine._start(layout, initial_state, instants[:0], instants)  # noqa: SLF001

@@ -1,4 +1,4 @@
-"""What a suggested experiment may do to the machine: command, travel, speed."""
+"""Limits of a suggested experiment: command, travel, speed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# A motion that passes its limit by less than this share of it is inside: limits read off data are met exactly.
+# A motion that exceeds its limit by less than this share is inside: limits read off data are met exactly.
 _TOLERANCE = 1e-6
 # Share of the time that a controller's command may sit at its largest value.
 _SATURATED = 0.1
@@ -59,13 +59,7 @@ class Limits:
         return asdict(self)
 
     def completed(self, model: Model, records: Sequence[Record]) -> Limits:
-        """Fill in what is not given: the largest command and motion so far.
-
-        Returns
-        -------
-        Limits
-            With every entry but `rate` known, where the outputs show it.
-        """
+        """Limits completed by the largest command and motion so far, where these are measured."""
         command, position, velocity = self.command, self.position, self.velocity
         if command is None:
             command = max(float(np.max(np.abs(record.input))) for record in records)
@@ -84,21 +78,14 @@ class Limits:
         return Limits(command, position, velocity, self.rate)
 
     def excess(self, model: Model, record: Record) -> float:
-        """By how many times a predicted record passes the limits at its worst; at most 1 is inside.
-
-        Parameters
-        ----------
-        model : Model
-        record : Record
-            Predicted, without noise.
-        """
+        """Largest ratio of a noise-free simulated record to the limits; at most 1 is inside."""
         worst = [0.0]
         if not np.all(np.isfinite(record.output[~np.isnan(record.output)])) or np.any(np.isnan(record.output)):
             return np.inf
         if self.command is not None:
             worst.append(float(np.max(np.abs(record.input))) / self.command)
             if record.reference is not None:
-                # A loop that hangs at its limit is none.
+                # A loop that saturates is open.
                 at_limit = np.mean(np.abs(record.input) >= (1.0 - _TOLERANCE) * np.max(np.abs(record.input)))
                 worst.append(float(at_limit) / _SATURATED)
         if self.rate is not None and record.input.size > 1:
@@ -115,14 +102,9 @@ class Limits:
 
 
 def motion(model: Model, record: Record) -> tuple[Array, Array]:
-    """Positions and velocities of all measured bodies in a record, one after the other.
+    """Positions and velocities of all measured bodies in a record, one after the other [position unit, per s].
 
-    A body of which only one of the two is measured has the other one from it.
-
-    Returns
-    -------
-    position, velocity : ndarray
-        In the model's position unit; empty where nothing is measured.
+    Where only one of the two is measured, the other is computed from it; empty where nothing is measured.
     """
     places, speeds = [], []
     for place, speed in body_sensors(model):
@@ -150,7 +132,7 @@ def _column(model: Model, record: Record, index: int | None) -> tuple[Array, Arr
 
 
 def _differentiated(time: Array, position: Array) -> Array:
-    """Slope over a five-hundredth of the record, so that sensor noise does not pass for speed."""
+    """Slope over a five-hundredth of the record, so that sensor noise does not count as speed."""
     reach = max(len(time) // 500, 1)
     if len(time) <= reach:
         return np.zeros(0)

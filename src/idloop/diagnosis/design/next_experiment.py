@@ -1,15 +1,16 @@
-"""The next experiment for what a diagnosis or a ladder has left open: effects that tie, effects that cannot show."""
+"""The next experiment after a diagnosis or a ladder: for effects that tie, then for those that the data cannot show."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from idloop.diagnosis.design.effect_question import effect_rivals
 from idloop.diagnosis.design.limits import Limits
 from idloop.diagnosis.design.suggest import Suggestion, suggest
-from idloop.diagnosis.equivalence.equivalent_effects import find_twins, one_of_each
+from idloop.diagnosis.equivalence.equivalent_effects import find_equivalent_effects, without_equivalents
+from idloop.diagnosis.options import Progress, silent
 from idloop.errors import IdloopError
 from idloop.physics.effect import catalogue
 from idloop.physics.model import effect_and_site, effect_name
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from idloop.physics.effect import Effect
     from idloop.records import Record
 
-Progress = Callable[[float, str], None]
 
 # Rivals at most: each pair costs, and the last ones of a long set hardly differ from the others.
 _MOST_RIVALS = 4
@@ -34,17 +34,9 @@ _TURN = 6.283185307179586
 
 @dataclass(frozen=True)
 class Question:
-    """What an experiment is to settle.
+    """What an experiment is to decide."""
 
-    Attributes
-    ----------
-    rivals : tuple of Model
-        Fitted to the data so far.
-    text : str
-        In words.
-    """
-
-    rivals: tuple[Model, ...]
+    rivals: tuple[Model, ...]  # fitted to the data so far
     text: str
 
 
@@ -58,7 +50,7 @@ def suggest_next(
     start: float | None = None,
     progress: Progress | None = None,
 ) -> Suggestion | None:
-    """Choose the experiment that settles what a diagnosis or a ladder has left open.
+    """Choose the experiment that decides what a diagnosis or a ladder has left open.
 
     Effects that tie come first. Where none do, effects that the data cannot show are asked for, the everyday ones
     first, all in one experiment.
@@ -81,14 +73,14 @@ def suggest_next(
     InputError
         As `suggest`.
     """
-    tell = progress or (lambda share, text: None)
-    asked = open_question(found, records, seed=seed, progress=lambda share, text: tell(0.3 * share, text))
+    report = progress or silent
+    asked = open_question(found, records, seed=seed, progress=lambda share, text: report(0.3 * share, text))
     options: dict[str, Any] = {
         "duration": duration, "seed": seed, "start": start, "criterion": found.criterion,
     }  # fmt: skip
 
     def later(share: float, text: str) -> None:
-        tell(0.3 + 0.7 * share, text)
+        report(0.3 + 0.7 * share, text)
 
     if asked is not None:
         answer = suggest(asked.rivals, records, limits, progress=later, **options)
@@ -128,7 +120,7 @@ def open_question(
 
 def _different(model: Model, tied: Sequence[str], replaces: str | None) -> tuple[str, ...]:
     """Tied effects without those that are the same equation as one before them."""
-    return one_of_each(tuple(dict.fromkeys(tied)), find_twins(model, tied, replaces))
+    return without_equivalents(tuple(dict.fromkeys(tied)), find_equivalent_effects(model, tied, replaces))
 
 
 def _question(found: Diagnosis, names: Sequence[str]) -> Question | None:
@@ -179,7 +171,7 @@ def _for_the_unseen(
 
 
 def _known_by_now(found: Diagnosis | Ladder) -> Model:
-    """The model with what a diagnosis has found, so that the next experiment is not chosen to show it once more."""
+    """The model with the effects that a diagnosis has found."""
     from idloop.diagnosis.diagnosis import Diagnosis
 
     if not isinstance(found, Diagnosis) or found.reached is None:

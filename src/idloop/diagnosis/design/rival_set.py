@@ -1,4 +1,4 @@
-"""The field of rivals: put on one scale, told apart by name, and weighed against each other."""
+"""A set of rival models: on one scale, with labels, and the expected lead of each over the others."""
 
 from __future__ import annotations
 
@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnosis.design.common_noise import common_noise
 from idloop.diagnosis.design.experiment import Experiment
-from idloop.diagnosis.design.force_rivals import force_decides, force_views
-from idloop.diagnosis.design.prediction_rivals import PredictionView
-from idloop.diagnosis.design.rival_view import View
-from idloop.diagnosis.design.rivals import Rival
+from idloop.diagnosis.design.force_errors import force_decides, force_errors
+from idloop.diagnosis.design.innovation_errors import InnovationErrors
+from idloop.diagnosis.design.rival_noise import common_noise
+from idloop.diagnosis.design.rivals import Rival, RivalErrors
 from idloop.errors import InputError
 from idloop.estimation.dataset import Data, prepare
 from idloop.estimation.observer.innovations import InnovationCriterion
@@ -33,31 +32,20 @@ _MOST_SAMPLES = 60_000
 
 
 def prepare_rivals(models: Sequence[Model], records: Sequence[Record], criterion: str = "auto") -> list[Rival]:
-    """Put rival models on one scale.
+    """Put rival models, fitted to the data so far, on one scale.
 
-    Parameters
-    ----------
-    models : sequence of Model
-        Each fitted to the records.
-    records : sequence of Record
-        The data so far.
-    criterion : str
-        As in `idloop.diagnosis.diagnose`; anything but the force is judged by innovations.
-
-    Raises
-    ------
-    InputError
-        Models with different signals, or records that do not suit them.
+    Anything but the force criterion is judged by innovations. An `InputError` for models with different signals, or
+    records that do not suit them.
     """
     check_signals(models)
     first = models[0]
     data = _shortened(prepare(first, records))
-    views: Sequence[View] | None = None
+    views: Sequence[RivalErrors] | None = None
     if criterion == "force" or (criterion == "auto" and force_decides(first, data)):
-        views = force_views(models, data)
+        views = force_errors(models, data)
     if views is None:
         noise = common_noise(models, data)
-        views = [PredictionView(model, data, noise) for model in models]
+        views = [InnovationErrors(model, data, noise) for model in models]
     return [Rival(*own) for own in zip(labels(models), models, views, strict=True)]
 
 
@@ -70,7 +58,7 @@ def check_signals(models: Sequence[Model]) -> None:
 
 
 def labels(models: Sequence[Model]) -> list[str]:
-    """What sets each model apart from the others: its effects that not all have, else its name."""
+    """What distinguishes each model: its effects that not all have, else its name."""
     common = set(models[0].effect_names).intersection(*(model.effect_names for model in models[1:]))
     own = [" + ".join(name for name in model.effect_names if name not in common) for model in models]
     own = [text or "no further effect" for text in own]
@@ -90,13 +78,13 @@ def _shortened(data: list[Data]) -> list[Data]:
     ]
 
 
-def contained(models: Sequence[Model]) -> NDArray[np.bool_]:
-    """Entry (i, j): model i is a case of model j, which can therefore explain whatever i does, shape (m, m)."""
+def nested(models: Sequence[Model]) -> NDArray[np.bool_]:
+    """Entry (i, j): model i is nested in model j, which can explain whatever i does, shape (m, m)."""
     m = len(models)
-    return np.array([[i != j and _is_case_of(models[i], models[j]) for j in range(m)] for i in range(m)])
+    return np.array([[i != j and _is_nested(models[i], models[j]) for j in range(m)] for i in range(m)])
 
 
-def _is_case_of(small: Model, large: Model) -> bool:
+def _is_nested(small: Model, large: Model) -> bool:
     covered = set(large.effect_names)
     for active in large.effects:
         covered.update(f"{name}@{active.at}" for name in active.effect.contains)
@@ -106,53 +94,29 @@ def _is_case_of(small: Model, large: Model) -> bool:
 def experiment_gains(
     rivals: Sequence[Rival], experiment: Experiment, *, searched: bool = False, against_first: bool = False
 ) -> tuple[Array, Array]:
-    """Expected log-likelihood by which each rival, were it the truth, would lead each other one.
+    """Expected log-likelihood by which each rival as the truth (row) leads each other one, refitted (column).
 
-    A rival that contains the truth explains it as well: there it is 0.
-
-    Parameters
-    ----------
-    rivals : sequence of Rival
-    experiment : Experiment
-    searched : bool
-        See `Rival.missed`.
-    against_first : bool
-        Only the first rival is held against the others; the rest is left at 0.
-
-    Returns
-    -------
-    gains, alone : ndarray (m, m)
-        Row: the truth; column: the rival refitted; 0 on the diagonal. With and without the data so far.
+    Two arrays of shape (m, m): with and without the data so far. 0 on the diagonal, where the other rival contains the
+    truth, and with `against_first` outside the first row and column. `searched`: see `Rival.expected_loss`.
     """
     gains, alone = np.zeros((2, len(rivals), len(rivals)))
-    inside = contained([rival.model for rival in rivals])
+    inside = nested([rival.model for rival in rivals])
     for i, truth in enumerate(rivals):
         wanted = [j for j in range(len(rivals)) if i != j and not inside[i, j] and (j == 0 or not against_first)]
         if not wanted:
             continue
         record = experiment.run(truth.model, engine=truth.engine)
-        own = truth.leaves(record, experiment.start)
+        own = truth.errors(record, experiment.start)
         for j in wanted:
-            missed = rivals[j].missed(record, experiment.start, own, searched=searched)
-            gains[i, j], alone[i, j] = missed.gain, missed.alone
+            loss = rivals[j].expected_loss(record, experiment.start, own, searched=searched)
+            gains[i, j], alone[i, j] = loss.joint, loss.alone
     return gains, alone
 
 
-def drawback(model: Model, other: Model, records: Sequence[Record]) -> float:
-    """Log-likelihood by which the data so far speak against another model, all that both share being refitted.
+def log_likelihood_loss(model: Model, other: Model, records: Sequence[Record]) -> float:
+    """Log-likelihood of the data so far that a model loses with something added to it, of a size that is not fitted.
 
-    Parameters
-    ----------
-    model : Model
-        Fitted to the records.
-    other : Model
-        The same with something added, of a size that is not to be fitted.
-    records : sequence of Record
-
-    Returns
-    -------
-    float
-        Infinite when the other model cannot be simulated along the records.
+    What both models share is refitted. Infinite when the other model cannot be simulated along the records.
     """
     data = _shortened(prepare(model, records))
     noise = common_noise([model], data)

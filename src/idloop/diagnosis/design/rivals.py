@@ -1,70 +1,88 @@
-"""Rival models on one scale: one noise model, what each has learnt so far, and what each would miss.
+"""Rival models: the log-likelihood that each is expected to lose in an experiment in which another one is the truth.
 
-What an experiment would show is expected, not observed: with one rival as the truth its outputs are known,
-and another rival's errors on them (innovations, or unexplained force) are what that rival cannot explain. Part of it a
-refit would explain after all. The refit is linearised, and holds the parameters with the information of the
-data so far, because those data have to be explained as well.
+With one rival as the truth, its outputs are simulated; the errors of another rival on them (innovations, or unexplained
+force) are what that rival cannot explain. A refit explains a part of them. The refit is linearised and uses the
+information of the data so far, which have to be explained as well.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnosis.design.rival_view import View
+from idloop.diagnosis.design.rival_noise import MOST_LAGS
 from idloop.estimation.optimisation.levenberg import difference_jacobian, minimise
 from idloop.estimation.optimisation.solve import typical_size
 from idloop.estimation.statistics.whitening import autocovariances, left_by_orders
 
 if TYPE_CHECKING:
+    from idloop.diagnosis.design.experiment import Experiment
+    from idloop.estimation.optimisation.caching_engine import CachingEngine
     from idloop.physics import Model
     from idloop.records import Record
 
 Array = NDArray[np.float64]
 
-# Where a rival misses this much, taking it for a stronger disturbance can pay.
-_PLAIN = 10.0
-# Errors of a size at which their squares no longer add up.
-_RUNS_AWAY = 1e100
-# Lags of a noise model of its own, by which a rival may explain what it misses.
-_MOST_LAGS = 8
+# From this loss on a rival may gain by a stronger disturbance.
+_LARGE_LOSS = 10.0
+# Errors whose squares overflow.
+_DIVERGED = 1e100
+
+
+class RivalErrors(Protocol):
+    """Errors of one rival on the data so far and on experiments, on the common scale of all rivals."""
+
+    engine: CachingEngine
+
+    @property
+    def stronger(self) -> tuple[float, ...]:
+        """Decades by which the disturbance may be taken for stronger than it is."""
+
+    @property
+    def period(self) -> int:
+        """Everything is measured at every n-th instant."""
+
+    def seen(self, theta: Array) -> Array:
+        """Errors on the data so far as one vector, white and of unit variance by this rival's own noise."""
+
+    def errors(self, record: Record, start: float, theta: Array, decades: float = 0.0) -> Array:
+        """Errors on an experiment that began at rest at `start`, shape (n, p)."""
+
+    def scaled(self, raw: Array, decades: float = 0.0) -> Array:
+        """Series of such errors (n, p, k), white and of unit variance where the rival is right: (rows, k)."""
+
+    def transferred(self, raw: Array, decades: float) -> Array:
+        """The same errors under a stronger disturbance."""
+
+    def noise_at(self, decades: float) -> list[Array]:
+        """Covariance of the noise then, by group, in units of that of the right disturbance."""
+
+    def shapes(self, samples: int) -> list[tuple[int, int]]:
+        """Samples and outputs of each group in what `scaled` returns."""
+
+    def differences(self, truth: Record, start: float, theta: Array, experiment: Experiment) -> dict[str, Any]:
+        """Error by quantity in units of the machine: ``{name: {"value": ..., "unit": ..., "noise": ...}}``."""
 
 
 @dataclass(frozen=True)
-class Missed:
-    """What one rival would miss of an experiment in which another one is the truth.
+class ExpectedLoss:
+    """What a rival is expected to lose in an experiment in which another one is the truth."""
 
-    Attributes
-    ----------
-    gain : float
-        Expected log-likelihood by which the truth is ahead after the refit, the data so far held.
-    alone : float
-        The same from the experiment alone, as if the data so far were forgotten.
-    theta : array, shape (k,)
-        Parameters of the refitted rival.
-    """
-
-    gain: float
-    alone: float
-    theta: Array
+    joint: float  # log-likelihood by which the truth leads after the refit, the data so far included
+    alone: float  # the same from the experiment alone
+    theta: Array  # parameters of the refitted rival, shape (k,)
 
 
 class Rival:
-    """A model with what the data so far say about its parameters.
+    """A model fitted to the data so far, with their information about its parameters.
 
-    Parameters
-    ----------
-    label : str
-        What sets it apart from the others.
-    model : Model
-        Fitted to the data so far.
-    view : View
+    `label` is what sets it apart from the others.
     """
 
-    def __init__(self, label: str, model: Model, view: View) -> None:
+    def __init__(self, label: str, model: Model, view: RivalErrors) -> None:
         self.label, self.model, self.view, self.engine = label, model, view, view.engine
         self.theta = model.theta
         self.lower, self.upper = model.bounds
@@ -84,70 +102,60 @@ class Rival:
         known = [self.model.parameter(name).stderr for name in self.model.free]
         return np.array([np.nan if value is None else value for value in known])
 
-    def leaves(self, record: Record, start: float) -> Array:
-        """Errors of this rival as it is on a record, shape (n, p)."""
-        return self.view.innovations(record, start, self.theta)
+    def errors(self, record: Record, start: float) -> Array:
+        """Errors of this rival, not refitted, on a record, shape (n, p)."""
+        return self.view.errors(record, start, self.theta)
 
-    def missed(self, record: Record, start: float, own: Array, *, searched: bool = False) -> Missed:
-        """What this rival misses of a record without noise, refitted to it and to the data so far.
+    def expected_loss(self, record: Record, start: float, own: Array, *, searched: bool = False) -> ExpectedLoss:
+        """Loss on a noise-free record, refitted to it and to the data so far, or with a stronger disturbance.
 
-        It may also take what it misses for a stronger disturbance, as a fit would.
-
-        Parameters
-        ----------
-        record : Record
-            From `Experiment.run` of the truth.
-        start : float
-            Where the axis rested before.
-        own : array, shape (n, p)
-            What the truth itself leaves of it, which is no motion that tells.
-        searched : bool
-            Refit by a search instead of one linear step: slower, and exact where the rival bends.
+        The record is simulated by the truth, whose own errors on it are `own`, shape (n, p). `searched` refits by a
+        search instead of one linear step: slower, and exact where the rival is nonlinear in its parameters.
         """
         raw = self._with_slopes(record, start, own)
-        if not np.all(np.abs(raw[:: self.view.period]) < _RUNS_AWAY):
-            return Missed(np.inf, np.inf, self.theta)  # runs away where the truth does not: plainly told apart
+        if not np.all(np.abs(raw[:: self.view.period]) < _DIVERGED):
+            return ExpectedLoss(np.inf, np.inf, self.theta)  # diverges where the truth does not
         best, at = self._linear(raw, 0.0), 0.0
         for decades in self.view.stronger:
-            if min(best.gain, best.alone) < _PLAIN:
+            if min(best.joint, best.alone) < _LARGE_LOSS:
                 break
             other = self._linear(self.view.transferred(raw, decades), decades)
-            if other.gain >= best.gain and other.alone >= best.alone:
+            if other.joint >= best.joint and other.alone >= best.alone:
                 break
-            if other.gain < best.gain:
+            if other.joint < best.joint:
                 at = decades
-            theta = other.theta if other.gain < best.gain else best.theta
-            best = Missed(min(best.gain, other.gain), min(best.alone, other.alone), theta)
+            theta = other.theta if other.joint < best.joint else best.theta
+            best = ExpectedLoss(min(best.joint, other.joint), min(best.alone, other.alone), theta)
         return self._search(record, start, own, best, at) if searched and len(self.theta) else best
 
     def _with_slopes(self, record: Record, start: float, own: Array) -> Array:
-        """Innovations, and their derivative by each parameter in units of its step, shape (n, p, 1 + k)."""
-        base = self.leaves(record, start)
+        """Errors, and their derivative by each parameter in units of its step, shape (n, p, 1 + k)."""
+        base = self.errors(record, start)
         raw = np.empty((*base.shape, 1 + len(self.theta)))
         raw[:, :, 0] = base - own
         for i, step in enumerate(self.step):
             moved = self.theta.copy()
             sign = 1.0 if moved[i] + step <= self.upper[i] else -1.0
             moved[i] += sign * step
-            raw[:, :, 1 + i] = sign * (self.view.innovations(record, start, moved) - base)
+            raw[:, :, 1 + i] = sign * (self.view.errors(record, start, moved) - base)
         return raw
 
-    def _linear(self, raw: Array, decades: float) -> Missed:
+    def _linear(self, raw: Array, decades: float) -> ExpectedLoss:
         """Refit by one linear step, with the data so far and without them."""
         white = self.view.scaled(raw, decades)
         base, jacobian = white[:, 0], white[:, 1:] / self.step
         theta, free = self._refitted(jacobian, base, 1.0), self._refitted(jacobian, base, 1e-6)
-        gain = self._lost(base + jacobian @ (theta - self.theta), len(raw), decades)
-        alone = self._lost(base + jacobian @ (free - self.theta), len(raw), decades)
-        return Missed(gain + self._held(theta), alone, theta)
+        gain = self._loss(base + jacobian @ (theta - self.theta), len(raw), decades)
+        alone = self._loss(base + jacobian @ (free - self.theta), len(raw), decades)
+        return ExpectedLoss(gain + self._prior_loss(theta), alone, theta)
 
-    def _held(self, theta: Array) -> float:
+    def _prior_loss(self, theta: Array) -> float:
         """Log-likelihood of the data so far that a move of the parameters costs."""
         return 0.5 * float(np.sum((self.root @ (theta - self.theta)) ** 2))
 
-    def _search(self, record: Record, start: float, own: Array, linear: Missed, decades: float) -> Missed:
+    def _search(self, record: Record, start: float, own: Array, linear: ExpectedLoss, decades: float) -> ExpectedLoss:
         def residual(theta: Array) -> Array:
-            raw = (self.view.innovations(record, start, theta, decades) - own)[:, :, None]
+            raw = (self.view.errors(record, start, theta, decades) - own)[:, :, None]
             return np.append(self.view.scaled(raw, decades)[:, 0], self.root @ (theta - self.theta))
 
         costs = [float(np.sum(residual(theta) ** 2)) for theta in (self.theta, linear.theta)]
@@ -156,11 +164,11 @@ class Rival:
             self.step.copy(), max_iterations=6, tolerance=1e-2, quick=True,
         )  # fmt: skip
         left = found.residual[: len(found.residual) - len(self.theta)]
-        gain = self._lost(left, len(own), decades) + self._held(found.point)
-        return Missed(gain, linear.alone, found.point)
+        gain = self._loss(left, len(own), decades) + self._prior_loss(found.point)
+        return ExpectedLoss(gain, linear.alone, found.point)
 
     def _refitted(self, jacobian: Array, base: Array, held: float) -> Array:
-        """Least squares with a share of the information so far, in the bounds one parameter after the other."""
+        """Least squares with a share of the information so far, within the bounds one parameter after the other."""
         k = len(self.theta)
         information = jacobian.T @ jacobian + held * self.root.T @ self.root
         size = np.sqrt(np.diag(information))
@@ -183,21 +191,21 @@ class Rival:
             free &= ~beyond
         return np.clip(self.theta + shift / size, self.lower, self.upper)
 
-    def _lost(self, left: Array, samples: int, decades: float) -> float:
-        """Log-likelihood lost by what is left, the noise's covariance and colour being refitted as well."""
-        lost, place = 0.0, 0
+    def _loss(self, left: Array, samples: int, decades: float) -> float:
+        """Log-likelihood lost by the remaining errors, with the covariance and colour of the noise refitted."""
+        loss, place = 0.0, 0
         for (count, outputs), own in zip(self.view.shapes(samples), self.view.noise_at(decades), strict=True):
             part = left[place : place + count * outputs].reshape(count, outputs)
             place += count * outputs
-            if count > 20 * _MOST_LAGS:
-                lost += _coloured_loss(part, own)
-        return lost
+            if count > 20 * MOST_LAGS:
+                loss += _coloured_loss(part, own)
+        return loss
 
 
 def _coloured_loss(left: Array, own: Array) -> float:
-    """Log-likelihood lost when white noise has something added that a noise model of its own may explain in part."""
+    """Log-likelihood lost when errors are added to white noise, of which a noise model explains a part."""
     count, outputs = left.shape
-    covariance = autocovariances([np.ascontiguousarray(left)], _MOST_LAGS)
+    covariance = autocovariances([np.ascontiguousarray(left)], MOST_LAGS)
     covariance[0] += own
     innovation = left_by_orders(covariance)
     losses = 0.5 * count * np.linalg.slogdet(innovation)[1] + np.arange(len(innovation)) * outputs**2

@@ -1,15 +1,13 @@
-"""The search for the experiment within limits that best separates rivals."""
+"""Search for the experiment within limits that best separates rivals."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnosis.design.conditions_of_run import Setup
 from idloop.diagnosis.design.designs import (
     Design,
     command_designs,
@@ -18,75 +16,48 @@ from idloop.diagnosis.design.designs import (
     reference_designs,
     representatives,
 )
-from idloop.diagnosis.design.experiment import COMMAND, Experiment
-from idloop.diagnosis.design.rival_set import contained, experiment_gains
+from idloop.diagnosis.design.experiment import COMMAND, Experiment, Setup
+from idloop.diagnosis.design.rival_set import experiment_gains, nested
 from idloop.diagnosis.design.rivals import Rival
+from idloop.diagnosis.options import Progress
 from idloop.errors import IdloopError
 from idloop.physics.kernel import RATE
 
-if TYPE_CHECKING:
-    pass
-
 Array = NDArray[np.float64]
-Progress = Callable[[float, str], None]
 
 # Shares of the largest level that the limits admit, for every design and for the best ones.
 _FIRST_LEVELS, _FINER_LEVELS = (1.0, 0.4), (0.7, 0.2)
 _LEAST_LEVEL = 0.02
-# How many designs are looked at more closely, and about how many of the best ones the search goes on.
+# Designs that are tried at finer levels, and designs around which a local search begins, by round.
 _FINALISTS, _LOCAL = 5, (2, 1)
-# What the search may cost, in seconds of a usual core. Counted, not measured: equal calls give equal answers.
+# Cost of the search in seconds of a usual core; counted, not measured, so that equal calls give equal answers.
 _BUDGET = 20.0
-# Candidates of a search without haste; fewer than the least are worth shorter experiments.
+# Candidates of a full search; with fewer than the least the experiments become shorter.
 _PLENTY, _LEAST = 100, 12
-# A gain that leaves no doubt.
+# A gain that is decisive.
 _PLAIN = 100.0
-# A gain beyond this is as good as infinite.
+# A gain beyond this counts as infinite.
 _MOST_GAIN = 1e6
-# Of nearly equally good experiments the gentler and shorter one is taken.
+# Of experiments with this part of the best value the shorter and gentler one is taken.
 _NEARLY = 0.9
 
 
 @dataclass(frozen=True)
 class Choice:
-    """A candidate with what it is worth.
-
-    Attributes
-    ----------
-    design : Design
-    level : float
-        Share of the largest peak.
-    duration : float
-        [s]
-    worth : float
-        What candidates are ranked by.
-    score : float
-        Expected log-likelihood difference of the closest two rivals.
-    gains : ndarray (m, m)
-        See `experiment_gains`.
-    """
+    """A candidate with its value."""
 
     design: Design
-    level: float
-    duration: float
-    worth: float
-    score: float
-    gains: Array
+    level: float  # share of the largest peak
+    duration: float  # [s]
+    value: float  # by which candidates are ranked
+    score: float  # expected log-likelihood difference of the closest two rivals
+    gains: Array  # see `experiment_gains`, shape (m, m)
 
 
 class Search:
-    """Looks through the family, then about its best members.
+    """Search of the family of designs, then around its best members.
 
-    Parameters
-    ----------
-    rivals : sequence of Rival
-    setup : Setup
-    duration : float, optional
-        Fixed length [s].
-    report : callable
-        Share done and a few words.
-    against_first : bool
-        Tell every rival from the first one, not from each other.
+    `duration` fixes the length [s]; with `against_first` every rival is told from the first one only.
     """
 
     def __init__(
@@ -99,7 +70,7 @@ class Search:
         against_first: bool = False,
     ) -> None:
         self.rivals, self.setup, self.report, self.against_first = list(rivals), setup, report, against_first
-        self.contained = contained([rival.model for rival in rivals])
+        self.nested = nested([rival.model for rival in rivals])
         scale = machine_scale(rivals[0].engine, setup.signal_time, duration)
         usual = float(np.ceil(np.clip(25.0 * scale.settling, 6.0, 20.0)))
         self.durations = [duration] if duration is not None else [usual, 0.5 * usual]
@@ -128,16 +99,10 @@ class Search:
 
     def best(self) -> Choice | None:
         """The best experiment; None when even the gentlest passes the limits."""
-        found = self._first_look()
-        if not found:
-            return None
-        found = self._closer_look(found)
-        found = self._about_the_best(found)
-        return self._confirmed(found)
+        found = self._coarse_levels()
+        return self._confirmed(self._local_search(self._finer_levels(found))) if found else None
 
-    # -- the stages ------------------------------------------------------------------------
-
-    def _first_look(self) -> list[Choice]:
+    def _coarse_levels(self) -> list[Choice]:
         found = []
         for index, design in enumerate(self.designs):
             self.report(0.6 * index / len(self.designs), design.name)
@@ -146,7 +111,7 @@ class Search:
                 found += self._at(design, [most * share for share in _FIRST_LEVELS], self.durations[0])
         return _ranked(found)
 
-    def _closer_look(self, found: list[Choice]) -> list[Choice]:
+    def _finer_levels(self, found: list[Choice]) -> list[Choice]:
         more = []
         finalists = _distinct(found, max(round(_FINALISTS * self.share), 1))
         for index, choice in enumerate(finalists):
@@ -157,7 +122,7 @@ class Search:
                 more += self._at(choice.design, [choice.level], duration)
         return _ranked(found + more)
 
-    def _about_the_best(self, found: list[Choice]) -> list[Choice]:
+    def _local_search(self, found: list[Choice]) -> list[Choice]:
         for round_, count in enumerate(_LOCAL):
             more = []
             for choice in _distinct(found, max(round(count * self.share), 1)):
@@ -178,24 +143,22 @@ class Search:
             self.report(0.92 + 0.02 * index, "refitting the rivals")
             experiment = self.setup.experiment(choice.design, choice.level, choice.duration)
             confirmed.append(self._judged(choice.design, choice.level, choice.duration, experiment, searched=True))
-        top = _ranked(confirmed)[0].worth
-        enough = [choice for choice in confirmed if choice.worth >= _NEARLY * top]
-        return min(enough, key=lambda choice: (choice.duration, choice.level, -choice.worth))
-
-    # -- one candidate ---------------------------------------------------------------------
+        top = _ranked(confirmed)[0].value
+        enough = [choice for choice in confirmed if choice.value >= _NEARLY * top]
+        return min(enough, key=lambda choice: (choice.duration, choice.level, -choice.value))
 
     def _at(self, design: Design, levels: Sequence[float], duration: float) -> list[Choice]:
         found = []
         for level in levels:
             if not _LEAST_LEVEL <= level <= 1.0 + 1e-9:
                 continue
-            choice = self.weigh(design, level, duration)
+            choice = self.evaluate(design, level, duration)
             if choice is not None:
                 found.append(choice)
         return found
 
-    def weigh(self, design: Design, level: float, duration: float) -> Choice | None:
-        """What a candidate is worth; None when it passes the limits or cannot be built."""
+    def evaluate(self, design: Design, level: float, duration: float) -> Choice | None:
+        """The value of a candidate; None when it exceeds the limits or cannot be built."""
         try:
             experiment = self.setup.experiment(design, level, duration)
             if self._excess(experiment) > 1.0:
@@ -210,26 +173,25 @@ class Search:
         found = experiment_gains(self.rivals, experiment, searched=searched, against_first=self.against_first)
         gains, alone = (np.minimum(g, _MOST_GAIN) for g in found)
         joint = self.score(gains)
-        # An experiment that decides by itself does not hang on how well the old data fix the parameters.
-        worth = float(np.sqrt((1.0 + joint) * (1.0 + min(self.score(alone), joint))) - 1.0)
-        return Choice(design, level, duration, worth, joint, gains)
+        # An experiment that decides by itself does not depend on what the old data say of the parameters.
+        value = float(np.sqrt((1.0 + joint) * (1.0 + min(self.score(alone), joint))) - 1.0)
+        return Choice(design, level, duration, value, joint, gains)
 
     def score(self, gains: Array) -> float:
         """Expected log-likelihood difference of the closest two rivals.
 
-        Which of the two is right is not known, so the geometric mean of both cases counts; of a model and
-        one that contains it only the case that can show.
+        The geometric mean of the two cases of which one is right; of nested models only the case that can show.
         """
         if self.against_first:
-            # Each counts up to where it is plain, so that what cannot show does not keep the others from showing.
+            # Each counts up to a decisive gain, so that one large gain does not hide small ones.
             return float(np.expm1(np.mean(np.log1p(np.minimum(gains[1:, 0], _PLAIN)))))
         worst = _MOST_GAIN
         for i in range(len(gains)):
             for j in range(i):
                 one, other = float(gains[i, j]), float(gains[j, i])
-                if self.contained[i, j]:
+                if self.nested[i, j]:
                     pair = other
-                elif self.contained[j, i]:
+                elif self.nested[j, i]:
                     pair = one
                 else:
                     pair = float(np.sqrt((1.0 + one) * (1.0 + other)) - 1.0)
@@ -266,7 +228,7 @@ class Search:
 
 
 def _ranked(found: list[Choice]) -> list[Choice]:
-    return sorted(found, key=lambda choice: -choice.worth)
+    return sorted(found, key=lambda choice: -choice.value)
 
 
 def _distinct(found: list[Choice], count: int) -> list[Choice]:

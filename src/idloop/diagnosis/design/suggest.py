@@ -1,24 +1,24 @@
-"""The next experiment: within stated limits, the one that best tells rival models apart.
+"""The next experiment: within limits, the one that best separates rival models.
 
-Its worth is the log-likelihood by which the right model is expected to lead the closest other one, computed
-with the rivals themselves: each in turn is taken as the truth, and the others are refitted to what it would do.
+Its value is the log-likelihood by which the right model is expected to lead the closest other one: each rival in turn
+is taken as the truth, and the others are refitted to its simulated response.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from idloop.diagnosis.design.conditions_of_run import Setup
 from idloop.diagnosis.design.expected_outcome import Outcome, describe, describe_signal, describe_visible, outcomes_of
-from idloop.diagnosis.design.experiment import COMMAND, REFERENCE, Experiment
+from idloop.diagnosis.design.experiment import COMMAND, REFERENCE, Experiment, Setup
 from idloop.diagnosis.design.limits import Limits, follows_reference, motion
 from idloop.diagnosis.design.rival_set import check_signals, prepare_rivals
 from idloop.diagnosis.design.rivals import Rival
 from idloop.diagnosis.design.search import Choice, Search
+from idloop.diagnosis.options import Progress, silent
 from idloop.errors import IdloopError, InputError
 from idloop.estimation.dataset import output_noise, prepare
 from idloop.signals.base import LONGEST
@@ -130,7 +130,7 @@ def suggest(
     start: float | None = None,
     adds_to: str | None = None,
     against_first: bool = False,
-    progress: Callable[[float, str], None] | None = None,
+    progress: Progress | None = None,
 ) -> Suggestion:
     """Choose the experiment that best separates rival models.
 
@@ -165,17 +165,17 @@ def suggest(
     """
     if len(rivals) < 2:
         raise InputError("a suggestion needs at least two rival models to tell apart")
-    tell = progress or (lambda share, text: None)
-    tell(0.0, "what the data so far say")
+    report = progress or silent
+    report(0.0, "reading the data so far")
     setup = prepare_setup(rivals, records, limits, duration=duration, seed=seed, start=start, adds_to=adds_to)
     prepared = prepare_rivals(rivals, records, criterion)
     search = Search(
-        prepared, setup, duration, lambda share, text: tell(0.05 + 0.9 * share, text), against_first=against_first
+        prepared, setup, duration, lambda share, text: report(0.05 + 0.9 * share, text), against_first=against_first
     )
     choice = search.best()
     if choice is None:
         raise InputError("limits: no experiment keeps every rival inside them; widen the position range or velocity")
-    tell(0.97, "expected outcomes")
+    report(0.97, "expected outcomes")
     noise = output_noise(prepared[0].model, prepare(prepared[0].model, records))
     return _suggestion(prepared, setup, choice, noise, against_first=against_first)
 
@@ -207,26 +207,9 @@ def _suggestion(
 def detect_feedback(
     model: Model, records: Sequence[Record], adds_to: str | None = None
 ) -> tuple[str, Mapping[str, Any] | None]:
-    """What an experiment is added to, and the controller that is at work then.
+    """What an experiment is added to, "command" or "reference", and the controller that acts then.
 
-    Parameters
-    ----------
-    model : Model
-    records : sequence of Record
-        The data so far: where they follow a reference, the experiment is to be followed, too.
-    adds_to : {"command", "reference"}, optional
-        By default as in the records.
-
-    Returns
-    -------
-    str
-        "command" or "reference".
-    mapping or None
-
-    Raises
-    ------
-    InputError
-        The loop was closed, and the model does not say by what.
+    By default as in the records. An `InputError` where the loop was closed and the model states no controller.
     """
     closed = any(follows_reference(record) for record in records)
     target = adds_to or (REFERENCE if closed else COMMAND)
@@ -251,20 +234,11 @@ def prepare_setup(
     start: float | None = None,
     adds_to: str | None = None,
 ) -> Setup:
-    """Find out where the experiment is to be run: what can be refused of it without a fit is refused here.
+    """Where the experiment is to be run; what can be refused without a fit is refused here.
 
-    Parameters
-    ----------
-    models : sequence of Model
-        Rivals, or those that will be; their values do not count.
-    records, limits, duration, seed, start, adds_to
-        As in `suggest`.
-
-    Raises
-    ------
-    InputError
-        Models with different signals, a closed loop without its controller or with one that reads what is not
-        measured, a start or a duration that cannot be.
+    The values of the models do not count; the other arguments are those of `suggest`. An `InputError` for models with
+    different signals, a closed loop without its controller or with one that reads what is not measured, and a start
+    or a duration that is out of range.
     """
     check_signals(models)
     if start is not None and not np.isfinite(start):

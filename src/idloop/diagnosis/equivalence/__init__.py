@@ -1,1 +1,1 @@
-"""Effects that no motion, or not this one, tells apart."""
+"""Effects and models that no motion, or not this one, can separate."""

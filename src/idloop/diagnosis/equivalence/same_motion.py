@@ -1,7 +1,7 @@
-"""Whether two models move alike, however clear the data that tell them apart.
+"""Whether two models move alike.
 
-Clean data has the power to show differences far below what anybody means by an effect: another way to integrate the
-same equations, a stamp that is a microsecond off. All answers are no where a simulation fails.
+Low noise makes differences significant that have no practical meaning: another integration method, a time stamp that is
+a microsecond off. All answers are no where a simulation fails.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnosis.evidence.quantisation import rounding_step
+from idloop.diagnosis.evidence.quantisation import quantisation_step
 from idloop.errors import IdloopError
 from idloop.estimation.dataset import Data, prepare
 from idloop.estimation.optimisation.caching_engine import CachingEngine
@@ -24,22 +24,19 @@ Array = NDArray[np.float64]
 
 
 def same_motion(model: Model, other: Model, records: Sequence[Record]) -> bool:
-    """Whether two models of the same bodies move no output apart by more than a negligible part of its deviation.
-
-    The commands of the records are simulated, from the start that suits the first model best.
-    """
+    """Whether the free runs of two models differ by a negligible part of each output's deviation, from one start."""
     return _alike(model, other, records, _negligible)
 
 
-def same_from_another_start(model: Model, other: Model, records: Sequence[Record]) -> bool:
-    """Whether two models move alike when each begins where it suits it best: an unknown start does the same."""
+def same_motion_from_own_starts(model: Model, other: Model, records: Sequence[Record]) -> bool:
+    """Whether two models move alike, each from its own best start: an unknown start explains the difference."""
     return _alike(model, other, records, _negligible, one_start=False)
 
 
-def within_rounding(model: Model, other: Model, output: str, records: Sequence[Record]) -> bool:
-    """Whether two models of the same motion read a sensor, by its site, apart by no more than its own rounding does."""
+def within_quantisation(model: Model, other: Model, output: str, records: Sequence[Record]) -> bool:
+    """Whether the readings of a sensor, by its site, differ by no more than half a quantum between two models."""
     column = next(i for i, o in enumerate(model.outputs) if o.site == output)
-    step = rounding_step(records, column)
+    step = quantisation_step(records, column)
     if step == 0.0:
         return False
     return _alike(model, other, records, lambda data, apart: np.all(np.abs(apart[:, column]) <= 0.5 * step))
@@ -60,7 +57,7 @@ def _alike(
     *,
     one_start: bool = True,
 ) -> bool:
-    """Whether a judge lets all records pass by how far the free runs of two models come apart in them, shape (n, p)."""
+    """Whether the differences of the free runs of two models, shape (n, p), satisfy a judge in all records."""
     first, second = CachingEngine(model), CachingEngine(other)
     try:
         for data in prepare(model, records):

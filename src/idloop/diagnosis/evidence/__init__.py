@@ -1,1 +1,1 @@
-"""Evidence for an effect on samples that no fit has seen, by force balance and by prediction."""
+"""Evidence for an effect on unseen samples, by force balance and by prediction."""

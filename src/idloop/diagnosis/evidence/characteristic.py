@@ -1,8 +1,8 @@
-"""An effect's characteristic on the data that asked for it: what the model without it leaves, and the fitted curve.
+"""The characteristic of an effect: the data without its part of the model, and the fitted curve.
 
-At a body it is the further force that the measured motion needs, at the command the part of the command that acts,
-at a coupling the torque that passes, at a sensor what the reading is off by. It is drawn over the variable that
-the fitted effect follows best, so that an effect of the user's own has its picture as well.
+At a body it is the further force that the measured motion needs, at the input the command that acts, at a coupling the
+torque that passes, at a sensor the error of the reading. The variable is the one that the fitted effect follows best,
+so that a user's own effect has a characteristic as well.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ Array = NDArray[np.float64]
 
 # Bins of the mean, points of the curve.
 _BINS, _CURVE = 24, 401
-# The effect is a curve over a variable when that explains so much of its variance.
+# The effect is a curve over a variable that explains this part of its variance.
 _IS_CURVE = 0.9
-# Less than this part is little: of the command in its change, and of standing in what the filter has left of it.
-_LITTLE = 0.1
+# Parts below this one are negligible: of the command that an effect changes, and of rest within a filtered sample.
+_NEGLIGIBLE = 0.1
 
 
 @dataclass(frozen=True)
 class Characteristic:
-    """What the model without an effect leaves over one variable, and the fitted effect."""
+    """Data without the effect over one variable, and the fitted effect."""
 
     variable: str
     unit: str
@@ -81,7 +81,7 @@ def characteristic(model: Model, effect: str, record: Record) -> Characteristic 
 
 
 def shifts_in_time(effect: Effect) -> bool:
-    """Whether an effect only makes the command late: over the command that is the straight line of no effect."""
+    """Whether an effect only delays the command, which has no characteristic over the command."""
     return effect.site == INPUT and effect.lags and not effect.lost_motion
 
 
@@ -104,8 +104,8 @@ def _of_a_force(model: Model, without: Model, active: ActiveEffect, record: Reco
     command = balance.command(0.0)
     along = (motion.position, motion.velocity, motion.acceleration, motion.time, command, motion.time)
     lacking, left = unexplained(*along, conditions=balance.conditions)
-    # Inertia times acceleration less the modelled forces is what the effect exerts; of a drag one knows its opposite,
-    # what the drive must give for it.
+    # Inertia times acceleration less the modelled forces is the force of the effect; shown is its negative, which the
+    # drive must give.
     scale, offset, unit, quantity = -1.0, np.zeros(len(lacking)), units.force, "further force needed"
     over = {
         "velocity": (motion.velocity[:, body], f"{units.position}/s"),
@@ -115,7 +115,7 @@ def _of_a_force(model: Model, without: Model, active: ActiveEffect, record: Reco
     if kind == INPUT:
         scale, unit = 1.0 / float(engine.layout(None).axis.constants[GAIN]), model.input.unit
         quantity = "change of the command"
-        if float(np.max(np.abs(scale * (lacking - left)))) > _LITTLE * float(np.max(np.abs(command))):
+        if float(np.max(np.abs(scale * (lacking - left)))) > _NEGLIGIBLE * float(np.max(np.abs(command))):
             offset, quantity = command, "command that acts"
         over = {name: over[name] for name in ("command", "velocity")}
     elif kind == COUPLING:
@@ -124,13 +124,13 @@ def _of_a_force(model: Model, without: Model, active: ActiveEffect, record: Reco
         offset = named[f"{active.at}.stiffness"] * twist + named.get(f"{active.at}.damping", 0.0) * rate
         scale, quantity = 1.0, "torque that passes" if units.position == "rad" else "force that passes"
         over = {"twist": (twist, units.position)}
-    # What dry friction takes while the body stands is no level of it: it follows the command, not the motion.
+    # At rest dry friction follows the command, not the motion.
     slow = np.abs(motion.velocity[:, body]) <= motion.rest_speed[body]
     stands = slow if active.effect.friction is not None else np.zeros_like(slow)
     fitted = offset + scale * (lacking - left)
     columns = [stands, offset + scale * lacking, fitted, *(values for values, _ in over.values())]
     kept = thin(np.column_stack(columns), motion)
-    _, needed, fitted, *values = kept[kept[:, 0] < _LITTLE].T
+    _, needed, fitted, *values = kept[kept[:, 0] < _NEGLIGIBLE].T
     over = {name: (x, of) for (name, (_, of)), x in zip(over.items(), values, strict=True)}
 
     def on_grid(variable: str, x: Array, x_unit: str) -> tuple[Array, Array]:
@@ -140,9 +140,9 @@ def _of_a_force(model: Model, without: Model, active: ActiveEffect, record: Reco
         moved = {"position": position, "velocity": velocity}.get(variable)
         if moved is not None:
             moved[:, body] = np.radians(x) if x_unit == "°" else x
-        # Dry friction of a body that stands takes what it needs, and would hide the effect.
+        # Dry friction at rest would balance the effect.
         velocity[velocity == 0.0] = 1e-12
-        # So many seconds apart that a delay elsewhere in the model does not mix them.
+        # Far enough apart for any delay in the model [s].
         sent = 10.0 * np.arange(_CURVE, dtype=np.float64)
         acting = x if variable == "command" else np.zeros(_CURVE)
         lacking, left = unexplained(position, velocity, still, sent, acting, sent + 9.0)
@@ -153,16 +153,16 @@ def _of_a_force(model: Model, without: Model, active: ActiveEffect, record: Reco
 
 
 def _of_a_reading(model: Model, without: Model, active: ActiveEffect, record: Record) -> Characteristic | None:
-    """What a sensor is off by, against the same motion of the model as a true sensor would show it."""
+    """Error of a sensor against the reading of an ideal one of the same motion of the model."""
     data = prepare(model, [record])[0]
     column = next(i for i, output in enumerate(model.outputs) if output.site == active.at)
     output, measured = model.outputs[column], data.output[:, column]
-    # One start for both: another one would move the whole curve, or bend it.
+    # One start for both, or the curve would shift or bend.
     both = free_runs(CachingEngine(model), data, CachingEngine(without))
     seen, true = (one[:, column] for one in both)
     known = np.isfinite(measured) & np.isfinite(true) & np.isfinite(seen)
     spread = float(np.std(measured[known]))
-    # A free run that misses half of the motion is no ground to read a sensor's error from.
+    # A free run that misses half of the motion does not show a sensor's error.
     if not spread > 0.0 or float(np.std((measured - seen)[known])) > 0.5 * spread:
         return None
     over = {
@@ -181,7 +181,7 @@ def _drawn(
     quantity_unit: str,
     on_grid: Callable[[str, Array, str], tuple[Array, Array]] | None = None,
 ) -> Characteristic | None:
-    """Over the variable that the fitted effect follows best; of those that serve as well the first, the usual one."""
+    """Over the first variable that the fitted effect follows within 2 % of the best."""
     if len(data) < _BINS or not np.any(fitted):
         return None
     variables = dict(over)
@@ -192,7 +192,7 @@ def _drawn(
     name = next(name for name, share in follows.items() if share >= max(follows.values()) - 0.02)
     x, unit = variables[name]
     if follows[name] < _IS_CURVE:
-        # It remembers: its path over some time from the middle of the record on, a few loops.
+        # An effect with memory: its path over a few loops from the middle of the record.
         first = max((len(x) - _CURVE) // 2, 0)
         curve = x[first : first + _CURVE], fitted[first : first + _CURVE]
     else:
@@ -222,7 +222,7 @@ def _bin_of(x: Array, count: int) -> NDArray[np.int64]:
 
 
 def _bins(x: Array, y: Array, count: int) -> tuple[Array, Array, Array]:
-    """Middle, mean and standard deviation by bin, without bins of so few points that they say nothing."""
+    """Middle, mean and standard deviation by bin, without nearly empty bins."""
     index = _bin_of(x, count)
     number = np.bincount(index, minlength=count)
     _, _, mean, rms = sums(index, y, count)

@@ -1,4 +1,4 @@
-"""Whether the force balance of a model serves, and may decide what it lacks."""
+"""Which view decides what a model lacks: its force balance, or predictions of the next sample."""
 
 from __future__ import annotations
 
@@ -17,22 +17,21 @@ from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.physics.model import Model
 from idloop.records import Record
 
-# Where the best model leaves this part of the drive's force, it is not the force that moves the axis.
-NOTHING = 0.9
-# With the command turned a model explains far more where it leaves less than this part of what it leaves otherwise.
-_FAR_LESS = 0.5
-# Windows that leave out more of the motion than so many times the sensors' noise leave out forces.
+# A model that leaves this part of the drive's force unexplained has not found the force that moves the axis.
+UNEXPLAINED = 0.9
+# The command is reversed where that reduces the unexplained force to less than this part.
+_REVERSED = 0.5
+# Windows that leave out more of the motion than this many times the sensors' noise leave out forces.
 _LEFT_OUT = 3.0
-# Samples that mostly tell whether predictions are better with an effect that the force balance shows.
-_BEGINNINGS = 4000
+# Samples at the beginning of the records by which predictions are compared first.
+_FIRST_SAMPLES = 4000
 
 
-class Views:
-    """The force balance of a model beside predictions of the next sample: which of them decides what it lacks.
+class DecidingView:
+    """The force balance of a model beside predictions of the next sample.
 
-    `balance` is None where it cannot decide: where some body is not measured, where sensor noise is what it would show,
-    where it leaves next to nothing, where windows that are wide enough for that leave out much of the motion, where the
-    command is turned, and where what it shows is a feedback. Windows that are made anew are added to `forms`.
+    `balance` is None where it cannot decide: some body is not measured, sensor noise dominates, wide windows leave out
+    much of the motion, or the command is reversed. New windows are added to `forms`.
     """
 
     def __init__(self, model: Model, estimation: EstimationProblem, forms: dict[int, WeakForm]) -> None:
@@ -43,7 +42,7 @@ class Views:
             and fit.usable
             and fit.form.left_out <= _LEFT_OUT
             and estimation.resolves(fit.model)
-            and not _against_the_command(fit)
+            and not _command_is_reversed(fit)
         )
         self.balance = fit if serves else None
 
@@ -53,40 +52,40 @@ class Views:
         return refit_or_none(self.estimation, self.model)
 
     @cached_property
-    def _begun(self) -> tuple[EstimationProblem, Refit | None] | None:
-        """How long records begin, and the model fitted to that by prediction errors; None where they are short."""
-        part = _beginnings(self.estimation, self.model)
+    def _first_part(self) -> tuple[EstimationProblem, Refit | None] | None:
+        """The first part of long records, and the model fitted to its prediction errors; None for short ones."""
+        part = _beginning_of(self.estimation, self.model)
         return None if part is None else (part, refit_or_none(part, self.model))
 
     @cached_property
-    def blind(self) -> bool:
-        """Whether predictions take for a disturbance what the balance shows to be a force."""
+    def disturbance_absorbs_force(self) -> bool:
+        """Whether predictions attribute to a disturbance what the force balance shows to be a force."""
         if self.balance is None:
             return False
-        predicted = self.predicted if self._begun is None else self._begun[1]
+        predicted = self.predicted if self._first_part is None else self._first_part[1]
         return predicted is None or self.balance.contradicts(predicted.model)
 
     @property
-    def finer(self) -> Refit | None:
-        """The model fitted to prediction errors where its values are those of `fit`; None where they are not."""
+    def consistent_prediction(self) -> Refit | None:
+        """The model fitted to prediction errors, where that agrees with the force balance; else None."""
         balance = self.balance
         if balance is None:
             return self.predicted
-        # Where model error rules, predictions are not asked: they may take minutes.
-        return None if balance.model_error_dominates or self.blind else self.predicted
+        # Where model error dominates, predictions are not computed: they may take minutes.
+        return None if balance.model_error_dominates or self.disturbance_absorbs_force else self.predicted
 
-    def contradict(self, found: Model, level: float) -> bool:
-        """Whether predictions of the next sample are no better for what the balance has found.
+    def prediction_contradicts(self, found: Model, level: float) -> bool:
+        """Whether predictions of the next sample are no better with what the force balance has found.
 
-        Where a disturbance moves an axis and a loop answers it, the balance shows that loop and not the axis.
-        Predictions have the disturbance for what it is; those that are blind contradict nothing.
+        Where a disturbance moves an axis in a closed loop, the balance shows the controller and not the axis, and
+        predictions show the disturbance. Predictions whose disturbance absorbs the force contradict nothing.
         """
-        if self.blind:
+        if self.disturbance_absorbs_force:
             return False
-        # How long records begin mostly says enough; where it does not, all of them are asked.
-        if self._begun is not None and not _denies(self._begun[1], found, self._begun[0], level):
+        # The first part is mostly enough.
+        if self._first_part is not None and not _no_better(self._first_part[1], found, self._first_part[0], level):
             return False
-        return _denies(self.predicted, found, self.estimation, level)
+        return _no_better(self.predicted, found, self.estimation, level)
 
 
 def as_predicted(candidate: Candidate, fit: Refit, records: Sequence[Record]) -> Candidate:
@@ -95,11 +94,8 @@ def as_predicted(candidate: Candidate, fit: Refit, records: Sequence[Record]) ->
     return replace(candidate, model=model, parameters=effect_parameters(model, candidate.name))
 
 
-def asked_fit(model: Model, estimation: EstimationProblem, forms: dict[int, WeakForm]) -> WeakFit:
-    """The model fitted by its force balance, which was asked for: it decides wherever it can be evaluated.
-
-    Raises `InputError` where it cannot be.
-    """
+def requested_force_fit(model: Model, estimation: EstimationProblem, forms: dict[int, WeakForm]) -> WeakFit:
+    """The model fitted by its force balance at the user's request; an `InputError` where it cannot be evaluated."""
     fit = fit_by_force(CachingEngine(model), estimation.data, model.theta, forms, accept_noise=True)
     if fit is None:
         raise InputError(
@@ -109,12 +105,12 @@ def asked_fit(model: Model, estimation: EstimationProblem, forms: dict[int, Weak
     return fit
 
 
-def _beginnings(estimation: EstimationProblem, start: Model) -> EstimationProblem | None:
-    """How the records begin, as a problem of its own; None where they are short, or begin without a motion."""
+def _beginning_of(estimation: EstimationProblem, start: Model) -> EstimationProblem | None:
+    """The first part of the records as a problem; None where they are short, or begin without a motion."""
     samples = sum(len(record.time) for record in estimation.records)
-    if samples < 2 * _BEGINNINGS:
+    if samples < 2 * _FIRST_SAMPLES:
         return None
-    ends = [record.time[(len(record.time) - 1) * _BEGINNINGS // samples] for record in estimation.records]
+    ends = [record.time[(len(record.time) - 1) * _FIRST_SAMPLES // samples] for record in estimation.records]
     try:
         cut = [record.cut(None, float(end)) for record, end in zip(estimation.records, ends, strict=True)]
         return prepare_estimation(start, cut, estimation.kind)
@@ -122,10 +118,10 @@ def _beginnings(estimation: EstimationProblem, start: Model) -> EstimationProble
         return None
 
 
-def _denies(plain: Refit | None, found: Model, estimation: EstimationProblem, level: float) -> bool:
+def _no_better(plain: Refit | None, found: Model, estimation: EstimationProblem, level: float) -> bool:
     if plain is None:
         return False
-    # One search from the values of the balance mostly shows that predictions are better for it.
+    # One search from the values of the balance is mostly enough.
     for near in (True, False):
         after = refit_or_none(estimation, found, near=near)
         if after is not None and after.log_likelihood - plain.log_likelihood >= math.log(1.0 / level):
@@ -133,9 +129,9 @@ def _denies(plain: Refit | None, found: Model, estimation: EstimationProblem, le
     return after is not None
 
 
-def _against_the_command(fit: WeakFit) -> bool:
-    """Whether the same model explains far more of the force with the sign of the command turned."""
+def _command_is_reversed(fit: WeakFit) -> bool:
+    """Whether the model explains far more of the force with the sign of the command reversed."""
     return (
         fit_from_two_starts(draft_windows(fit.form).with_reversed_command(), fit.point).relative
-        < _FAR_LESS * fit.relative
+        < _REVERSED * fit.relative
     )

@@ -1,4 +1,4 @@
-"""From which size on an effect would show in this data: its detection limit."""
+"""The detection limit: the size from which on the data would show an effect."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from idloop.diagnosis.candidate import effect_parameters
 from idloop.diagnosis.evidence.predictive import DEVIATIONS
 from idloop.diagnosis.screening.score_test import Screened, Trace
 
-# A noise model that is free to follow takes its part of a weak effect: sizes found in nine of ten simulated
-# experiments beside those of theory (benchmarks/diagnosis/limits.py).
+# Ratio of the limits found in nine of ten simulated experiments to those of theory, as the free noise model absorbs a
+# part of a weak effect (benchmarks/diagnosis/limits.py).
 _ABSORBED = 2.5
 
 
@@ -21,13 +21,13 @@ class DetectionLimit:
 
     parameter: str
     unit: str
-    # At the shape and phase that this data shows best, infinite where it shows none, and worst, of those tried.
+    # Of the shapes and phases that were tried: for the one that the data show best, and worst; infinite for none.
     least: float
     sure: float
-    # The effect shows up to this value, not from it on: a joint shows by being soft.
+    # The effect shows up to this value: a joint shows when it is soft.
     at_most: bool = False
 
-    def hides(self, value: float) -> bool:
+    def undetectable(self, value: float) -> bool:
         """Whether an effect of this value is too small to show at any shape."""
         return value > self.least if self.at_most else abs(value) < self.least
 
@@ -61,25 +61,24 @@ class DetectionLimit:
 
 
 def detection_limit(screened: Screened, chance: float) -> DetectionLimit | None:
-    """From which size on an effect would be found, by the traces of its screening.
+    """The detection limit of an effect, by the traces of its screening.
 
     `chance` is the statistic that the best of the catalogue reaches by chance as often as the error rate allows. None
-    where nothing says what the effect's size is, or where it would take a plainer one's place.
+    for an effect without a strength, or one that would replace a simpler one.
     """
     proposal = screened.proposal
-    # What splits a body shows by being soft.
+    # A split body shows when it is soft.
     at_most = proposal.effect.splits
     name = "stiffness" if at_most else proposal.effect.strength
     traces = [t for t in screened.traces if name in t.trials[0]]
     if not traces or name in proposal.held or proposal.replaces is not None:
         return None
-    # The power of a small effect's trace in the errors grows with the square of its size, and the statistic is
-    # distributed about that power (a non-central chi-squared; Kay, Fundamentals of Statistical Signal Processing II,
-    # section 6.5). Of an effect of the limit's size theory misses 5 %.
+    # The power of a small effect's trace grows with the square of its size; the statistic has a non-central chi-squared
+    # distribution (Kay, Fundamentals of Statistical Signal Processing II, section 6.5). Theory misses 5 % at the limit.
     needed = _ABSORBED**2 * (math.sqrt(max(chance, 0.0)) + DEVIATIONS) ** 2
     unit = effect_parameters(proposal.model(traces[0].trials[0]), proposal.name)[name]["unit"]
     if at_most:
-        # No stiffer than those that were tried.
+        # Not beyond the stiffest trial.
         stiffest = max(
             (t.trials[0][name] for t in traces if t.detectable >= needed * t.uneven),
             default=max(t.trials[0][name] * math.sqrt(t.detectable / (needed * t.uneven)) for t in traces),
@@ -92,7 +91,7 @@ def detection_limit(screened: Screened, chance: float) -> DetectionLimit | None:
         shapes.setdefault(shape, []).append(trace)
     best, worst = math.inf, 0.0
     for alike in shapes.values():
-        # What lies nearest to the limit tells most about it.
+        # The trial nearest to the limit.
         near = min(alike, key=lambda t: abs(math.log(max(t.detectable, 1e-300) / needed)))
         size = abs(near.trials[0][name] - neutral)
         least, sure = (

@@ -2,10 +2,10 @@
 
     log E_c = Σ_stretches [log p_c(stretch | fitted to earlier samples) - log p_0(stretch | fitted to earlier samples)]
 
-Every stretch is scored once and never fitted before. What is fitted, how wide the windows are and whether an effect
-plays at all (where it promises nothing its term is 0) follow from earlier samples. Were p_0 the density of the samples,
-E_c would be an e-process: P(E_c ever reaches m/α) ≤ α/m however often one looks (Ville 1939; Dawid 1984; Grünwald, de
-Heide and Koolen, JRSS B 2024). p_0 is fitted, so that this holds to first order; benchmarks/live_evidence.py counts.
+Every stretch is scored once and never fitted before. The models, the width of the windows and the choice of effects
+(others have a term of 0) follow from earlier samples. Were p_0 the density of the samples, E_c would be an e-process:
+P(E_c ever reaches m/α) ≤ α/m at any number of interim looks (Ville 1939; Dawid 1984; Grünwald, de Heide and Koolen,
+JRSS B 2024). p_0 is fitted, so that this holds to first order; benchmarks/live_evidence.py counts.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnosis.evidence.deciding_view import asked_fit
+from idloop.diagnosis.evidence.deciding_view import requested_force_fit
 from idloop.diagnosis.evidence.force_view import ForceView
 from idloop.diagnosis.evidence.predictive import Evidence, evidence_of
-from idloop.diagnosis.options import MINIMUM_IMPROVEMENT
+from idloop.diagnosis.options import MINIMUM_IMPROVEMENT, Options
 from idloop.errors import IdloopError
 from idloop.estimation.dataset import prepare
 from idloop.estimation.force_balance.weak_fit import WeakFit
@@ -31,7 +31,7 @@ from idloop.records import Record
 
 Array = NDArray[np.float64]
 
-# Parts of a stretch whose sums tell how much neighbouring windows err alike.
+# Parts of a stretch, from whose sums the correlation of neighbouring windows is estimated.
 PARTS = 4
 
 
@@ -45,7 +45,7 @@ class Decision:
 
 @dataclass(frozen=True)
 class Tally:
-    """What one effect has said of the stretches so far, by differences of the log-densities of their windows."""
+    """Evidence of one effect on the stretches so far, by differences of the log-densities of their windows."""
 
     # Over each part of a stretch, and windows in it.
     sums: tuple[float, ...] = ()
@@ -55,7 +55,7 @@ class Tally:
     decided: Decision | None = None
 
     def scored(self, difference: Array) -> Tally:
-        """With one more stretch, of which these are the differences of the log-densities by window."""
+        """With one more stretch, by the differences of the log-densities of its windows."""
         parts = np.array_split(difference, min(PARTS, len(difference)))
         return replace(
             self,
@@ -66,12 +66,12 @@ class Tally:
 
     @property
     def enough(self) -> bool:
-        """Whether there are enough parts to tell their spread by: not before the second look."""
+        """Whether there are enough parts to estimate their spread: from the second look on."""
         return len(self.sums) >= 2 * PARTS
 
     @property
     def evidence(self) -> Evidence:
-        """Of all stretches, tempered where neighbouring windows err alike."""
+        """Of all stretches, tempered where the errors of neighbouring windows are correlated."""
         return evidence_of(np.array(self.sums), np.array(self.lengths, dtype=float), self.squares)
 
 
@@ -79,17 +79,17 @@ class Tally:
 class LiveEvidence:
     """Evidence for every effect that a model may lack, as the samples come in."""
 
-    # Against which effects are weighed; where the searches of its fits begin.
+    # Against which effects are evaluated, with start values.
     model: Model
     # Probability that any effect is ever decided where nothing is missing.
     level: float = 0.01
-    # Part by which an effect must make the errors on new samples smaller to be decided.
-    least: float = MINIMUM_IMPROVEMENT
+    # Least part by which a decided effect reduces the errors on new samples.
+    minimum_improvement: float = MINIMUM_IMPROVEMENT
     # Choose from these only; the whole catalogue when empty.
     effects: tuple[str, ...] = ()
     # By the name of the effect.
     tallies: dict[str, Tally] = field(default_factory=dict)
-    # Choices that there were, the most of all looks.
+    # Candidates, the most of all looks.
     count: int = 0
     # Measurements that have been scored, stretches, and the length of these [s].
     samples: int = 0
@@ -115,21 +115,22 @@ class LiveEvidence:
 
     @property
     def doubtful(self) -> tuple[str, ...]:
-        """Effects that have not been decided and whose odds are better than 1/α to 1: more samples are needed."""
+        """Undecided effects with odds above 1/α to 1, for which more samples are needed."""
         sure = math.log(1.0 / self.level)
         return tuple(name for name, log in self.logs.items() if self.tallies[name].decided is None and log >= sure)
 
-    def look(self, earlier: Sequence[Record], new: Record, stamp: int) -> LiveEvidence:
+    def update(self, earlier: Sequence[Record], new: Record, stamp: int) -> LiveEvidence:
         """Score a stretch of new samples that ends at `stamp` [ns] by models that are fitted to the samples before it.
 
         Raises InputError where the balance of forces cannot be evaluated on the earlier samples, and IdloopError where
         the stretch is too short for windows as wide as the noise asks for.
         """
         estimation = prepare_estimation(self.model, earlier, "prediction")
+        options = Options(self.level, self.minimum_improvement, self.effects or None)
         forms: dict[int, WeakForm] = {}
-        parent = asked_fit(self.model, estimation, forms)
-        step = ForceView(estimation, self.level, self.least, self.effects or None, forms=forms).weigh(parent)
-        # Beside the earlier samples, which tell what the usual commands are.
+        parent = requested_force_fit(self.model, estimation, forms)
+        step = ForceView(estimation, options, forms=forms).evaluate(parent)
+        # Together with the earlier samples, which determine the usual commands.
         data = [*estimation.data, *prepare(self.model, [new], companions=earlier)]
         form = weak_form(parent.form.engine, data, parent.form.width)
         if form is None:
@@ -138,10 +139,9 @@ class LiveEvidence:
                 f"a stretch of {new.duration:.3g} s is too short to be scored: {seconds:.3g} s are needed"
             )
         base, tallies = _of_the_last(form, step.parent), dict(self.tallies)
-        for one in step.weighed:
+        for one in step.evaluated:
             if len(one.proposals) == 1:
-                # An effect with which the new samples cannot be evaluated has made them impossible: a log-density for
-                # which no number of others makes up.
+                # New samples that cannot be evaluated are impossible by the model: their log-density is prohibitive.
                 difference = np.nan_to_num(_of_the_last(form, one.fit) - base, nan=-700.0, neginf=-700.0)
                 name = one.proposals[0].name
                 tallies[name] = tallies.get(name, Tally()).scored(difference)
@@ -154,7 +154,11 @@ class LiveEvidence:
         )
         for name, tally in tallies.items():
             evidence = tally.evidence
-            shows = evidence.log >= found.threshold and evidence.told and evidence.improvement >= self.least
+            shows = (
+                evidence.log >= found.threshold
+                and evidence.distinguishable
+                and evidence.improvement >= self.minimum_improvement
+            )
             if tally.decided is None and tally.enough and shows:
                 tallies[name] = replace(tally, decided=Decision(stamp, found.samples))
         return replace(found, tallies=tallies)

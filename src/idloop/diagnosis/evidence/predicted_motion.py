@@ -1,7 +1,7 @@
-"""The first body's motion as a fitted model expects it from one sample to the next.
+"""The first body's motion as a fitted model predicts it from one sample to the next.
 
-What is told by regressors along the motion must not know the errors it is to explain: the measured motion, filtered or
-not, holds the noise of the very sample whose error is looked at; what was expected of the sample does not.
+Regressors for prediction errors must be independent of the noise in these errors. The measured motion, filtered or not,
+contains the noise of the sample whose error is explained; its prediction does not.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PredictedMotion:
-    """Motion of the driven body in one record, as expected before each instant's measurement, in SI units."""
+    """Motion of the driven body in one record, predicted before the measurement of each instant, in SI units."""
 
     time: Array
     position: Array
@@ -34,14 +34,13 @@ class PredictedMotion:
 def predicted_motion(fit: Refit) -> list[PredictedMotion] | None:
     """Motion of the driven body in each record, by the prediction or the free run that the model was fitted by.
 
-    None for a fit by a force balance, and where the simulation has more bodies than the model: which of the halves is
-    meant would be open.
+    None for a fit by a force balance, and where an effect splits a body.
     """
     criterion = fit.criterion
     if not isinstance(criterion, InnovationCriterion | SimulationCriterion):
         return None
     model, theta = fit.model, fit.point[: fit.parameters]
-    # Perfect sensors, under a joint of their own: no effect of a real sensor is theirs.
+    # Ideal sensors of a joint of their own, without the effects of the real ones.
     perfect = tuple(
         replace(model.outputs[0], joint=f"{body} as predicted", body=body, field=field, scale=1.0, noise=None)
         for field in ("position", "velocity")
@@ -72,12 +71,12 @@ def predicted_motion(fit: Refit) -> list[PredictedMotion] | None:
 def _expected(
     criterion: InnovationCriterion, engine: CachingEngine, theta: Array, nuisance: Array, record: int
 ) -> Array:
-    """All outputs of the engine before each measurement; of those that are not measured only these are meant."""
+    """Predictions of all outputs of the engine before each measurement."""
     data, observer = criterion.data[record], criterion.observer(nuisance, record)
     outputs = data.output.shape[1]
     gain = observer.gains.reshape(-1, outputs)
     count = len(engine.model.outputs) - outputs
-    # A sensor that nothing is measured by and nothing is corrected by reads off what was expected.
+    # A sensor with a measurement of zero and no gain returns minus its prediction.
     measured = np.hstack([data.output, np.zeros((len(data.output), count))])
     idle = np.hstack([gain, np.zeros((len(gain), count))])
     state = criterion.initial.state(criterion.initial.values, record, theta)

@@ -1,15 +1,15 @@
-"""Evidence for an effect: what models with and without it say of samples that their fits have not seen.
+"""Evidence for an effect: the likelihood of unseen samples by models with and without it.
 
 The records are dealt into folds of stretches that interleave. Each fold is scored by fits on all others
 (cross-validation: Stone, JRSS B 36, 1974); the sum of the differences of their log-densities is the log-evidence
 
     log E = Σ_folds [log p_c(fold | fitted on the others) - log p_0(fold | fitted on the others)].
 
-Nothing is maximised on the samples that judge, whatever the effect's shape or bounds. Where folds are scored by earlier
-ones only, P(E of any of m effects ≥ m/α) ≤ α where nothing is missing (Wasserman, Ramdas and Balakrishnan, PNAS 117,
-2020); with all others the same threshold is kept, and docs/explanation/diagnosis.md counts how often it is passed. Where the errors
-are coloured or model error rules, the densities are tempered by how much more the sums over stretches vary than
-independent samples would.
+Nothing is maximised on the samples that are scored, whatever the effect's shape or bounds. Where folds are scored by
+earlier ones only, P(E of any of m effects ≥ m/α) ≤ α where nothing is missing (Wasserman, Ramdas and Balakrishnan, PNAS
+117, 2020); with all others the same threshold is kept, and docs/explanation/diagnosis.md counts how often it is passed.
+Where errors are coloured or model error dominates, the densities are tempered by how much more the sums over stretches
+vary than those of independent samples.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from idloop.estimation.force_balance.weak_form import BLOCKS
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
-# Each fold is scored by a fit on the others: with more of them fits cost more, with fewer they know less.
+# Folds; more of them cost more fits, and with fewer each fit has fewer samples.
 FOLDS = 4
-# Normal deviate beyond which 5 % lie: so far a difference of two scores is told from none (Vuong, Econometrica 57,
-# 1989).
+# Normal deviate beyond which 5 % lie: models are distinguishable where their scores differ by more (Vuong, Econometrica
+# 57, 1989).
 DEVIATIONS = 1.645
 
 
@@ -46,7 +46,7 @@ def deal(starts: Rows) -> tuple[list[Rows], list[Rows]]:
     for first, last in pairwise(starts):
         count = max(round(BLOCKS * (last - first) / total), 1)
         for index, part in enumerate(np.array_split(np.arange(first, last), count)):
-            # How a record begins is in the first fold; short records take turns.
+            # The beginning of a record is in the first fold; short records take turns.
             place = (index if count >= FOLDS else few) % FOLDS
             few += count < FOLDS
             folds[place].append(part)
@@ -64,11 +64,11 @@ def others(folds: Sequence[Rows], index: int) -> Rows:
 
 @dataclass(frozen=True)
 class Scores:
-    """Log-density of every sample of the folds, by fits that have not seen it, and stretches of these samples."""
+    """Log-density of every sample by fits that have not seen it, and stretches of these samples."""
 
     log_density: Array
     blocks: list[Rows]
-    # Of how the records begin, where the samples do not count it: one event, which has no stretches.
+    # Of the initial states, where the samples do not contain it.
     start: float = 0.0
 
     def against(self, other: Scores) -> Evidence:
@@ -81,7 +81,7 @@ class Scores:
 
 @dataclass(frozen=True)
 class Evidence:
-    """For one model against another: the difference of the log-densities of samples not seen."""
+    """For one model against another: the difference of the log-densities of unseen samples."""
 
     difference: float
     # How much more it varies than with independent samples, at least 1.
@@ -89,7 +89,7 @@ class Evidence:
     # Its standard deviation.
     spread: float
     samples: int
-    # Of the log-densities of how the records begin.
+    # Of the log-densities of the initial states.
     start: float = 0.0
 
     @property
@@ -99,12 +99,12 @@ class Evidence:
 
     @property
     def improvement(self) -> float:
-        """Part by which errors on samples not seen become smaller, at most 1."""
+        """Part by which the errors on unseen samples are reduced, at most 1."""
         return float(1.0 - np.exp(-self.difference / max(self.samples, 1)))
 
     @property
-    def told(self) -> bool:
-        """Whether the difference stands above its own spread."""
+    def distinguishable(self) -> bool:
+        """Whether the difference exceeds its own spread."""
         return self.difference + self.start - DEVIATIONS * self.spread > 0.0
 
     def p_value(self, candidates: int) -> float:
@@ -123,13 +123,13 @@ def evidence_of(sums: Array, lengths: Array, squares: float, start: float = 0.0)
 
 
 def scores_of(fit: WeakFit) -> Scores:
-    """Scores of a model that was fitted by its force balance, around which the fits on the other folds are linear."""
+    """Scores of a model fitted by its force balance; the fits on the other folds are linear around it."""
     folds, blocks = deal(fit.form.starts)
     found = [fit.refitted(np.sort(others(folds, index))).log_densities()[fold] for index, fold in enumerate(folds)]
     return Scores(np.concatenate(found), blocks)
 
 
 def seen_scores(fit: WeakFit) -> Scores:
-    """Scores of a model as it is, for all rows: of values that most of these rows had no part in."""
+    """Scores of a model without refits, for values that most of the rows had no part in."""
     folds, blocks = deal(fit.form.starts)
     return Scores(fit.log_densities()[np.concatenate(folds)], blocks)

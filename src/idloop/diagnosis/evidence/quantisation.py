@@ -1,4 +1,4 @@
-"""A sensor's resolution, read off the data: readings that are multiples of a quantum need no refit to be seen."""
+"""Quantisation: the resolution of a sensor, read off data that are multiples of a quantum."""
 
 from __future__ import annotations
 
@@ -18,13 +18,15 @@ from idloop.records import Record
 
 Array = NDArray[np.float64]
 
-# The most of the readings' mean second difference in quanta. White noise of deviation 1 has one of √(12/π): the quantum
-# must be about this coarse against what else the readings scatter by.
+# Largest mean second difference of the readings in quanta, so that the quantum exceeds the noise: white noise of unit
+# deviation has one of √(12/π).
 _MOST_BEND = 1.35
 
 
-def quantised(model: Model, estimation: EstimationProblem, effects: Sequence[str] | None = None) -> list[Candidate]:
-    """Outputs whose readings are multiples of a quantum coarser than their noise, which the model does not say.
+def quantised_outputs(
+    model: Model, estimation: EstimationProblem, effects: Sequence[str] | None = None
+) -> list[Candidate]:
+    """Outputs whose readings are multiples of a quantum coarser than their noise, where the model has none.
 
     Coarsest first, of some effects only where these are given.
     """
@@ -32,11 +34,11 @@ def quantised(model: Model, estimation: EstimationProblem, effects: Sequence[str
     for column, output in enumerate(model.outputs):
         if any(active.at == output.site and active.effect.resolution for active in model.effects):
             continue
-        effect = next((one for one in _rounding(model, output.field) if _asked(one, output.site, effects)), None)
+        effect = next((one for one in _quantisers(model, output.field) if _asked(one, output.site, effects)), None)
         # A velocity computed from rounded positions has no converter of its own.
         if effect is None or not any(np.any(np.isfinite(d.output[:, column])) for d in estimation.data):
             continue
-        step = rounding_step(estimation.records, column)
+        step = quantisation_step(estimation.records, column)
         if step <= 0.0:
             continue
         candidate = Candidate(
@@ -57,24 +59,24 @@ def _asked(effect: Effect, at: str, effects: Sequence[str] | None) -> bool:
     return effects is None or effect.name in effects or effect_name(effect.name, at) in effects
 
 
-def _rounding(model: Model, field: str) -> list[Effect]:
+def _quantisers(model: Model, field: str) -> list[Effect]:
     """Effects of the catalogue by which a sensor of a field rounds its readings."""
     known = (effect for several in catalogue(*model.effect_folders).values() for effect in several)
     return [effect for effect in known if effect.site == OUTPUT and effect.resolution and field in effect.outputs]
 
 
 def resolution_limits(model: Model, estimation: EstimationProblem) -> dict[str, DetectionLimit]:
-    """From which resolution on each output's rounding would show beside its noise, by effect and site."""
+    """Detection limits of the quantisation of each output, by effect and site."""
     limits = {}
     for output, noise in zip(model.outputs, estimation.noise, strict=True):
         least = math.sqrt(12.0 / math.pi) / _MOST_BEND * float(noise)
-        for effect in _rounding(model, output.field):
+        for effect in _quantisers(model, output.field):
             limits[effect_name(effect.name, output.site)] = DetectionLimit(effect.resolution, output.unit, least, least)
     return limits
 
 
-def rounding_step(records: Sequence[Record], column: int) -> float:
-    """Quantum of one output in all records; 0 without one that stands above the noise."""
+def quantisation_step(records: Sequence[Record], column: int) -> float:
+    """Quantum of one output in all records; 0 without one above the noise."""
     steps = []
     for record in records:
         y = record.output[:, column]
@@ -82,12 +84,12 @@ def rounding_step(records: Sequence[Record], column: int) -> float:
         step = resolution(y)
         if step <= 0.0:
             return 0.0
-        step = _refined(y, step)
+        step = _least_squares_quantum(y, step)
         counts = y / step
-        # Of a hundred readings one may have been disturbed on its way.
+        # One reading in a hundred may be disturbed.
         if np.mean(np.abs(counts - np.round(counts)) < 0.01) < 0.99:
             return 0.0
-        # Curvature of the rounded readings: with a noise above the quantum it scatters by several of them.
+        # With a noise above the quantum the second difference scatters by several quanta.
         if float(np.mean(np.abs(np.diff(np.round(counts), 2)))) > _MOST_BEND:
             return 0.0
         steps.append(step)
@@ -96,7 +98,7 @@ def rounding_step(records: Sequence[Record], column: int) -> float:
     return float(np.mean(steps))
 
 
-def _refined(y: Array, step: float) -> float:
+def _least_squares_quantum(y: Array, step: float) -> float:
     """Quantum by least squares over all readings, from a first estimate."""
     for _ in range(3):
         counts = np.round(y / step)

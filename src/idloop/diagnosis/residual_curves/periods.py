@@ -14,17 +14,17 @@ from idloop.physics.model import Model
 
 Array = NDArray[np.float64]
 
-# Periods within the travel, or within a turn, up to which is looked.
+# Highest number of periods within the travel, or within a turn.
 _MOST = 400
 # Step between neighbouring frequencies [periods within the travel].
 _STEP = 0.25
 
 
-def remaining_period(model: Model, estimation: EstimationProblem) -> tuple[float, int] | None:
+def residual_period(model: Model, estimation: EstimationProblem) -> tuple[float, int] | None:
     """Period over the driven body's position with which the force that a fitted model lacks repeats most.
 
-    With the number of periods that were looked at. None where the motion of some body is not measured, or the travel
-    holds too few periods to tell.
+    With the number of periods that were tried. None where the motion of some body is not measured, or the travel
+    contains too few periods.
     """
     from scipy.ndimage import median_filter
 
@@ -36,7 +36,7 @@ def remaining_period(model: Model, estimation: EstimationProblem) -> tuple[float
             narrow = record_balance(engine, data)
             if narrow is None:
                 return None
-            # The force is wanted up to beyond what the motion is excited to.
+            # The force has frequencies above those of the motion.
             cutoff = min(4.0 * narrow.motion.cutoff, 0.2 / narrow.motion.sample_time)
             balance = record_balance(engine, data, max(cutoff, narrow.motion.cutoff))
         if balance is None:
@@ -66,7 +66,7 @@ def remaining_period(model: Model, estimation: EstimationProblem) -> tuple[float
     power = np.abs(np.fft.rfft(total, round(bins / _STEP))) ** 2
     frequency = _STEP * np.arange(len(power))
     inside = (frequency >= fewest) & (frequency <= most)
-    # What a frequency has by itself.
+    # The spectrum around each frequency.
     usual = median_filter(power, 101, mode="nearest")
     stands = np.where(inside & (usual > 0.0), power / np.where(usual > 0.0, usual, 1.0), 0.0)
     if not np.any(stands > 0.0):
@@ -77,21 +77,21 @@ def remaining_period(model: Model, estimation: EstimationProblem) -> tuple[float
 
 
 def harmonics(fit: WeakFit, body: int) -> tuple[tuple[int, ...], int]:
-    """Harmonics of a turn, from 2 on, that the unexplained force of a body has most of, and how many were looked at.
+    """Harmonics of a turn, from 2 on, with the most power in the unexplained force of a body, and how many were tried.
 
-    Strongest first; empty where the motion tells of none.
+    Strongest first; empty where the motion contains too few turns.
     """
     form = fit.form
     angle = form.along("position", body)
     speed = float(np.median(np.abs(form.along("velocity", body))))
     windows = form.width * form.sample_time * speed / (2.0 * np.pi)
     turns = float(np.ptp(angle)) / (2.0 * np.pi)
-    # Two periods within the motion show a wave, and one of one and a half windows leaves five sixths of it.
+    # Two periods within the motion show a wave; windows keep five sixths of one that is 1.5 times as long as they are.
     lowest = max(2, int(np.ceil(2.0 / max(turns, 1e-12))))
     highest = min(_MOST, int(1.0 / max(1.5 * windows, 1e-12)))
     if highest < lowest:
         return (), 0
-    # Of more windows every n-th tells the same.
+    # Of more windows every n-th is enough.
     stride = max(len(angle) // 20_000, 1)
     left = fit.residual[::stride, body]
     left = left * weights(left / fit.scale[body])
@@ -100,5 +100,4 @@ def harmonics(fit: WeakFit, body: int) -> tuple[tuple[int, ...], int]:
     for _ in range(lowest, highest + 1):
         wave = wave * turned
         power.append(abs(np.vdot(wave, left)))
-    # As many as are worth a fit.
     return tuple(int(lowest + place) for place in np.argsort(power)[::-1][:3]), len(power)

@@ -1,4 +1,4 @@
-"""What remains when no effect of the catalogue explains it: a learnt force, command or coefficient curve."""
+"""The residual curve that remains when no effect of the catalogue explains it."""
 
 from __future__ import annotations
 
@@ -12,10 +12,9 @@ from idloop.physics.units import Units
 
 Array = NDArray[np.float64]
 
-# Knots of a force or a command; of a coefficient over the position, and over the time, with which a machine drifts and
-# does not jump.
+# Knots of a force or a command, of a coefficient over the position, and of a slow drift over time.
 KNOTS, COEFFICIENT_KNOTS, TIME_KNOTS = 17, 13, 5
-# Turns from which on a curve is one over the turn, not over the travel.
+# Turns from which on a curve is periodic over the turn.
 TURNS = 1.5
 
 
@@ -41,7 +40,7 @@ class UnknownStructure:
         What the curve gives: ``force``, ``command``, or the coefficient that is not constant: ``inertia``, ``viscous
         friction``, ``dry friction``, or ``drive`` (its force as a part of what the model gives it).
     rivals : tuple of str
-        Other curves that this data cannot tell from it, in words.
+        Other curves that tie with it, in words.
     """
 
     variable: str
@@ -73,19 +72,8 @@ class UnknownStructure:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
-        return {
-            "variable": self.variable,
-            "unit": self.unit,
-            "of": self.of,
-            "force_unit": self.force_unit,
-            "at": self.at.tolist(),
-            "force": self.force.tolist(),
-            "band": self.band.tolist(),
-            "share": self.share,
-            "text": self.text,
-            "period": self.period,
-            "rivals": list(self.rivals),
-        }
+        arrays = {name: getattr(self, name).tolist() for name in ("at", "force", "band")}
+        return {**vars(self), **arrays, "rivals": list(self.rivals)}
 
     @classmethod
     def from_dict(cls, document: dict[str, Any]) -> UnknownStructure:
@@ -113,12 +101,12 @@ class Curve:
     over: str
     unit: str
     knots: Array
-    # The last knot is the first again, and has no height of its own.
+    # Periodic: the last knot has the height of the first.
     closed: bool
 
     @property
     def of_the_drive(self) -> bool:
-        """Whether it is about how the command becomes a force."""
+        """Whether it describes the drive, from command to force."""
         return self.of in ("command", "drive")
 
     @property
@@ -132,7 +120,7 @@ class Curve:
         return self.over.partition(".")[2] or self.over
 
     def at_knots(self, values: NDArray[Any]) -> NDArray[Any]:
-        """What belongs to the heights, at all knots."""
+        """Values of the heights, at all knots."""
         return np.append(values, values[0]) if self.closed else values
 
     def structure(
@@ -150,11 +138,11 @@ class Curve:
             text = f"the {self.of} changes with the {self.variable} "
         elif period:
             text = f"{errors} repeat every {period:.5g} {self.unit} of the position "
-        text += f"(p = {max(p_value, 1e-300):.1g}) in a way that no effect looked for explains: "
+        text += f"(p = {max(p_value, 1e-300):.1g}) in a way that no candidate effect explains: "
         if self.coefficient:
             apart = float(np.ptp(force))
             size = f"{100.0 * apart:.3g} %" if self.of_unit == "-" else f"{apart:.3g} {self.of_unit}"
-            text += f"by {size} from its least to its most, as learnt"
+            text += f"by {size} from its minimum to its maximum, as fitted"
         else:
-            text += f"a learnt {self.of} of up to {float(np.max(np.abs(force))):.3g} {self.of_unit} remains"
+            text += f"a fitted {self.of} of up to {float(np.max(np.abs(force))):.3g} {self.of_unit} remains"
         return UnknownStructure(self.over, self.unit, self.of_unit, at, force, band, share, text, period, self.of)

@@ -1,1 +1,1 @@
-"""Which effects are worth a refit: candidates, score test, whether the motion follows the command."""
+"""Screening: candidates, the score test of their traces, and whether the motion responds to the command."""

@@ -1,11 +1,10 @@
 """Whether the measured motion follows the command at all.
 
-Columns of two runs, a drive that was off, a motor that was turned by hand: there a fit finds a machine so heavy or so
-stiff that the command hardly counts, and an effect that takes the rest of it away is an improvement. Nothing that such
-data say is about the axis. They are told by what a model predicts with the command, and with its mean in its place. A
-model that lacks the very effect through which the command is seen does no better either: the model that has it does.
-Nor does one whose gain may not be negative where command and motion count in opposite directions: with the command
-turned it does.
+In a record of two runs, of a drive that was off, or of a motor that was turned by hand, a fit finds a machine so heavy
+or so stiff that the command has no influence, and effects that remove the rest of it as improvements. Such records are
+recognised by predictions that are no better with the command than with its mean. A model that lacks the effect through
+which the command acts predicts no better either, but the model with that effect does; so does one with the command
+reversed, where command and motion count in opposite directions.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from enum import Enum
 
 import numpy as np
 
-from idloop.diagnosis.screening.granger_test import foretells
+from idloop.diagnosis.screening.granger_test import granger_causes
 from idloop.errors import IdloopError
 from idloop.estimation.direction import OPPOSITE_DIRECTION, REVERSE_ADVICE
 from idloop.estimation.likelihood.estimation_problem import EstimationProblem, prepare_estimation
@@ -27,7 +26,7 @@ from idloop.records import Record
 
 
 class CommandResponse(str, Enum):
-    """How the measured motion follows the command: the words of the JSON."""
+    """How the measured motion follows the command; the values are those of the JSON."""
 
     FOLLOWS = "follows"
     UNMOVED = "unmoved"
@@ -35,13 +34,13 @@ class CommandResponse(str, Enum):
     REVERSED = "reversed"
 
     @property
-    def tells_nothing(self) -> bool:
-        """Whether such data say nothing of the axis."""
+    def uninformative(self) -> bool:
+        """Whether such data contain no information about the axis."""
         return self in (CommandResponse.UNMOVED, CommandResponse.REVERSED)
 
     @property
     def text(self) -> str:
-        """What to say of it; empty where the motion follows the command."""
+        """Finding for the user; empty where the motion follows the command."""
         return _SENTENCES[self]
 
 
@@ -62,12 +61,12 @@ _SENTENCES = {
 }
 
 
-def follows(estimation: EstimationProblem, fit: Refit) -> bool:
+def responds_to_command(estimation: EstimationProblem, fit: Refit) -> bool:
     """Whether a fitted model predicts the motion better with the command than without, or that cannot be computed."""
     # Of steps from rest, each a constant command, the mean of its own would be the command itself.
     means = [float(np.mean(one.input)) for one in estimation.data]
     if all(np.ptp(one.input) == 0.0 for one in estimation.data):
-        # A step of one level began from none.
+        # A step of one level began from zero.
         means = [float(np.mean(means)) if np.ptp(means) > 0.0 else 0.0] * len(means)
     still = tuple(
         replace(one, input=np.full_like(one.input, mean)) for one, mean in zip(estimation.data, means, strict=True)
@@ -76,30 +75,27 @@ def follows(estimation: EstimationProblem, fit: Refit) -> bool:
     return without is None or distinguishable(fit, without)
 
 
-def reversed_command(estimation: EstimationProblem, fit: Refit, start: Model) -> bool:
-    """Whether a model that does not follow the command would follow one of the other sign.
-
-    The fit to the turned command begins at `start`: the values found may be far from any machine's.
-    """
+def responds_to_reversed_command(estimation: EstimationProblem, fit: Refit, start: Model) -> bool:
+    """Whether a model that does not respond to the command responds to its negative; the fit begins at `start`."""
     records = [replace(one, input=-one.input) for one in estimation.records]
     turned = prepare_estimation(start, records, estimation.kind)
     other = refit_or_none(turned, start)
-    return other is not None and other.log_likelihood > fit.log_likelihood and follows(turned, other)
+    return other is not None and other.log_likelihood > fit.log_likelihood and responds_to_command(turned, other)
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def response_of(start: Model, records: Sequence[Record]) -> CommandResponse:
-    """How the motion of some data follows the command by a model that is not fitted yet, whatever its parameters.
+def command_response(start: Model, records: Sequence[Record]) -> CommandResponse:
+    """How the motion of some records follows the command, by a model that is not fitted yet.
 
-    In whatever way it follows, and where that cannot be computed, it counts as following.
+    It counts as following where that cannot be computed.
     """
     try:
         estimation = prepare_estimation(start, records, "prediction")
         found = refit(estimation, start)
-        if follows(estimation, found):
+        if responds_to_command(estimation, found):
             return CommandResponse.FOLLOWS
-        if reversed_command(estimation, found, start):
+        if responds_to_reversed_command(estimation, found, start):
             return CommandResponse.REVERSED
     except (IdloopError, np.linalg.LinAlgError):
         return CommandResponse.FOLLOWS
-    return CommandResponse.FOLLOWS if foretells(records) else CommandResponse.UNMOVED
+    return CommandResponse.FOLLOWS if granger_causes(records) else CommandResponse.UNMOVED

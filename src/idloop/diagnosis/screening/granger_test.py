@@ -1,9 +1,8 @@
-"""Whether the command foretells the motion, whatever the model.
+"""The Granger test: whether the command improves the prediction of the motion, whatever the model.
 
 An output is regressed on its own past, and on its own past and that of the command (Granger, Econometrica 37, 1969).
-How much smaller the second makes the errors is held against what the same command makes of them after it was shifted
-along the record: then it has nothing to do with the motion and all else in common with it, steps and colour included,
-of which a table of F knows nothing.
+The reduction of the errors is compared with that by the same command after a shift along the record: such a command is
+unrelated to the motion and has the same steps and colour, which an F distribution does not account for.
 """
 
 from __future__ import annotations
@@ -21,8 +20,8 @@ Array = NDArray[np.float64]
 _PAST = 10
 
 
-def foretells(records: Sequence[Record], seed: int = 0) -> bool:
-    """Whether the command helps to predict some output of the records from its own past; the seed is of the shifts."""
+def granger_causes(records: Sequence[Record], seed: int = 0) -> bool:
+    """Whether the command helps to predict some output of the records beside its own past; `seed` is of the shifts."""
     for column in range(len(records[0].output_names)):
         for thin in (False, True):
             pairs = [_signals(record, column, thin) for record in records]
@@ -40,7 +39,7 @@ def _signals(record: Record, column: int, thin: bool) -> tuple[Array, Array]:
     command = record.input_at(record.time)
     known = np.isfinite(output) & np.isfinite(command)
     output, command = output[known], command[known]
-    # A thousand samples are left: quick samples say little of a slow motion, one to the next.
+    # A thousand samples are left: neighbouring samples of a slow motion hardly differ.
     each = len(output) // 1000
     if not thin or each < 2:
         return output, command
@@ -58,7 +57,7 @@ def _shifts(pairs: Sequence[tuple[Array, Array]], seed: int) -> list[list[tuple[
 
 
 def _share(pairs: Sequence[tuple[Array, Array]]) -> float:
-    """Part of the squared errors that the command's past takes away from those of the output's own."""
+    """Part by which the command's past reduces the squared errors of a regression on the output's own."""
     longest = min(len(y) for y, _ in pairs) // 4
     tables = [_table(y, u, longest) for y, u in pairs]
     moment = sum(table.T @ table for table in tables)
@@ -77,7 +76,7 @@ def _table(output: Array, command: Array, longest: int) -> Array:
     while 2 * stretches[-1][1] <= longest:
         stretches.append((stretches[-1][1], 2 * stretches[-1][1]))
     columns = [np.ones(len(now)), *(output[now - k] for k in range(1, _PAST + 1))]
-    # The command that is in force at a sample acts after it: what acts on the way to it is the one before.
+    # The command at a sample acts after it: the one before acts on the way to it.
     columns += [(total[now + 1 - first] - total[now + 1 - last]) / (last - first) for first, last in stretches]
     return np.column_stack([*columns, output[now]])
 

@@ -1,4 +1,4 @@
-"""What a model that was fitted by prediction, or by its free run, says of samples that its fits have not seen."""
+"""Scores of unseen samples by a model that was fitted by prediction or by its free run."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ class _Group:
     """Instants at which some outputs are measured together."""
 
     outputs: int
-    # Log-density that the weights of their errors stand for.
+    # Log-determinant of the weights of their errors.
     level: float
     # First row of the residual that an instant has, shape (instants,); -1 where the whitening has no past for it.
     first: Rows
-    # As of `deal`, by instants.
+    # See `deal`, by instants.
     folds: list[Rows]
     blocks: list[Rows]
 
@@ -45,7 +45,7 @@ class _Group:
 
 
 class InnovationScores:
-    """Scores of a refit, and of the same with further columns that its errors may follow.
+    """Scores of a refit, and of the same with further regressors for its errors.
 
     The fits on the other folds are linearised around the one to all.
     """
@@ -53,7 +53,7 @@ class InnovationScores:
     def __init__(self, fit: Refit) -> None:
         self.fit, problem, point = fit, fit.problem, fit.point
         self.errors = fit.residual()
-        # The noise model is that of all folds: its slopes hold for small changes only, which those of a fold are not.
+        # The noise model is that of all folds: its slopes hold for small changes only.
         self._sensitive = np.flatnonzero(fit.sensitive[: fit.parameters])
         slopes, lower, upper = (part[..., self._sensitive] for part in (fit.jacobian, *fit.model.bounds))
         self._size = np.linalg.norm(slopes, axis=0)
@@ -85,7 +85,7 @@ class InnovationScores:
         return self._scores(self._slopes, self._box, left)
 
     def beside(self, further: Array) -> Scores:
-        """The same to first order, with columns (n, c) that the errors may follow fitted beside the parameters."""
+        """The same to first order, with regressors (n, c) of the errors fitted beside the parameters."""
         further = further / np.maximum(np.linalg.norm(further, axis=0), 1e-300)
         columns, free = np.hstack([self._slopes, further]), np.full(further.shape[1], np.inf)
         at, lower, upper = self._box
@@ -98,9 +98,9 @@ class InnovationScores:
             rests = [others(group.folds, index) for group in self._groups]
             rows = np.concatenate([g.rows(rest).ravel() for g, rest in zip(self._groups, rests, strict=True)])
             part, known = columns[rows], float(np.sum(self.errors[rows] ** 2))
-            # It begins beside the whole fit: the damping only keeps the equations solvable.
+            # The damping only keeps the equations solvable.
             move, _ = box_step(part.T @ self.errors[rows], part.T @ part, 1e-9, *box)
-            # Until one is no worse on the folds that it is fitted to.
+            # The longest step that is no worse on the folds that it is fitted to.
             for share in (1.0, 0.5, 0.25, 0.0):
                 errors = left(share * move)
                 if float(np.sum(errors[rows] ** 2)) <= known:

@@ -22,10 +22,10 @@ class Proposal:
 
     effect: Effect
     at: str
-    base: Model  # the model that it is added to: without the effect that it takes the place of
+    base: Model  # the model that it is added to, without the effect that it replaces
     replaces: str | None = None  # that effect, as ``effect@site``
     held: tuple[str, ...] = ()  # parameters that stay neutral, because another effect of the model does that part
-    plain: Trial | None = None  # values of the plain form that the model has, where this is the fuller one
+    plain: Trial | None = None  # values of the simple form that the model has, where this is the full form
 
     @property
     def number(self) -> int:
@@ -68,14 +68,14 @@ class Proposal:
 
     @property
     def beyond(self) -> set[str]:
-        """Parameters that it has beyond those of the plainer effect whose place it takes; all where it takes none."""
+        """Parameters that it has beyond those of the simpler effect that it replaces; all where it replaces none."""
         if self.plain is not None:
             return {p.name for p in self.effect.parameters if p.optional or p.held}
         plainer = (self.replaces or "").partition("@")[0]
         return {p.name for p in self.effect.parameters} - set(self.effect.contains.get(plainer, {}).values())
 
     def weaker(self, trial: Trial, share: float) -> Trial:
-        """The same effect at a share of its strength; unchanged where nothing says what its strength is."""
+        """Values at a share of the effect's strength; unchanged for an effect without a strength."""
         values = dict(trial)
         name = self.effect.strength
         if name and name in values and name not in self.held:
@@ -84,7 +84,7 @@ class Proposal:
         return values
 
     def model(self, values: Trial) -> Model:
-        """The base with this effect at the given values; what a search may move is free."""
+        """The base with this effect at the given values; its estimated parameters are free."""
         entries: dict[str, Value] = {}
         for spec in self.effect.parameters:
             if spec.optional and spec.name not in values:
@@ -95,7 +95,7 @@ class Proposal:
 
 
 def _generic_trial(effect: Effect, scales: Scales, share: float) -> Trial:
-    """Values for an effect that does not say what to try: a share of what its units suggest."""
+    """Values for an effect without trials of its own: a share of the typical size in its unit."""
     trial = {}
     for spec in effect.parameters:
         own = spec.integer or spec.held or spec.start != spec.neutral
@@ -106,11 +106,11 @@ def _generic_trial(effect: Effect, scales: Scales, share: float) -> Trial:
 def proposals(
     model: Model, only: Sequence[str] | None = None, conditions: Mapping[str, str] | None = None
 ) -> list[Proposal]:
-    """All effects that could be added to a model, of some names (``effect`` or ``effect@site``) only where these are.
+    """All effects that could be added to a model, of some names (``effect`` or ``effect@site``) only where given.
 
-    Without those that the model has, those that its own free parameters do already, those that one of its effects
-    contains, and those that depend on a condition that not all records hold (names and units; None: not known). An
-    `InputError` where `only` names what there is not, or what depends on a condition that was not recorded.
+    Without those that the model or its free parameters have, those that one of its effects contains, and those that
+    depend on a condition that not all records have (names and units; None: not known). An `InputError` for a name that
+    is unknown, or that depends on a condition that was not recorded.
     """
     known = catalogue(*model.effect_folders)
     wanted = None if only is None else [re.sub(r"#\d+", "", text) for text in only]
@@ -139,7 +139,7 @@ def _recorded(effect: Effect, at: str, conditions: Mapping[str, str]) -> bool:
 
 
 def _check_recorded(model: Model, asked: Sequence[Effect], at: str, conditions: Mapping[str, str]) -> None:
-    """Refuse an effect that is asked for by name, but depends on a condition that was not recorded for any site."""
+    """Refuse an effect by name that depends on a condition that was not recorded for any site."""
     sites = [(effect, site) for effect in asked for site in model.sites(effect.site) if at in ("", site)]
     if not sites or any(_recorded(effect, site, conditions) for effect, site in sites):
         return
@@ -151,7 +151,7 @@ def _check_recorded(model: Model, asked: Sequence[Effect], at: str, conditions: 
 
 
 def _fits(model: Model, effect: Effect, at: str) -> bool:
-    """Whether an effect makes sense at a site of a model that does not have it, or only in its plain form."""
+    """Whether an effect applies at a site of a model that does not have it, or only in its simple form."""
     name = f"{effect.name}@{at}"
     if name in model.effect_names and not effect.several:
         optional = [f"{name}.{spec.name}" for spec in effect.parameters if spec.optional]
@@ -161,12 +161,12 @@ def _fits(model: Model, effect: Effect, at: str) -> bool:
         return False
     if effect.needs_angle and model.units.position != "rad":
         return False
-    # The data's own quantum shows a sensor's resolution; no refit is needed to see it.
+    # A sensor's resolution is read off the data, without a fit.
     return f"{at}.{effect.site_parameter}" not in model.free and not effect.resolution
 
 
 def _propose(model: Model, effect: Effect, at: str) -> Proposal | None:
-    """An effect beside, or in the place of, those of its site; None where one of them contains it."""
+    """An effect beside those of its site, or instead of one of them; None where one of them contains it."""
     beside = [active for active in model.effects if active.at == at and active.effect.site == effect.site]
     own = None if effect.several else next((active for active in beside if active.effect.name == effect.name), None)
     if own is not None:
@@ -185,7 +185,7 @@ def _propose(model: Model, effect: Effect, at: str) -> Proposal | None:
         if effect.separable:
             return Proposal(effect, at, model, held=tuple(effect.contains[part].values()))
         if active.effect.separable:
-            # The one that is there hands the common part over.
+            # The effect of the model gives the common part to the new one.
             names = [f"{active.name}.{name}" for name in active.effect.contains[part].values()]
             base = model.with_values(dict.fromkeys(names, 0.0)).with_free(n for n in model.free if n not in names)
             return Proposal(effect, at, base)

@@ -1,9 +1,8 @@
 """Score test of the whole catalogue in one pass.
 
-For every effect the trace that it would leave in the whitened errors is computed by
-running the model with the effect at trial values; what the free parameters and the
-noise level could produce as well is projected out; what remains is correlated with the
-errors (Rao's score test; Ljung, System Identification, 2nd ed., section 16.4).
+The trace of an effect is the change of the whitened errors when the model has the effect at trial values. What the free
+parameters and the noise level can produce as well is projected out; the rest is correlated with the errors (Rao's score
+test; Ljung, System Identification, 2nd ed., section 16.4).
 """
 
 from __future__ import annotations
@@ -29,25 +28,27 @@ from idloop.physics.trial import Scales, Trial
 
 Array = NDArray[np.float64]
 
-# Trials worth more than this are made weaker, where an effect has a strength that can be.
+# Trials with a larger trace are repeated with a weaker effect.
 _MOST_DETECTABLE = 1e5
 
 
 @dataclass(frozen=True)
 class Trace:
-    """What one alternative of values would leave in the errors, in g directions of its own."""
+    """Change of the errors by one alternative of trial values, in g directions."""
 
     trials: list[Trial]  # values, one per direction
-    statistic: float  # twice the gain in log-likelihood that the directions promise, robust to uneven variance
+    statistic: float  # twice the gain in log-likelihood that it promises, robust to heteroscedasticity
     size: Array  # coefficient of each direction, shape (g,): 1 means the trial values themselves
-    detectable: float  # twice the log-likelihood that the effect would be worth at the trial values
-    left: float  # part of the trace that the free parameters cannot produce
-    sketch: Array  # orthonormal directions, sketched, one column each; they point to where a trial leaves its trace
-    scores: Array  # errors along these directions, in their standard deviation: above 0 where they ask for more
-    weakest: float = 0.0  # as `detectable`, of the direction that is worth least
-    uneven: float = 1.0  # how much more the errors vary along the trace than elsewhere, at least 1
-    worth: float = 0.0  # as `detectable`, at the strength that was asked for before it was made weaker
-    shift: Array | None = None  # how the free parameters would move when the effect takes its size, shape (k,)
+    detectable: float  # twice the log-likelihood that the effect would gain at the trial values
+    own_part: float  # of the trace: what the free parameters cannot produce
+    sketch: Array  # orthonormal directions, sketched, one column each; their sign is that of the trace
+    scores: (
+        Array  # errors along these directions, in their standard deviation; above 0 an effect of this sign reduces them
+    )
+    weakest: float = 0.0  # as `detectable`, of the weakest direction
+    uneven: float = 1.0  # variance of the errors along the trace, relative to all, at least 1
+    typical: float = 0.0  # as `detectable`, at the strength before it was made weaker
+    shift: Array | None = None  # expected move of the free parameters with the effect, shape (k,)
 
     @property
     def direction(self) -> Array | None:
@@ -71,13 +72,13 @@ class Screened:
         return max((t.statistic for t in self.traces), default=0.0)
 
     @property
-    def left(self) -> float:
-        """Largest part that the free parameters cannot produce."""
-        return max((t.left for t in self.traces), default=0.0)
+    def own_part(self) -> float:
+        """Largest part of a trace that the free parameters cannot produce."""
+        return max((t.own_part for t in self.traces), default=0.0)
 
 
 class Screen:
-    """The errors of a fitted model, ready to be compared with traces of effects; the seed is that of the sketch."""
+    """The errors of a fitted model, to be correlated with traces of effects; `seed` is that of the sketches."""
 
     def __init__(self, estimation: EstimationProblem, parent: Refit, seed: int) -> None:
         self.estimation, self.parent = estimation, parent
@@ -89,15 +90,14 @@ class Screen:
         self._own, _ = np.linalg.qr(slopes[:, :k])
         slopes = slopes[:, parent.sensitive]
         left, weight, _ = np.linalg.svd(slopes / np.linalg.norm(slopes, axis=0), full_matrices=False)
-        # Parameters that the data cannot tell apart span fewer directions than they are.
+        # Parameters that the data cannot separate span fewer directions.
         self.basis = left[:, weight > 1e-6 * max(float(np.max(weight, initial=0.0)), 1e-300)]
-        # The fit is not perfectly at its optimum: what the slopes still explain is not an effect's.
+        # The fit is not exactly at its optimum: what its slopes still explain belongs to the parameters.
         self.errors = self.errors - self.basis @ (self.basis.T @ self.errors)
         rows = len(self.errors)
         self._signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=rows)
-        # A record that is the only one is all of them.
         self._records = problem.rows_of_records(point) if len(estimation.records) > 1 else []
-        # Random signs and sums of 4096 stretches keep all inner products of traces to about 1.5 %.
+        # Random signs and sums over 4096 stretches preserve inner products of traces to about 1.5 %.
         self._edges = np.unique(np.linspace(0, rows, 4097).astype(np.int64)[:-1])
 
     @np.errstate(all="ignore")
@@ -111,14 +111,11 @@ class Screen:
             trace, asked = self._weak_trace(proposal, trials, share) if weak else (self._trace(proposal, trials), 1.0)
             share = asked if weak else share
             if trace is not None:
-                traces.append(replace(trace, worth=max(trace.detectable, trace.detectable / asked**2)))
+                traces.append(replace(trace, typical=max(trace.detectable, trace.detectable / asked**2)))
         return Screened(proposal, traces)
 
     def _weak_trace(self, proposal: Proposal, trials: list[Trial], share: float) -> tuple[Trace | None, float]:
-        """Trace at a strength at which it does not stand far above the noise, and the share of the asked one.
-
-        A trace far above the noise says how a strong effect looks, not a weak one.
-        """
+        """Trace at a strength at which it is not far above the noise, as a weak effect is, and the share of that."""
         trace = self._trace(proposal, [proposal.weaker(trial, share) for trial in trials])
         for _ in range(3):
             if trace is None or not trace.detectable > _MOST_DETECTABLE:
@@ -137,12 +134,12 @@ class Screen:
             report(len(found) / len(proposals), screened.proposal.name)
         return found
 
-    def moved(self, proposal: Proposal, trial: Trial) -> Array | None:
+    def response_to_effect(self, proposal: Proposal, trial: Trial) -> Array | None:
         """Change of the whitened errors that an effect at given values makes; None where it cannot be simulated."""
         other = proposal.effect.linear or proposal.effect.splits
         return self._changed(self.estimation, lambda: proposal.model(trial), other_linear_part=other)
 
-    def pushed(self, forces: Sequence[Array]) -> Array | None:
+    def response_to_force(self, forces: Sequence[Array]) -> Array | None:
         """Change of the whitened errors that a force on the driven body makes, held like the command.
 
         The forces are those at the instants of each record's measurements. None where it cannot be simulated. A force
@@ -157,7 +154,7 @@ class Screen:
         return self._changed(replace(self.estimation, data=data), lambda: model, other_linear_part=False)
 
     def beside_parameters(self, errors: Array) -> Array:
-        """What a small change of the model's parameters leaves of errors, the noise as it is."""
+        """Errors without what a small change of the model's parameters explains, the noise model held."""
         return np.asarray(errors - self._own @ (self._own.T @ errors))
 
     def _changed(
@@ -183,20 +180,19 @@ class Screen:
         return change if np.all(np.isfinite(change)) else None
 
     def joint(self, first: tuple[Proposal, Trial], second: tuple[Proposal, Trial]) -> Trace | None:
-        """What two effects at given values together would leave in the errors, with one size for each.
-
-        None where they cannot be simulated or are one and the same direction.
-        """
+        """Trace of two effects at given values, with one size for each; None without two directions."""
         sides = (first[0].one_sided, second[0].one_sided)
-        trace = self._measure([first[1], second[1]], [self.moved(*first), self.moved(*second)], sides)
+        trace = self._measure(
+            [first[1], second[1]], [self.response_to_effect(*first), self.response_to_effect(*second)], sides
+        )
         return trace if trace is not None and len(trace.scores) == 2 else None
 
     def _trace(self, proposal: Proposal, trials: list[Trial]) -> Trace | None:
         sides = [len(trials) == 1 and proposal.one_sided] * len(trials)
-        return self._measure(trials, [self.moved(proposal, trial) for trial in trials], sides)
+        return self._measure(trials, [self.response_to_effect(proposal, trial) for trial in trials], sides)
 
     def _measure(self, trials: list[Trial], columns: list[Array | None], sides: Sequence[bool]) -> Trace | None:
-        """Trace of changes of the errors, one for each trial; `sides` says which sizes must not be negative."""
+        """Trace of changes of the errors, one for each trial; sizes of `sides` must not be negative."""
         if any(c is None for c in columns) or not columns:
             return None
         raw = np.stack([c for c in columns if c is not None]).T
@@ -207,18 +203,18 @@ class Screen:
         if not np.any(power > 1e-12):
             return self._invisible(trials, 0.0, 0.0)
         own = raw - self.basis @ (self.basis.T @ raw)
-        # A record tells of an effect by itself where it is worth 25, twice the log-likelihood.
+        # A single record shows an effect where twice the log-likelihood is 25.
         parts = [_parts(raw, own, 0.0), *(_parts(raw[rows], own[rows], 25.0) for rows in self._records)]
-        left = float(np.max(parts))
+        own_part = float(np.max(parts))
         powers = np.sum(own**2, axis=0)
         detectable, weakest = float(np.max(powers)), float(np.min(powers))
         q, r = np.linalg.qr(own)
         useful = np.abs(np.diag(r)) > 1e-3 * np.max(np.abs(np.diag(r)))
         q, r = q[:, useful], r[np.ix_(useful, useful)]
-        # Of what is less than the rounding of its projection nothing is left.
-        if left < 1e-8:
-            return self._invisible(trials, detectable, left)
-        # A factorisation may turn a direction round; the null distribution needs to know where it points.
+        # A rest below the rounding of its projection is zero.
+        if own_part < 1e-8:
+            return self._invisible(trials, detectable, own_part)
+        # A factorisation may reverse a direction; one-sided tests need its sign.
         turn = np.where(np.diag(r) < 0.0, -1.0, 1.0)
         q, r = q * turn, r * turn[:, None]
         scores = -(q.T @ self.errors)
@@ -229,17 +225,17 @@ class Screen:
         shift = -self._back @ (raw @ size)
         sketch = np.add.reduceat(q * self._signs[:, None], self._edges, axis=0)
         return Trace(
-            trials, statistic, size, detectable, left, sketch, scores, weakest, uneven, detectable, shift
+            trials, statistic, size, detectable, own_part, sketch, scores, weakest, uneven, detectable, shift
         )  # fmt: skip
 
-    def _invisible(self, trials: list[Trial], detectable: float, left: float) -> Trace:
-        """What nothing can be said of: no direction of its own."""
+    def _invisible(self, trials: list[Trial], detectable: float, own_part: float) -> Trace:
+        """A trace without a direction of its own."""
         none = np.zeros((len(self._edges), 0))
-        return Trace(trials, 0.0, np.zeros(len(trials)), detectable, left, none, np.zeros(0))
+        return Trace(trials, 0.0, np.zeros(len(trials)), detectable, own_part, none, np.zeros(0))
 
 
 def _parts(raw: Array, own: Array, least: float) -> Array:
-    """Part of each trace that is its own; 0 where that is worth less than the least."""
+    """Own part of each trace; 0 where its power is below the least."""
     worth = np.sum(own**2, axis=0)
     return np.asarray(np.where(worth >= least, worth / np.maximum(np.sum(raw**2, axis=0), 1e-300), 0.0))
 

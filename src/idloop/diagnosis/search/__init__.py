@@ -1,1 +1,1 @@
-"""The search for missing effects: one step, pairs, restarts far from the present model."""
+"""Search: one step of a diagnosis, its fits, pairs and non-local searches, and the ladder."""

@@ -1,4 +1,4 @@
-"""Full refits of the most promising effects."""
+"""Fits of the most promising effects, from several starts."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.diagnosis.options import Progress, silent
 from idloop.diagnosis.screening.proposals import Proposal
 from idloop.diagnosis.screening.score_test import Screened, Trace
 from idloop.errors import IdloopError
@@ -21,15 +22,14 @@ from idloop.physics.model import Model
 from idloop.physics.trial import Trial
 
 Array = NDArray[np.float64]
-Progress = Callable[[float, str], None]
 # An effect by its name, and the first round of its search: None, or an `IdloopError`, where it cannot be simulated.
 Begin = tuple[str, Callable[[], "Confirmed | None"]]
 
-# Most effects that are refitted, where they do not promise much the same.
+# Effects that are fitted, unless several promise much the same.
 USUAL_REFITS = 8
-# What promises, or has gained after one round, this part of the best may still turn out to be the best.
+# An effect that promises, or has gained after one round, this part of the best may become the best.
 STILL_IN_IT = 0.5
-# Rounds in which a search is finished, and those of one that only leads to the neighbourhood.
+# Rounds of a full search, and of a search under restricted noise.
 MORE_ROUNDS, _ROUGH_ROUNDS = 8, 2
 
 
@@ -52,25 +52,24 @@ class Confirmed:
 
 
 def promising(screened: Sequence[Screened], chance: float, fewest: int = 3) -> list[Screened]:
-    """The effects that are worth a refit, best first: the fewest in any case, the others by more than chance."""
+    """The effects to be fitted, best first: the fewest in any case, the others above chance."""
     ranked = ranked_by_score(screened)
     if not ranked:
         return []
     best = ranked[0].statistic
-    # What promises a twentieth of the best is not it, and an effect at many bodies promises much the same at each:
-    # which body it is, only refits tell.
+    # An effect that promises a twentieth of the best is not it; at each of many bodies it promises much the same.
     bars = [0.0] * fewest + [max(0.05 * best, chance)] * (USUAL_REFITS - fewest)
     bars += [max(STILL_IN_IT * best, chance)] * (20 - USUAL_REFITS)
     return [s for s, bar in zip(ranked, bars, strict=False) if s.statistic > bar]
 
 
 def ranked_by_score(screened: Sequence[Screened]) -> list[Screened]:
-    """Those with a score at all, best first."""
+    """Those with a score above zero, best first."""
     return sorted((s for s in screened if s.statistic > 0.0), key=lambda s: -s.statistic)
 
 
 def by_gain(found: Sequence[Confirmed]) -> list[Confirmed]:
-    """The same in order of falling gain."""
+    """In order of falling gain."""
     return sorted(found, key=lambda one: -one.gain)
 
 
@@ -78,7 +77,7 @@ def confirm(
     estimation: EstimationProblem,
     parent: Refit,
     chosen: Sequence[Screened],
-    report: Progress = lambda share, text: None,
+    report: Progress = silent,
     matters: Callable[[Confirmed], bool] = lambda first: True,
 ) -> list[Confirmed]:
     """Refit the parent with each of some effects, in order of falling gain."""
@@ -120,7 +119,7 @@ def search(
         report((i + 1) / len(chosen), choice[0])
     begun = by_gain(begun)
     most = begun[0].gain if begun else 0.0
-    # No further round makes up for 50 units of log-likelihood.
+    # No further round gains 50 units of log-likelihood.
     bar = min(STILL_IN_IT * most, most - 50.0)
     worth = [first.gain >= bar and matters(first) for first in begun]
     finished = in_parallel(finish, [first for first, front in zip(begun, worth, strict=True) if front])
@@ -139,15 +138,14 @@ def first_round(
 
 
 def _confirm(estimation: EstimationProblem, parent: Refit, screened: Screened) -> Confirmed | None:
-    """The first round of an effect's search, by what a search cannot move: whole numbers such as harmonics."""
+    """The first round of an effect's search, for each choice of integer parameters such as harmonics."""
     proposal = screened.proposal
-    # Where nothing says how strong an effect is, no trace tells how far the search has to go: more of them are tried.
+    # Without a strength a trace does not predict how far the search has to go: more traces are tried.
     count = 2 if proposal.effect.strength else 12
     integers = [spec.name for spec in proposal.effect.parameters if spec.integer]
     groups: dict[tuple[float, ...], list[tuple[Trial, Array | None]]] = {}
     for place, trace in enumerate(sorted(screened.traces, key=lambda t: -t.statistic)[:count]):
-        # Without a strength to scale, the best trace goes by itself: of the others one may look better before the
-        # search than it ever does after it.
+        # Without a strength to scale, the best trace is searched separately.
         alone = float(place == 0 and not proposal.effect.strength)
         key = (*(trace.trials[0].get(name, 0.0) for name in integers), alone)
         groups.setdefault(key, []).extend((values, trace.shift) for values in starts(proposal, trace, place == 0))
@@ -157,7 +155,7 @@ def _confirm(estimation: EstimationProblem, parent: Refit, screened: Screened) -
         found = first_round(estimation, model, thetas, parent)
         if found is not None and (best is None or found.log_likelihood > best.log_likelihood):
             best = found
-        # Another shape is only worth its time while none has explained anything.
+        # Another shape is tried only while none has explained anything.
         if best is not None and best.log_likelihood - parent.log_likelihood > 0.25 * screened.statistic > 0.0:
             break
     if best is None:
@@ -166,19 +164,18 @@ def _confirm(estimation: EstimationProblem, parent: Refit, screened: Screened) -
 
 
 @np.errstate(all="ignore")
-def confirm_behind_noise(
+def refit_under_restricted_noise(
     estimation: EstimationProblem,
     parent: Refit,
     screened: Sequence[Screened],
-    report: Progress = lambda share, text: None,
+    report: Progress = silent,
 ) -> list[Confirmed]:
-    """Refit the parent with the few effects that explain most when the noise may explain next to nothing.
+    """Refit the parent with the effects that explain most under restricted noise: white errors, a weak disturbance.
 
-    A free whitening and a strong disturbance make up for anything, and the way from there to an effect's optimum is
-    long and winding. With white errors and a weak disturbance it is short; then the noise model is free again.
+    A free noise model absorbs an effect, and the search for its optimum is then long. It is free again afterwards.
     """
     plain = [0] * len(parent.problem.orders)
-    # The intensity of a disturbance [decades] that cannot make up for a missing effect.
+    # The intensity of a disturbance [decades] that cannot absorb a missing effect.
     limits = -4.0, WALK
     try:
         bare = refit(estimation, parent.model, orders=plain, rounds=_ROUGH_ROUNDS, limits=limits)
@@ -200,13 +197,13 @@ def confirm_behind_noise(
             found.append((one, fit))
         report(0.5 * (i + 1) / len(screened), one.proposal.name)
     found.sort(key=lambda pair: -pair[1].log_likelihood)
-    # Six are far more than a noise model has swallowed at once.
+    # A noise model absorbs fewer than six effects at once.
     chosen = [(one.proposal.name, partial(begin, one, near)) for one, near in found[:6]]
     return search(estimation, parent, chosen, lambda share, text: report(0.5 + 0.5 * share, text))
 
 
 def points(parent: Refit, start: Model, shift: Array | None) -> list[Array]:
-    """Free parameters to start a search from: an effect's beside the parent's as they are, and as they would move.
+    """Free parameters to start a search from: an effect's beside the parent's, before and after their expected move.
 
     `start` is the parent's model with an effect at its trial values, `shift` the expected move of shape (k,).
     """
@@ -217,13 +214,13 @@ def points(parent: Refit, start: Model, shift: Array | None) -> list[Array]:
 
 
 def starts(proposal: Proposal, trace: Trace, fan: bool = False) -> list[Trial]:
-    """Values to start a search from, by what the screening found.
+    """Values to start a search from, by the result of the screening.
 
-    With a fan also at strengths around the trial's: what has walls, such as a play, has many local optima.
+    With a fan also at strengths around the trial's: an effect with contacts, such as backlash, has many local optima.
     """
     found: list[Trial] = []
     strength = proposal.effect.strength
-    # What takes another effect's place keeps that one's strength.
+    # An effect that replaces another one keeps its strength.
     scalable = strength and proposal.replaces is None
     for trial, size in zip(trace.trials, trace.size, strict=True):
         found.append(trial)

@@ -1,9 +1,8 @@
-"""Effects that show only together.
+"""Effects that are significant only together, because each masks the other.
 
-Two effects may leave opposite traces: dry friction beside a drag that grows with the square of the speed is, to a model
-with viscous friction, hardly anything, while each of them alone would be plain to see. Where no single effect shows,
-pairs whose traces resemble each other are screened by the score statistic of both traces at once, as far as each of the
-two hides a part of the other, and the best few are fitted.
+Two effects may leave opposite traces: dry friction together with quadratic drag hardly shows beside viscous friction,
+while each of them alone would. Where no single effect is significant, pairs with similar traces are screened by the
+score statistic of both traces, as far as each masks a part of the other, and the best few are fitted.
 """
 
 from __future__ import annotations
@@ -16,21 +15,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.diagnosis.options import Progress
 from idloop.diagnosis.screening.proposals import Proposal, proposals
 from idloop.diagnosis.screening.score_test import Screen, Screened, Trace
-from idloop.diagnosis.search.confirm import Confirmed, Progress, first_round, points, search, starts
+from idloop.diagnosis.search.confirm import Confirmed, first_round, points, search, starts
 from idloop.errors import IdloopError
 from idloop.physics.trial import Trial
 
 Array = NDArray[np.float64]
 Traced = tuple[Proposal, Trace]
 
-# Traces that take part at most: all pairs of them are looked at.
+# Most traces; all pairs of them are screened.
 MOST_TRACES = 150
 
 
 class Scored(NamedTuple):
-    """Places of two traces, and the statistic of both together; not yet less for a variance that is uneven."""
+    """Places of two traces, and the statistic of both together, not yet corrected for heteroscedasticity."""
 
     first: int
     second: int
@@ -47,11 +47,11 @@ class Pairs:
     def __init__(self, screened: Sequence[Screened]) -> None:
         groups = []
         for s in screened:
-            # What has no parameters is there or not, and has no weak form that a trace could show.
+            # An effect without parameters has no weak form.
             traces = [t for t in s.traces if len(t.scores) == len(t.trials) == 1]
             if traces and s.proposal.effect.parameters:
                 groups.append([(s.proposal, trace) for trace in _shapes(traces)])
-        # The same number of shapes for everyone, as many as there is time for.
+        # The same number of shapes for every effect.
         most = max((len(g) for g in groups), default=0)
         while most > 1 and sum(min(len(g), most) for g in groups) > MOST_TRACES:
             most -= 1
@@ -60,19 +60,18 @@ class Pairs:
         self.alike = np.clip(columns.T @ columns, -1.0, 1.0)
         self._sided = np.array([p.one_sided for p, _ in self.traces], dtype=bool)
         close = np.abs(self.alike)
-        # Traces that are nearly one direction are one effect; those that have little in common hide nothing.
+        # Nearly parallel traces are one effect; nearly orthogonal ones mask nothing.
         self.allowed = np.triu((close > 0.1) & (close < 0.98), 1)
-        # Two effects that can only grow hide each other where their traces are opposite.
+        # Two one-sided effects mask each other where their traces are opposite.
         self.allowed &= ~(self._sided[:, None] & self._sided[None, :] & (self.alike > 0.0))
         for i, j in np.argwhere(self.allowed):
-            self.allowed[i, j] = _two_things(self.traces[i][0], self.traces[j][0])
+            self.allowed[i, j] = _compatible(self.traces[i][0], self.traces[j][0])
 
     def ranked(self) -> list[Scored]:
-        """The best shapes of every two effects that hide each other, best first.
+        """The best shapes of every two effects that mask each other, best first.
 
-        [s₁ s₂] G⁻¹ [s₁ s₂]ᵀ with the correlation matrix G, of errors along the traces in their standard deviation. How
-        uneven these are along each trace alone says little: what the other one would explain is still among them. It
-        is reckoned with where the two are taken together.
+        [s₁ s₂] G⁻¹ [s₁ s₂]ᵀ with the correlation matrix G, of errors along the traces in their standard deviation. The
+        joint trace is corrected for heteroscedasticity.
         """
         scores = np.array([t.scores[0] for _, t in self.traces])
         best: dict[tuple[str, str], Scored] = {}
@@ -92,8 +91,7 @@ class Pairs:
 def confirmed_pairs(screen: Screen, screened: Sequence[Screened], bar: float, report: Progress) -> list[Confirmed]:
     """Refit the parent with both effects of the pairs that promise most.
 
-    Each of the two must add as much to the other one as a single effect must show, `bar`, or it may be chance beside an
-    effect that nearly shows by itself.
+    Each of the two must gain `bar`, as a single effect, beside the other one.
     """
     chosen = [
         (f"{first[0].name} and {second[0].name}", partial(_confirm, screen, first, second, trace))
@@ -103,7 +101,7 @@ def confirmed_pairs(screen: Screen, screened: Sequence[Screened], bar: float, re
 
 
 def _promising(screen: Screen, screened: Sequence[Screened], bar: float) -> list[tuple[Traced, Traced, Trace]]:
-    """The few pairs that a score test of the traces themselves finds promising, best first; sketches chose them.
+    """The few pairs that are promising by a score test of the traces, chosen by their sketches, best first.
 
     The effect that does more comes first, then the other one, then the trace of both with the size of each.
     """
@@ -144,7 +142,7 @@ def _confirm(screen: Screen, first: Traced, second: Traced, joint: Trace) -> Con
 
 
 def _on_top(first: Proposal, values: Trial, second: Proposal, screen: Screen) -> Proposal | None:
-    """The second effect, proposed for the model that has the first; None where the two are at odds."""
+    """The second effect, proposed for the model that has the first; None where they exclude each other."""
     try:
         found = proposals(first.model(values), [second.name], screen.estimation.conditions)
     except IdloopError:
@@ -166,14 +164,14 @@ def _shapes(traces: Sequence[Trace]) -> list[Trace]:
     while len(kept) < len(traces):
         nearest = np.max(alike[kept], axis=0)
         further = int(np.argmin(nearest))
-        # Sketches tell inner products to about 1.5 %: what is more alike than twice that is one shape.
+        # Sketches preserve inner products to about 1.5 %: a difference below twice that is none.
         if nearest[further] > 0.97:
             break
         kept.append(further)
     return [traces[i] for i in kept]
 
 
-def _two_things(one: Proposal, other: Proposal) -> bool:
+def _compatible(one: Proposal, other: Proposal) -> bool:
     """Whether two proposals are different physics, so that a model can have both."""
     if one.name == other.name or (one.replaces is not None and one.replaces == other.replaces):
         return False

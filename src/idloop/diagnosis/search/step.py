@@ -1,4 +1,4 @@
-"""One step of a diagnosis: which of the models that were fitted says most of samples that no fit has seen."""
+"""One step of a diagnosis: the evidence of all fitted models, and which effect is named."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from idloop.diagnosis.screening.command_response import CommandResponse
 from idloop.diagnosis.screening.proposals import Proposal
 from idloop.physics.model import Model
 
-# How a diagnosis may end: the words of its JSON.
+# Verdicts of a diagnosis, as in its JSON.
 MISSING, ADEQUATE, UNKNOWN, NOT_EXCITED = "missing", "adequate", "unknown_structure", "not_excited"
-# Verdicts after which the reader may take what is left for noise.
-SAY_NOISE = (ADEQUATE, NOT_EXCITED)
-# A curve that explains so many times as much as an effect is what that stands in for: of three effects that are
-# missing together the largest explains more.
-FAR_MORE = 4.0
+# Verdicts after which the remaining errors count as noise.
+NOISE_VERDICTS = (ADEQUATE, NOT_EXCITED)
+# An effect is confounded with a curve that explains this many times as much. Of three missing effects the largest
+# explains a larger part.
+CONFOUNDING_RATIO = 4.0
 
 
 class Fitted(Protocol):
@@ -33,7 +33,7 @@ class Fitted(Protocol):
         """With the values found."""
 
 
-class Structure(Protocol):
+class ResidualCurve(Protocol):
     """A curve that the errors follow."""
 
     @property
@@ -44,16 +44,16 @@ class Structure(Protocol):
     def evidence(self) -> Evidence:
         """Against the model without it."""
 
-    def imitated_by(self, one: Weighed[Any]) -> bool:
-        """Whether an effect of another shape may stand in for it."""
+    def confounds(self, one: EvaluatedModel[Any]) -> bool:
+        """Whether an effect is accepted only because it correlates with this curve."""
 
     @property
-    def worth(self) -> float:
-        """Part by which it makes errors on unseen samples smaller."""
+    def improvement(self) -> float:
+        """Part by which it reduces the errors on unseen samples."""
 
     @property
     def of_the_drive(self) -> bool:
-        """Whether it is about how the command becomes a force."""
+        """Whether it describes the drive, from command to force."""
 
     @property
     def text(self) -> str:
@@ -67,24 +67,24 @@ FitT = TypeVar("FitT", bound=Fitted)
 
 
 @dataclass(frozen=True)
-class Weighed(Generic[FitT]):
-    """An effect, or two that show only together, with the model that has it fitted."""
+class EvaluatedModel(Generic[FitT]):
+    """A fitted model with one further effect, or with two that show only together, and its evidence."""
 
     proposals: tuple[Proposal, ...]
     fit: FitT
     scores: Scores
     evidence: Evidence  # against the model without
     gain: float  # log-likelihood on the samples that were fitted
-    held_out: float | None = None  # part by which it makes the errors on held-out records smaller, where there are any
+    held_out: float | None = None  # part by which it reduces the errors on held-out records, if any
 
     @property
-    def merit(self) -> float:
-        """What is sure of the evidence: the difference of the scores less its spread."""
+    def lower_evidence(self) -> float:
+        """The evidence less its standard deviation."""
         return self.evidence.difference + self.evidence.start - self.evidence.spread
 
     @property
-    def richness(self) -> tuple[int, int]:
-        """Of equals the least goes first: free parameters of the model, and effects that contain plainer ones."""
+    def complexity(self) -> tuple[int, int]:
+        """Free parameters of the model, and effects that contain simpler ones: of ties the simplest goes first."""
         return len(self.fit.model.free), sum(bool(proposal.effect.contains) for proposal in self.proposals)
 
     @property
@@ -93,8 +93,8 @@ class Weighed(Generic[FitT]):
         return tuple(proposal.name for proposal in self.proposals)
 
     @property
-    def hollow(self) -> bool:
-        """Whether an effect leaves nothing of a plainer one that it contains: only its further shape is used."""
+    def contained_part_is_zero(self) -> bool:
+        """Whether the simpler effect that one of its effects contains has become zero in it."""
         model = self.fit.model
         for proposal in self.proposals:
             own = {spec.name: spec for spec in proposal.effect.parameters}
@@ -104,32 +104,32 @@ class Weighed(Generic[FitT]):
                     return True
         return False
 
-    def contains(self, other: Weighed[FitT]) -> bool:
-        """Whether its one effect is the other's and more."""
+    def contains(self, other: EvaluatedModel[FitT]) -> bool:
+        """Whether its one effect contains that of the other."""
         return self._of_one_site(other) and other.proposals[0].effect.name in self.proposals[0].effect.contains
 
-    def becomes(self, other: Weighed[FitT]) -> bool:
-        """Whether its one effect ends as the other's at the edge of its values."""
+    def degenerates_to(self, other: EvaluatedModel[FitT]) -> bool:
+        """Whether its one effect is that of the other at the bound of its values."""
         return self._of_one_site(other) and other.proposals[0].effect.name in self.proposals[0].effect.degenerates_to
 
-    def _of_one_site(self, other: Weighed[FitT]) -> bool:
+    def _of_one_site(self, other: EvaluatedModel[FitT]) -> bool:
         (mine, *rest), (its, *further) = self.proposals, other.proposals
         return not rest and not further and mine.at == its.at
 
 
 @dataclass(frozen=True)
-class Step(ABC, Generic[FitT]):
-    """What one step has weighed."""
+class SearchStep(ABC, Generic[FitT]):
+    """The models that one step has evaluated."""
 
     parent: FitT
-    weighed: tuple[Weighed[FitT], ...]
-    count: int  # choices that there were
+    evaluated: tuple[EvaluatedModel[FitT], ...]
+    count: int  # of candidates
     level: float  # probability of naming an effect where nothing is missing
-    least: float  # part by which an effect must make the errors on unseen samples smaller to be named
-    asked: tuple[Proposal, ...] = ()  # all that was looked for, fitted or not
+    minimum_improvement: float  # least part by which a named effect reduces the errors on unseen samples
+    proposed: tuple[Proposal, ...] = ()  # all candidates, fitted or not
     gate: Gate = field(default_factory=lambda: Gate((), {}, {}))  # what the data can show
-    structures: Sequence[Structure] = ()  # curves that the errors follow, best first
-    refused: Mapping[str, str] = field(default_factory=dict)  # effects not named whatever their evidence, and why
+    residual_curves: Sequence[ResidualCurve] = ()  # curves that the errors follow, best first
+    rejected: Mapping[str, str] = field(default_factory=dict)  # effects not named whatever their evidence, and why
 
     response = CommandResponse.FOLLOWS  # of the motion to the command
 
@@ -139,16 +139,16 @@ class Step(ABC, Generic[FitT]):
         """What the models are measured by."""
 
     @abstractmethod
-    def smaller(self, one: Weighed[FitT]) -> float:
-        """Part by which an effect makes the errors on unseen samples smaller, at most 1."""
+    def improvement(self, one: EvaluatedModel[FitT]) -> float:
+        """Part by which an effect reduces the errors on unseen samples, at most 1."""
 
     @abstractmethod
-    def only_together(self, pair: Weighed[FitT]) -> bool:
-        """Whether two effects explain together what neither does alone."""
+    def jointly_needed(self, pair: EvaluatedModel[FitT]) -> bool:
+        """Whether two effects together explain what neither explains alone."""
 
     @abstractmethod
-    def too_small(self, one: Weighed[FitT]) -> str:
-        """Why an effect that shows is not worth a name."""
+    def insignificance(self, one: EvaluatedModel[FitT]) -> str:
+        """Why a significant effect has no practical significance."""
 
     @abstractmethod
     def reported(self, fit: FitT) -> Model:
@@ -156,91 +156,105 @@ class Step(ABC, Generic[FitT]):
 
     @abstractmethod
     def verdict(self) -> tuple[str, tuple[str, ...]]:
-        """What is left when no effect is named, and findings about it."""
+        """The verdict when no effect is named, and findings about it."""
 
     def threshold(self, effects: int = 1) -> float:
-        """Log-evidence from which on so many effects together are named."""
+        """Log-evidence from which on this many effects together are named."""
         return math.log(max(math.comb(self.count, effects), 1) / self.level)
 
     @cached_property
-    def significant(self) -> list[Weighed[FitT]]:
-        """What shows beyond doubt, worth naming or not, best first."""
-        found = [one for one in self.weighed if self.shows(one.evidence, len(one.proposals))]
-        return sorted(found, key=lambda one: -one.merit)
+    def significant(self) -> list[EvaluatedModel[FitT]]:
+        """Models with conclusive evidence, best first."""
+        found = [one for one in self.evaluated if self.conclusive(one.evidence, len(one.proposals))]
+        return sorted(found, key=lambda one: -one.lower_evidence)
 
-    def shows(self, evidence: Evidence, effects: int = 1) -> bool:
-        """Whether there is evidence beyond doubt for so many effects together."""
-        return evidence.log >= self.threshold(effects) and evidence.told
+    def conclusive(self, evidence: Evidence, effects: int = 1) -> bool:
+        """Whether the evidence for this many effects together is conclusive."""
+        return evidence.log >= self.threshold(effects) and evidence.distinguishable
 
     @cached_property
-    def eligible(self) -> list[Weighed[FitT]]:
-        """What shows and is worth naming."""
-        return [one for one in self.worthy(self.significant) if not self._stands_in(one)]
+    def eligible(self) -> list[EvaluatedModel[FitT]]:
+        """Significant models of practical significance that are not confounded, best first."""
+        return [one for one in self.nameable(self.significant) if not self._is_confounded(one)]
 
-    def worthy(self, several: Sequence[Weighed[FitT]]) -> list[Weighed[FitT]]:
-        """Of some choices those that show beyond doubt and are worth naming, best first."""
+    def nameable(self, several: Sequence[EvaluatedModel[FitT]]) -> list[EvaluatedModel[FitT]]:
+        """Those of some models with conclusive evidence and practical significance, best first."""
         found = [
             one for one in several
-            if self.shows(one.evidence, len(one.proposals)) and not one.hollow
-            and not self.refused.keys() & set(one.names) and self.worth(one)
+            if self.conclusive(one.evidence, len(one.proposals)) and not one.contained_part_is_zero
+            and not self.rejected.keys() & set(one.names) and self.practically_significant(one)
         ]  # fmt: skip
-        return sorted(found, key=lambda one: -one.merit)
+        return sorted(found, key=lambda one: -one.lower_evidence)
 
-    def worth(self, one: Weighed[FitT]) -> bool:
-        """Whether it makes errors on samples not seen enough smaller, and two effects show only together."""
-        return self.smaller(one) >= self.least and (len(one.proposals) == 1 or self.only_together(one))
-
-    @cached_property
-    def structure(self) -> Structure | None:
-        """The curve that explains most of what no effect does; None where none shows or is worth telling."""
-        return next((one for one in self.structures if self.shows(one.evidence) and one.worth >= self.least), None)
-
-    def _stands_in(self, one: Weighed[FitT]) -> bool:
-        """Whether an effect is named for want of a curve that explains far more: it fits a part of that."""
-        return any(
-            curve.evidence.difference >= FAR_MORE * one.evidence.difference
-            and curve.evidence.told
-            and curve.scores.against(one.scores).told
-            and curve.imitated_by(one)
-            for curve in self.structures
+    def practically_significant(self, one: EvaluatedModel[FitT]) -> bool:
+        """Whether it reduces errors on unseen samples enough, and needs both of two effects."""
+        return self.improvement(one) >= self.minimum_improvement and (
+            len(one.proposals) == 1 or self.jointly_needed(one)
         )
 
     @cached_property
-    def stand_ins(self) -> list[Weighed[FitT]]:
-        """Effects that show and are worth naming, were there no curve that explains far more."""
-        return [one for one in self.significant if self._stands_in(one) and self.worth(one)]
+    def residual_curve(self) -> ResidualCurve | None:
+        """The significant curve that explains most; None without one."""
+        return next(
+            (
+                one
+                for one in self.residual_curves
+                if self.conclusive(one.evidence) and one.improvement >= self.minimum_improvement
+            ),
+            None,
+        )
+
+    def _is_confounded(self, one: EvaluatedModel[FitT]) -> bool:
+        """Whether an effect fits a part of a curve that explains far more."""
+        return any(
+            curve.evidence.difference >= CONFOUNDING_RATIO * one.evidence.difference
+            and curve.evidence.distinguishable
+            and curve.scores.against(one.scores).distinguishable
+            and curve.confounds(one)
+            for curve in self.residual_curves
+        )
 
     @cached_property
-    def tied(self) -> list[Weighed[FitT]]:
-        """The best choice first, then those that the data cannot tell from it: of equals the plainest goes first."""
+    def confounded(self) -> list[EvaluatedModel[FitT]]:
+        """Effects that would be named if there were no curve that explains far more."""
+        return [one for one in self.significant if self._is_confounded(one) and self.practically_significant(one)]
+
+    @cached_property
+    def tied(self) -> list[EvaluatedModel[FitT]]:
+        """The best model first, then those that tie with it; of ties the simplest goes first."""
         if not self.eligible:
             return []
         best = self.eligible[0]
         equal = [one for one in self.eligible if one is best or self._equal(best, one)]
-        first = min(equal, key=lambda one: (one.richness, -one.merit))
-        # A plain effect earns its place before a richer one that contains it.
-        first = next((one for one in self.eligible if first.contains(one) or self._nearly_becomes(first, one)), first)
+        first = min(equal, key=lambda one: (one.complexity, -one.lower_evidence))
+        # A simple effect is added before one that contains it.
+        first = next(
+            (one for one in self.eligible if first.contains(one) or self._nearly_degenerates_to(first, one)), first
+        )
         others = [
             one
             for one in self.eligible
-            if one is not first and not one.contains(first) and not one.becomes(first) and not self._told(first, one)
+            if one is not first
+            and not one.contains(first)
+            and not one.degenerates_to(first)
+            and not self._distinguished(first, one)
         ]
         return [first, *others]
 
-    def _nearly_becomes(self, rich: Weighed[FitT], plain: Weighed[FitT]) -> bool:
-        """Whether half of what an effect explains is what another one does, as which it ends at its edge."""
-        return rich.becomes(plain) and plain.evidence.difference >= 0.5 * rich.evidence.difference
+    def _nearly_degenerates_to(self, rich: EvaluatedModel[FitT], plain: EvaluatedModel[FitT]) -> bool:
+        """Whether an effect that degenerates to another one explains at most twice as much."""
+        return rich.degenerates_to(plain) and plain.evidence.difference >= 0.5 * rich.evidence.difference
 
-    def _equal(self, best: Weighed[FitT], other: Weighed[FitT]) -> bool:
-        """Whether the odds of two choices are less than those of a false alarm."""
+    def _equal(self, best: EvaluatedModel[FitT], other: EvaluatedModel[FitT]) -> bool:
+        """Whether the odds between two models are below those of a false alarm."""
         return best.scores.against(other.scores).log <= math.log(1.0 / self.level)
 
-    def _told(self, best: Weighed[FitT], other: Weighed[FitT]) -> bool:
-        return best.scores.against(other.scores).told and not self._equal(best, other)
+    def _distinguished(self, best: EvaluatedModel[FitT], other: EvaluatedModel[FitT]) -> bool:
+        return best.scores.against(other.scores).distinguishable and not self._equal(best, other)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The first effect of the best choice, and single effects that the data cannot tell from it."""
+        """The first effect of the best model, and single effects that tie with it."""
         if not self.tied:
             return ()
         best = self.tied[0]
@@ -250,33 +264,33 @@ class Step(ABC, Generic[FitT]):
 
     @property
     def passed_over(self) -> dict[str, str]:
-        """Effects that show and are not worth a name, and why."""
+        """Significant effects that are not named, and why."""
         shown = {name for one in self.significant for name in one.names}
-        found = {name: why for name, why in self.refused.items() if name in shown}
-        for one in self.stand_ins:
-            why = f"it stands in for something that explains far more: {self.structures[0].text}"
+        found = {name: why for name, why in self.rejected.items() if name in shown}
+        for one in self.confounded:
+            why = f"it is confounded with something that explains far more: {self.residual_curves[0].text}"
             found.setdefault(one.names[-1], why)
         for one in self.significant:
-            if one in self.tied or one in self.stand_ins or len(one.proposals) > 1:
+            if one in self.tied or one in self.confounded or len(one.proposals) > 1:
                 continue
-            if one.hollow:
-                found.setdefault(one.names[-1], "nothing is left in it of the plainer effect that it contains")
-            elif not self.worth(one):
-                found.setdefault(one.names[-1], self.too_small(one))
+            if one.contained_part_is_zero:
+                found.setdefault(one.names[-1], "the simpler effect that it contains is zero in it")
+            elif not self.practically_significant(one):
+                found.setdefault(one.names[-1], self.insignificance(one))
         return {name: why for name, why in found.items() if name not in self.names}
 
 
 class View(ABC, Generic[FitT]):
-    """One view of the data, in which models are fitted and effects weighed."""
+    """A view of the data in which models are fitted and effects evaluated."""
 
     @abstractmethod
-    def weigh(self, parent: FitT) -> Step[FitT]:
-        """Weigh every effect of the catalogue, and pairs of them where none shows alone."""
+    def evaluate(self, parent: FitT) -> SearchStep[FitT]:
+        """Evaluate every effect of the catalogue, and pairs where none is significant alone."""
 
     @abstractmethod
-    def again(self, fit: FitT) -> FitT:
-        """The same model, searched as thoroughly as one that is to stay deserves."""
+    def refit_thoroughly(self, fit: FitT) -> FitT:
+        """The same model after a thorough search, for a model that stays."""
 
     @abstractmethod
     def without(self, fit: FitT, name: str) -> FitT | None:
-        """The model without one of its effects, where that says as much of unseen samples; None where it does not."""
+        """The model without one of its effects, where its evidence is no less; else None."""

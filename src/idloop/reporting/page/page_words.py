@@ -9,7 +9,7 @@ import numpy as np
 
 from idloop.diagnosis.candidate import effect_parameters
 from idloop.diagnosis.design.expected_outcome import describe_signal
-from idloop.diagnosis.equivalence.equivalent_effects import Twins, ladder_twins
+from idloop.diagnosis.equivalence.equivalent_effects import EquivalentEffects, equivalent_effects_of_ladder
 from idloop.diagnosis.evidence.characteristic import shifts_in_time
 from idloop.reporting.breakdowns import finding
 from idloop.reporting.detectability import detection_limits, undetectable
@@ -270,7 +270,7 @@ def _step(number: int, step: Step, ladder: Ladder) -> dict[str, Any]:
         raise ValueError("the first step adds nothing")
     # Of the last model: those of the step are biased by what was still missing then.
     now = effect_parameters(last, added.name) or added.parameters
-    twins = [group for group in ladder_twins(ladder) if added.name in group.names]
+    twins = [group for group in equivalent_effects_of_ladder(ladder) if added.name in group.names]
     equivalent = {name for group in twins for name in group.names}
     others = [effect_words(name) for name in ladder.rivals(step) if name not in equivalent]
     return {
@@ -322,7 +322,7 @@ def _then(added: Candidate, last: Model) -> str:
     return f"When it was added: {name.replace('_', ' ')} {then}{unit}{tail}"
 
 
-def _said(group: Twins, name: str) -> dict[str, Any]:
+def _said(group: EquivalentEffects, name: str) -> dict[str, Any]:
     others = [effect_words(other) for other in group.names if other != name]
     return {"others": joined_names(others), "checks": [capitalised(check) for check in group.checks]}
 

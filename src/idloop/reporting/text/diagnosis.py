@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from idloop.diagnosis.equivalence.equivalent_effects import one_of_each
+from idloop.diagnosis.equivalence.equivalent_effects import without_equivalents
 from idloop.reporting.residual_findings import residual_warnings
 from idloop.reporting.text.blocks import Block, Table
 from idloop.reporting.text.parameters import p_text, parameters_text, tie_text
@@ -13,7 +13,7 @@ from idloop.reporting.verdicts import MISSING, basis, ending, explained_of, scop
 
 if TYPE_CHECKING:
     from idloop.diagnosis import Candidate, Diagnosis
-    from idloop.diagnosis.equivalence.equivalent_effects import Twins
+    from idloop.diagnosis.equivalence.equivalent_effects import EquivalentEffects
     from idloop.diagnosis.evidence.detection_limit import DetectionLimit
     from idloop.diagnosis.worsened import Worsened
     from idloop.reporting.residual_findings import ResidualFinding
@@ -45,12 +45,12 @@ def diagnosis_blocks(
         yield f"testable, would show with: {basis(lacking).removesuffix(', ')}; look again with it"
     yield ""
     if best is not None and found.pair is not None:
-        yield f"{MISSING}, only together: {' and '.join(found.pair)}; each hides the other"
+        yield f"{MISSING}, only together: {' and '.join(found.pair)}; each masks the other"
         for one in found.candidates[:2]:
             yield f"{one.name}: {one.text}"
         for rung in found.rungs:
             ties = ", ".join(rung.set[1:])
-            yield from _tie(f"this data cannot tell {rung.set[0]} from {ties}", rung.set, found.twins)
+            yield from _tie(f"this data cannot tell {rung.set[0]} from {ties}", rung.set, found.equivalent_effects)
     elif best is not None:
         rivals = len(found.set) - 1
         tie = f", or one of {rivals} that this data cannot tell from it" if rivals else ""
@@ -58,7 +58,7 @@ def diagnosis_blocks(
         if best.replaces:
             plain = "its plain form" if best.replaces == best.name else best.replaces
             yield f"it takes the place of {plain}, which it contains"
-        yield from _tie(tie_text(found.set), found.set, found.twins)
+        yield from _tie(tie_text(found.set), found.set, found.equivalent_effects)
     else:
         yield ending(found.verdict, scope_text(found), found.response)
         if found.unknown is not None:
@@ -102,10 +102,10 @@ def _candidates(
         yield f"{screened} more effects were screened and show nothing (--all lists them)"
 
 
-def _tie(text: str, tied: Sequence[str], twins: Sequence[Twins]) -> Iterator[Block]:
+def _tie(text: str, tied: Sequence[str], twins: Sequence[EquivalentEffects]) -> Iterator[Block]:
     """A tie and what would resolve it: an experiment, or a check by hand where no motion can."""
     if len(tied) > 1:
-        further = len(one_of_each(tied, twins)) > 1
+        further = len(without_equivalents(tied, twins)) > 1
         yield f"{text}: idloop suggest chooses the experiment that can" if further else text
     for group in twins:
         if group.names[0] in tied:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from idloop.diagnosis.equivalence.equivalent_effects import ladder_twins
+from idloop.diagnosis.equivalence.equivalent_effects import equivalent_effects_of_ladder
 from idloop.estimation.statistics.interval_text import interval_text
 from idloop.reporting.detectability import significant_not_added, undetectable
 from idloop.reporting.estimates import fit_text, held_parameters, parameter_estimates, read_off_parameters
@@ -58,7 +58,7 @@ def ladder_blocks(ladder: Ladder, left: Sequence[ResidualFinding] = ()) -> Itera
                 yield f"  {replaced}"
         if others:
             yield f"  this data cannot tell it from {', '.join(others)}"
-    for group in ladder_twins(ladder):
+    for group in equivalent_effects_of_ladder(ladder):
         yield from group.lines
     yield f"verdict: {conclusion(ladder, left, scope_text(ladder))}"
     for one in ladder.worsened:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from idloop import drawing
 from idloop.diagnosis.design.expected_outcome import describe_signal
-from idloop.diagnosis.equivalence.equivalent_effects import find_twins, one_of_each
+from idloop.diagnosis.equivalence.equivalent_effects import find_equivalent_effects, without_equivalents
 from idloop.reporting.breakdowns import finding, shown_first
 from idloop.reporting.estimates import with_interval
 from idloop.reporting.ladder_errors import step_title
@@ -134,7 +134,7 @@ def _fit(snapshot: Snapshot) -> dict[str, Any] | None:
 def _missing(found: Missing, pictures: Mapping[str, Characteristic], ladder: Ladder | None) -> dict[str, Any]:
     lacking = [effect_words(name) for name in found.pair or found.set[:1]] if found.verdict == "missing" else []
     level = LEVEL if ladder is None else ladder.level
-    twins = () if ladder is None else find_twins(ladder.model, found.set)
+    twins = () if ladder is None else find_equivalent_effects(ladder.model, found.set)
     return {
         "verdict": found.verdict,
         "conclusion": "" if ladder is None or ladder.verdict != found.verdict else _contradicted(ladder),
@@ -145,7 +145,7 @@ def _missing(found: Missing, pictures: Mapping[str, Characteristic], ladder: Lad
         "tied": [effect_words(name) for name in found.set],
         "pair": [effect_words(name) for name in found.pair],
         # What is one equation no experiment tells apart, a check by hand does.
-        "separable": len(one_of_each(found.set, twins)) > 1,
+        "separable": len(without_equivalents(found.set, twins)) > 1,
         "twins": [
             {"text": sentence(in_words(one.text)), "checks": [sentence(check) for check in one.checks]} for one in twins
         ],

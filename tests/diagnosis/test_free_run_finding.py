@@ -1,20 +1,22 @@
-"""A verdict by one view tells where another one sees something else."""
+"""A verdict by one view comes with a finding where another view contradicts it."""
 
 import pytest
 
 from idloop.diagnosis.ladder import Ladder, Step
-from idloop.diagnosis.refine import views_apart
+from idloop.diagnosis.refine import free_run_finding
 from idloop.diagnosis.search.step import ADEQUATE, UNKNOWN
 from idloop.physics import load_model
 
 
 @pytest.mark.parametrize(
-    ("verdict", "share", "told"),
+    ("verdict", "share", "reported"),
     [(ADEQUATE, 63.0, True), (ADEQUATE, float("nan"), True), (ADEQUATE, 0.99, False), (UNKNOWN, 63.0, False)],
 )
-def test_a_free_run_that_is_far_off_is_told_beside_an_adequate_force(verdict: str, share: float, told: bool) -> None:
+def test_a_free_run_that_is_far_off_is_reported_beside_an_adequate_force(
+    verdict: str, share: float, reported: bool
+) -> None:
     seen = {"nrmse": {"axis.position": 0.01}}
     unseen = {"nrmse": {"axis.position": 0.02, "axis.velocity": share}}
     ladder = Ladder((Step(None, load_model("axis"), train=seen, validation=unseen),), verdict, criterion="force")
-    assert bool(views_apart(ladder)) is told
-    assert ("axis.velocity" in views_apart(ladder)) is told
+    assert bool(free_run_finding(ladder)) is reported
+    assert ("axis.velocity" in free_run_finding(ladder)) is reported

@@ -1,4 +1,4 @@
-"""One noise model for all rivals, read off the data so far."""
+"""The common noise model of rivals, read off the data so far."""
 
 from __future__ import annotations
 
@@ -21,61 +21,60 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# Lags of the common noise model at most; more only cost time.
-_MOST_LAGS = 8
+# Lags of a noise model; more only cost time.
+MOST_LAGS = 8
 # Decades of the disturbance's intensity that are tried where no model states it.
 _EXPONENTS = (-12.0, -10.0, -8.0, -6.0, -4.0, -2.0, 0.0, 2.0)
 
 
 @dataclass(frozen=True)
+class Whitening:
+    """Brings errors to white noise of unit variance."""
+
+    whitener: Whitener
+    weight: Array  # inverse Cholesky factor of the whitened errors' covariance, shape (p, p)
+
+    @classmethod
+    def of(cls, series: Sequence[Array]) -> Whitening:
+        """Fitted to errors by record, each of shape (n, p)."""
+        series = [np.ascontiguousarray(errors) for errors in series]
+        whitener = fit_whitener(series, choose_order(series, MOST_LAGS))
+        white = np.concatenate([whitener.apply(errors) for errors in series])
+        covariance = white.T @ white / max(len(white), 1)
+        floor = max(1e-24 * float(np.max(np.diag(covariance))), 1e-60)
+        weight = np.linalg.inv(np.linalg.cholesky(covariance + floor * np.eye(len(covariance))))
+        return cls(whitener, weight)
+
+    def vector(self, errors: Sequence[Array]) -> Array:
+        """Errors by record as one white vector."""
+        return np.concatenate([(self.whitener.apply(one) @ self.weight.T).ravel() for one in errors])
+
+    def columns(self, raw: Array) -> Array:
+        """Series of errors (n, p, k) as white columns (rows, k)."""
+        white = [self.weight @ self.whitener.apply(np.ascontiguousarray(raw[:, :, i])).T for i in range(raw.shape[2])]
+        return np.asarray(np.stack(white, axis=2).transpose(1, 0, 2).reshape(-1, raw.shape[2]))
+
+
+@dataclass(frozen=True)
 class Noise:
-    """What is left of the data so far when a model is right; the same for all rivals.
+    """Noise of the measurements and of the disturbance, the same for all rivals."""
 
-    Attributes
-    ----------
-    groups : list of list of int
-        Outputs that are measured together.
-    every : list of int
-        Each group is measured at every so many-th instant.
-    whiteners : list of Whitener
-        Colour of the innovations, by group.
-    weights : list of array
-        Inverse Cholesky factor of the whitened innovations' covariance, by group.
-    sensors : array, shape (p,)
-        Measurement noise [output unit].
-    intensity : float
-        Of the disturbance force [force²/s].
-    exponent : float
-        The same in the decades of the innovation criterion.
-    force : float
-        Typical drive force.
-    sample_time : float
-        Of the measurements [s].
-    """
-
-    groups: list[list[int]]
-    every: list[int]
-    whiteners: list[Whitener]
-    weights: list[Array]
-    sensors: Array
-    intensity: float
-    exponent: float
-    force: float
-    sample_time: float
+    groups: list[list[int]]  # outputs that are measured together
+    every: list[int]  # each group is measured at every n-th instant
+    whitenings: list[Whitening]  # of the innovations, by group
+    sensors: Array  # measurement noise, shape (p,) [output unit]
+    intensity: float  # of the disturbance force [force²/s]
+    exponent: float  # the same in decades of the innovation criterion
+    force: float  # typical drive force
+    sample_time: float  # of the measurements [s]
 
     def scaled(self, errors: Sequence[Sequence[Array]]) -> Array:
         """Errors by group and record as one vector, white and of unit variance."""
-        rows = zip(errors, self.whiteners, self.weights, strict=True)
-        return np.concatenate([(white.apply(e) @ weight.T).ravel() for group, white, weight in rows for e in group])
-
-    def lengths(self, samples: int) -> list[tuple[int, int]]:
-        """Samples and outputs of each group in the vector of an experiment."""
-        counts = [-(-samples // step) - white.order for step, white in zip(self.every, self.whiteners, strict=True)]
-        return [(max(count, 0), len(group)) for count, group in zip(counts, self.groups, strict=True)]
+        return np.concatenate([own.vector(group) for own, group in zip(self.whitenings, errors, strict=True)])
 
 
 def common_noise(models: Sequence[Model], data: list[Data]) -> Noise:
-    """Noise of the rival that explains the data so far best, its disturbance included."""
+    """Noise and disturbance of the rival that explains the data so far best."""
     engines = [CachingEngine(model) for model in models]
     sensors = output_noise(models[0], data)
     force = force_scale(engines[0], data)
@@ -98,21 +97,13 @@ def common_noise(models: Sequence[Model], data: list[Data]) -> Noise:
     if best is None:
         raise IdloopError("none of the models can be simulated along these records; fit them first")
     _, exponent, errors = best
-    whiteners = [fit_whitener(group, choose_order(group, _MOST_LAGS)) for group in errors]
-    weights = []
-    for group, whitener in zip(errors, whiteners, strict=True):
-        white = np.concatenate([whitener.apply(e) for e in group])
-        covariance = white.T @ white / max(len(white), 1)
-        floor = max(1e-24 * float(np.max(np.diag(covariance))), 1e-60)
-        weights.append(np.linalg.inv(np.linalg.cholesky(covariance + floor * np.eye(len(covariance)))))
     groups = output_groups(data)
     instants = sum(len(d.time) for d in data)
     known = [sum(int(np.sum(np.isfinite(d.output[:, group[0]]))) for d in data) for group in groups]
     return Noise(
         groups,
         [max(round(instants / max(count, 1)), 1) for count in known],
-        whiteners,
-        weights,
+        [Whitening.of(group) for group in errors],
         sensors,
         unit * 10.0**exponent,
         exponent,

@@ -1,9 +1,8 @@
-"""Unknown structure in a force balance: curves that the unexplained force follows and no effect of the catalogue is.
+"""Residual curves of the force balance: curves that the unexplained force follows and no effect explains.
 
-A force over velocity or position, or a coefficient (inertia, friction, drive) over the position or time, is
-piecewise linear between knots, and so linear in its heights: a row of the balance's residual each. A curve is judged as
-an effect is, on samples that its fit has not seen. A force over the command is none of them: it is what the balance
-explains.
+A force over velocity or position, or a coefficient (inertia, friction, drive) over the position or time, is piecewise
+linear between knots, and so linear in its heights. A curve is evaluated like an effect, on samples that its fit has not
+seen. A force over the command is excluded: it is what the balance explains.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from idloop.diagnosis.residual_curves.unknown_structure import (
     UnknownStructure,
     coefficient_units,
 )
-from idloop.diagnosis.search.step import Weighed
+from idloop.diagnosis.search.step import EvaluatedModel
 from idloop.estimation.force_balance.weak_fit import WeakFit
 from idloop.estimation.force_balance.weak_form import BLOCKS
 from idloop.estimation.statistics.student import log_density, scale_of
@@ -49,16 +48,16 @@ class ForceCurve(Curve):
     evidence: Evidence
 
     @property
-    def imitated(self) -> bool:
-        """Whether waves and springs may stand in for it: what depends on where the axis is, and not on how it moves."""
+    def depends_on_position(self) -> bool:
+        """Whether it depends on the position and not on the motion, as waves and springs do."""
         return self.of in ("force", "inertia") and "position" in self.over
 
-    def imitated_by(self, one: Weighed[WeakFit]) -> bool:
-        """Whether an effect may stand in for it."""
-        return self.imitated and not self.beside(one).evidence.told
+    def confounds(self, one: EvaluatedModel[WeakFit]) -> bool:
+        """Whether nothing significant remains of an effect beside this curve."""
+        return self.depends_on_position and not self.beside(one).evidence.distinguishable
 
-    def beside(self, one: Weighed[WeakFit]) -> Weighed[WeakFit]:
-        """An effect as it is weighed beside the curve, by the change of force that it makes alone."""
+    def beside(self, one: EvaluatedModel[WeakFit]) -> EvaluatedModel[WeakFit]:
+        """The evidence of an effect beside the curve, by the change of force that it makes alone."""
         change = one.fit.residual[:, 0] - self.fit.residual[:, 0]
         scores = _scores(self.fit, np.column_stack([self.columns, change]))
         return replace(one, scores=scores, evidence=scores.against(self.scores))
@@ -70,8 +69,8 @@ class ForceCurve(Curve):
         return f"{what} over the {self.variable}"
 
     @cached_property
-    def worth(self) -> float:
-        """Part by which it makes errors on unseen samples smaller, and of the drive's force that it explains."""
+    def improvement(self) -> float:
+        """Part by which it reduces the errors on unseen samples, at most that of the drive's force that it explains."""
         residual = self.fit.residual[:, 0]
         left = residual - self.columns @ np.linalg.lstsq(self.columns, residual, rcond=_LEAST_WEIGHT)[0]
         part = 1.0 - float(np.linalg.norm(left) / max(float(np.linalg.norm(residual)), 1e-300))
@@ -94,7 +93,7 @@ class ForceCurve(Curve):
         return self.structure("the errors of the force", p_value, value, 1.96 * spread, share)
 
 
-def structures(fit: WeakFit) -> list[ForceCurve]:
+def force_curves(fit: WeakFit) -> list[ForceCurve]:
     """Curves that the unexplained force of the driven body may follow, with their evidence, best first."""
     form, model = fit.form, fit.form.engine.model
     body, units, own = model.bodies[0], model.units, fit.slopes_of_force
@@ -112,11 +111,11 @@ def structures(fit: WeakFit) -> list[ForceCurve]:
         hats = _hats(values, knots, closed=turn)
         columns = hats if factor is None else hats * factor[:, None]
         if of == "inertia":
-            # What stores kinetic energy takes a force at constant speed, too, where it changes (Lagrange's equation).
+            # An inertia that changes along the way takes a force at constant speed as well (Lagrange's equation).
             step = 1e-3 * (knots[1] - knots[0])
             columns = columns - 0.5 * ((_hats(values + step, knots, closed=turn) - hats) / step) * speed[:, None] ** 2
         if of in ("drive", "inertia"):
-            # Its mean is that of all other forces: a machine without drive and inertia explains everything.
+            # Its mean is the scale of all forces, which is free.
             columns = columns - np.mean(columns, axis=1, keepdims=True)
         name = over if over == "time" else f"{body}.{over}" + (" within a turn" if turn else "")
         columns = np.hstack([own, columns])

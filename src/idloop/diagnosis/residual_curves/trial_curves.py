@@ -1,7 +1,7 @@
-"""Curves that what a model leaves may be learnt as: forces and commands, and coefficients that are not constant.
+"""Trial curves for prediction errors: a force or a command over one variable, and coefficients that are not constant.
 
 A machine whose inertia changes over the turn, whose friction falls as it warms, or whose motor is weaker at some angles
-lacks a force that is no curve over one variable: it is one times the acceleration, the speed or the command.
+lacks a force that is a curve times the acceleration, the speed or the command.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from idloop.diagnosis.evidence.predicted_motion import PredictedMotion, predicted_motion
-from idloop.diagnosis.residual_curves.periods import remaining_period
+from idloop.diagnosis.residual_curves.periods import residual_period
 from idloop.diagnosis.residual_curves.unknown_structure import (
     COEFFICIENT_KNOTS,
     KNOTS,
@@ -41,14 +41,14 @@ _Force = Callable[[PredictedMotion, Array, Array], Array]
 
 
 @dataclass(frozen=True)
-class Shape(Curve):
+class TrialCurve(Curve):
     """A curve that the errors may follow."""
 
     # Height of a trial curve.
     step: float
     # Of the whitened errors, by heights at the knots; None where they cannot be simulated.
     change: Callable[[Array], Array | None]
-    # Shapes that this one was chosen from.
+    # Curves that this one was chosen from.
     tried: int = 1
 
     @property
@@ -129,43 +129,45 @@ class CurveProposal(Proposal):
         return replace(self.base, effects=(*self.base.effects, active), parameters=(*self.base.parameters, *added))
 
 
-def force_shapes(screen: Screen) -> list[Shape]:
+def force_trials(screen: Screen) -> list[TrialCurve]:
     """A force over velocity, position or a period of it, and the command over itself, in the range of the records."""
     estimation, sizes, model = screen.estimation, screen.sizes, screen.parent.model
     units, body = model.units, model.bodies[0]
     _, fastest, middle, span = sizes.bodies[0]
 
-    def shape(name: str, over: str, unit: str, middle: float, reach: float, tried: int = 1) -> Shape:
+    def over(name: str, over: str, unit: str, middle: float, reach: float, tried: int = 1) -> TrialCurve:
         of, of_unit, at, size = "force", units.force, body, estimation.force
         if name == "command":
             of, of_unit, at, size = "command", units.input, INPUT, sizes.command
         low, width = middle - 0.5 * reach, reach / (KNOTS - 1)
         curve = CurveProposal(CURVES[name], at, model, low=low, width=width)
-        return Shape(
-            of, of_unit, over, unit, np.asarray(low + width * np.arange(KNOTS)), name == "period", 0.01 * size,
-            lambda heights: screen.moved(curve, {f"knot{i}": heights[i % len(heights)] for i in range(KNOTS)}), tried,
-        )  # fmt: skip
 
-    shapes = [
-        shape("velocity", f"{body}.velocity", f"{units.position}/s", 0.0, 2.0 * fastest),
-        shape("position", f"{body}.position", units.position, middle, span),
-        shape("command", "command", units.input, 0.0, 2.0 * sizes.command_most),
+        def change(heights: Array) -> Array | None:
+            return screen.response_to_effect(curve, {f"knot{i}": heights[i % len(heights)] for i in range(KNOTS)})
+
+        knots = np.asarray(low + width * np.arange(KNOTS))
+        return TrialCurve(of, of_unit, over, unit, knots, name == "period", 0.01 * size, change, tried)
+
+    trials = [
+        over("velocity", f"{body}.velocity", f"{units.position}/s", 0.0, 2.0 * fastest),
+        over("position", f"{body}.position", units.position, middle, span),
+        over("command", "command", units.input, 0.0, 2.0 * sizes.command_most),
     ]
-    period = remaining_period(model, estimation)
+    period = residual_period(model, estimation)
     if period is not None:
-        shapes.append(shape("period", f"{body}.position", units.position, middle, *period))
-    return shapes
+        trials.append(over("period", f"{body}.position", units.position, middle, *period))
+    return trials
 
 
 def _of_inertia(motion: PredictedMotion, change: Array, slope: Array) -> Array:
-    """What stores kinetic energy takes a force at constant speed as well where it changes (Lagrange's equation)."""
+    """An inertia that changes along the way takes a force at constant speed as well (Lagrange's equation)."""
     turning = -0.5 * slope * motion.velocity**2
-    # None is below nothing.
+    # An inertia is positive.
     inertia = np.maximum(motion.inertia + change, 0.1 * motion.inertia)
     return np.asarray(turning - change * (motion.inertia * motion.acceleration + turning) / inertia)
 
 
-# What resists motion counts against it: a positive curve is more inertia, more friction, a stronger drive.
+# By their signs a positive curve is more inertia, more friction, a stronger drive.
 _FORCES: dict[str, _Force] = {
     "inertia": _of_inertia,
     "viscous friction": lambda motion, change, slope: -change * motion.velocity,
@@ -174,7 +176,7 @@ _FORCES: dict[str, _Force] = {
 }
 
 
-def factor_shapes(screen: Screen) -> list[Shape]:
+def coefficient_trials(screen: Screen) -> list[TrialCurve]:
     """Every coefficient over the position of the driven body and, but for the inertia, over time.
 
     Empty where nothing predicts the motion, see `predicted_motion`. None over time where the command is a sweep.
@@ -187,7 +189,9 @@ def factor_shapes(screen: Screen) -> list[Shape]:
     model = screen.parent.model
     unit, units = model.units.position, coefficient_units(model.units)
 
-    def laid(over: str, unit: str, knots: Array, places: Sequence[Array], *, closed: bool = False) -> list[Shape]:
+    def over_variable(
+        over: str, unit: str, knots: Array, places: Sequence[Array], *, closed: bool = False
+    ) -> list[TrialCurve]:
         """Coefficients as cubic splines: smooth, so that the slope, which an inertia's force has too, does not jump."""
         hats = np.eye(len(knots))
         if closed:
@@ -197,44 +201,44 @@ def factor_shapes(screen: Screen) -> list[Shape]:
         inside = [np.clip(place, knots[0], knots[-1]) for place in places]
         along = [(motion, splines(at), slopes(at)) for motion, at in zip(motions, inside, strict=True)]
 
-        def push(force: _Force, heights: Array) -> list[Array]:
+        def forces(force: _Force, heights: Array) -> list[Array]:
             return [force(motion, value @ heights, slope @ heights) for motion, value, slope in along]
 
         def change(force: _Force, heights: Array) -> Array | None:
-            return screen.pushed(push(force, heights))
+            return screen.response_to_force(forces(force, heights))
 
-        little, shapes = 1e-6 * motions[0].inertia, []
+        little, trials = 1e-6 * motions[0].inertia, []
         for of, force in _FORCES.items():
-            size = float(np.sqrt(np.mean(np.concatenate(push(force, np.full(hats.shape[1], little))) ** 2))) / little
+            size = float(np.sqrt(np.mean(np.concatenate(forces(force, np.full(hats.shape[1], little))) ** 2))) / little
             # An inertia does not drift.
             if np.isfinite(size) and size > 0.0 and (of, over) != ("inertia", "time"):
                 step = 0.01 * screen.estimation.force / size
-                shapes.append(Shape(of, units[of], over, unit, knots, closed, step, partial(change, force)))
-        return shapes
+                trials.append(TrialCurve(of, units[of], over, unit, knots, closed, step, partial(change, force)))
+        return trials
 
     _, _, middle, span = screen.sizes.bodies[0]
     over, places = f"{model.bodies[0]}.position", [m.position for m in motions]
     if unit == "rad" and span > TURNS * 2.0 * np.pi:
         knots, places = np.linspace(0.0, 2.0 * np.pi, COEFFICIENT_KNOTS), [place % (2.0 * np.pi) for place in places]
-        found = laid(f"{over} within a turn", unit, knots, places, closed=True)
+        found = over_variable(f"{over} within a turn", unit, knots, places, closed=True)
     else:
-        # A record sees the ends of the travel less often than every place of a turn.
-        found = laid(over, unit, np.linspace(middle - 0.5 * span, middle + 0.5 * span, 9), places)
+        # A record has fewer samples at the ends of the travel than at any place of a turn.
+        found = over_variable(over, unit, np.linspace(middle - 0.5 * span, middle + 0.5 * span, 9), places)
     if not any(_swept(motion) for motion in motions):
         # The records one after the other, without what lay between them.
         elapsed: list[Array] = []
         for motion in motions:
             elapsed.append(motion.time - motion.time[0] + (elapsed[-1][-1] if elapsed else 0.0))
-        found += laid("time", "s", np.linspace(0.0, elapsed[-1][-1], TIME_KNOTS), elapsed)
+        found += over_variable("time", "s", np.linspace(0.0, elapsed[-1][-1], TIME_KNOTS), elapsed)
     return found
 
 
 def _swept(motion: PredictedMotion) -> bool:
-    """Whether the frequency of a motion changes much with time, so that nothing tells a slow drift from a resonance."""
+    """Whether the frequency of a motion changes much with time, so that a slow drift and a resonance are confounded."""
     speed, acceleration, drive = (
         np.array([np.sqrt(np.mean(part**2)) for part in np.array_split(values, 8)])
         for values in (motion.velocity, motion.acceleration, motion.drive)
     )
-    # Where hardly anything drives the machine the frequency is that of noise.
+    # At a small drive the frequency is that of noise.
     frequency = (acceleration / np.maximum(speed, 1e-300))[drive > 0.3 * np.max(drive)]
     return bool(len(frequency) > 1 and np.max(frequency) > 5.0 * np.min(frequency))

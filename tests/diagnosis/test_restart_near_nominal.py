@@ -1,9 +1,9 @@
-"""Fits that leave the user's machine far behind, and what is found from near it."""
+"""Fits that are far from the nominal values, and effects found by a restart near these."""
 
 import pytest
 
 from idloop.diagnosis import diagnose
-from idloop.diagnosis.search.non_local_search import left_behind
+from idloop.diagnosis.search.non_local_search import far_from_nominal
 from idloop.estimation.likelihood.estimation_problem import prepare_estimation
 from idloop.estimation.likelihood.refit import refit
 from idloop.physics import Model, load_model
@@ -12,21 +12,21 @@ from .conftest import record_of
 
 
 @pytest.mark.parametrize(("factor", "left"), [(0.19, True), (0.21, False), (1.0, False), (4.9, False), (5.1, True)])
-def test_a_mass_is_left_behind_from_a_factor_of_five_on(factor: float, left: bool) -> None:
+def test_an_inertia_is_far_from_nominal_from_a_factor_of_five_on(factor: float, left: bool) -> None:
     axis = load_model("axis")
     moved = axis.with_values({"axis.inertia": factor * axis.values["axis.inertia"]})
-    assert left_behind(moved, axis.values) == (["axis.inertia"] if left else [])
+    assert far_from_nominal(moved, axis.values) == (["axis.inertia"] if left else [])
 
 
-def test_what_the_user_did_not_give_or_holds_is_not_left_behind() -> None:
+def test_parameters_without_nominal_value_or_held_ones_do_not_count() -> None:
     axis = load_model("axis")
     heavy = axis.with_values({"axis.inertia": 10.0 * axis.values["axis.inertia"]})
-    assert not left_behind(heavy, {"axis.viscous_friction": 0.05})
-    assert not left_behind(heavy.with_free(["axis.viscous_friction"]), axis.values)
+    assert not far_from_nominal(heavy, {"axis.viscous_friction": 0.05})
+    assert not far_from_nominal(heavy.with_free(["axis.viscous_friction"]), axis.values)
 
 
 @pytest.mark.slow
-def test_a_delay_is_found_behind_a_machine_that_its_drive_hardly_moves(start: Model) -> None:
+def test_a_delay_is_found_where_the_fit_is_a_machine_that_its_drive_hardly_moves(start: Model) -> None:
     axis = load_model("axis")
     machine = axis.with_effect("stribeck_friction", "axis", coulomb=0.2, static=0.4, velocity=0.7)
     record = record_of(machine.with_effect("input_delay", "input", delay=0.01), 1, seconds=10.0, disturbance=0.02)
@@ -42,7 +42,7 @@ def test_a_delay_is_found_behind_a_machine_that_its_drive_hardly_moves(start: Mo
 
 
 @pytest.mark.slow
-def test_a_long_delay_in_a_tight_loop_is_found_where_the_plain_model_has_left_the_axis_behind() -> None:
+def test_a_long_delay_in_a_tight_loop_is_found_far_from_the_fitted_values() -> None:
     from cases import all_cases
     from experiment import experiment
 

@@ -1,4 +1,4 @@
-"""Coefficients that are not constant: named as such, and no effect that stands in for them."""
+"""Coefficients that are not constant: reported as such, and no effect that is confounded with them."""
 
 import numpy as np
 import pytest
@@ -6,8 +6,8 @@ from changing_machines import CHANGING, FRICTION, INERTIA, changing, recorded, u
 
 from idloop.diagnosis import diagnose, refine
 from idloop.diagnosis.evidence.predicted_motion import predicted_motion
-from idloop.diagnosis.residual_curves.curves import factor_shapes
-from idloop.diagnosis.residual_curves.learnt_curves import remaining
+from idloop.diagnosis.residual_curves.prediction_curves import fitted_curves
+from idloop.diagnosis.residual_curves.trial_curves import coefficient_trials
 from idloop.diagnosis.screening.score_test import Screen
 from idloop.estimation.likelihood.estimation_problem import prepare_estimation
 from idloop.estimation.likelihood.refit import refit
@@ -23,7 +23,7 @@ def test_no_cogging_is_named_where_the_inertia_changes_over_the_turn(start: Mode
     assert found.verdict == "unknown_structure"
     assert found.unknown is not None
     assert found.unknown.of == "inertia"
-    assert all("stands in" in why for why in found.passed_over.values())
+    assert all("confounded" in why for why in found.passed_over.values())
 
 
 @pytest.mark.slow
@@ -37,11 +37,11 @@ def test_no_wave_is_named_where_an_end_stop_is_met(seed: int) -> None:
     assert found.verdict == "unknown_structure"
     assert found.unknown is not None
     assert (found.unknown.of, found.unknown.variable) == ("force", "axis.position")
-    assert any("stands in" in why or "stays beside it" in why for why in found.passed_over.values())
+    assert any("confounded" in why for why in found.passed_over.values())
 
 
 @pytest.mark.slow
-def test_a_changing_inertia_is_learnt(start: Model) -> None:
+def test_a_changing_inertia_gives_a_residual_curve(start: Model) -> None:
     part = 0.15
     found = diagnose(start, [recorded(changing("inertia over the turn", part), 3)])
     assert found.verdict == "unknown_structure"
@@ -56,7 +56,7 @@ def test_a_changing_inertia_is_learnt(start: Model) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["friction over time", "drive over the turn"])
-def test_other_coefficients_that_change_are_told(start: Model, kind: str) -> None:
+def test_other_changing_coefficients_give_residual_curves(start: Model, kind: str) -> None:
     found = diagnose(start, [recorded(changing(kind, 0.4), 3, seconds=30.0)])
     assert found.best is None
     assert found.unknown is not None
@@ -69,11 +69,11 @@ def swept(time: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("sweep", [False, True])
-def test_in_a_sweep_nothing_tells_time_from_frequency(start: Model, sweep: bool) -> None:
+def test_in_a_sweep_time_and_frequency_are_confounded(start: Model, sweep: bool) -> None:
     time = np.arange(0.0, 20.0, 1.0 / RATE)
     record = record_of(load_model("axis"), 5, seconds=20.0, command=swept(time) if sweep else None)
     estimation = prepare_estimation(start, [record], "prediction")
-    shapes = factor_shapes(Screen(estimation, refit(estimation, start), 0))
+    shapes = coefficient_trials(Screen(estimation, refit(estimation, start), 0))
     assert shapes
     assert any(shape.over == "time" for shape in shapes) is not sweep
 
@@ -95,7 +95,7 @@ def test_a_spring_whose_drag_is_on_one_side_is_named(start: Model, sweep: bool) 
 
 
 @pytest.mark.slow
-def test_an_effect_beside_a_coefficient_that_changes_is_added_and_the_rest_told(start: Model) -> None:
+def test_an_effect_beside_a_changing_coefficient_is_added_and_the_curve_reported(start: Model) -> None:
     def both(t: float, torque: float, position: float, velocity: float) -> float:
         return uneven_inertia(t, torque - 0.15 * np.tanh(velocity / 1e-2), position, velocity, 0.25)
 
@@ -111,7 +111,7 @@ def test_nothing_is_left_of_a_machine_that_the_model_describes() -> None:
     model = load_model("axis")
     for seed in range(8):
         estimation = prepare_estimation(model, [record_of(model, seed, disturbance=0.05)], "prediction")
-        assert not remaining(Screen(estimation, refit(estimation, model), seed), 0.01)
+        assert not fitted_curves(Screen(estimation, refit(estimation, model), seed), 0.01)
 
 
 @pytest.mark.parametrize("kind", ["prediction", "simulation"])

@@ -1,4 +1,4 @@
-"""Evidence is not enough: what moves nothing is no missing physics, however clean the data that show it."""
+"""Practical significance: an effect that moves nothing is not named, however certain its presence."""
 
 from dataclasses import replace
 
@@ -39,8 +39,8 @@ def test_a_difference_that_moves_nothing_is_not_named_however_clean_the_data(del
 def test_exact_data_show_what_is_missing_and_nothing_else(hidden: str, noise: float) -> None:
     plain = load_model("axis")
     machine = with_noise(plain, noise).with_effects([hidden] if hidden else [])
-    untold = replace(plain, outputs=tuple(replace(o, noise=None) for o in plain.outputs))
-    diagnosis = diagnose(untold, [record_of(machine, 4, seconds=8.0)])
+    without_noise = replace(plain, outputs=tuple(replace(o, noise=None) for o in plain.outputs))
+    diagnosis = diagnose(without_noise, [record_of(machine, 4, seconds=8.0)])
     assert diagnosis.set == ((hidden.partition("(")[0],) if hidden else ())
     assert diagnosis.verdict == ("missing" if hidden else "adequate")
 
@@ -76,7 +76,7 @@ def test_what_a_coarse_sensor_rounds_off_is_no_ripple(amplitude: float, named: b
 
 
 @pytest.mark.parametrize(("ratio", "named"), [(0.0, False), (0.3, True)])
-def test_a_richer_effect_must_show_beyond_the_plainer_one_whose_place_it_takes(ratio: float, named: bool) -> None:
+def test_an_effect_must_show_beyond_the_simpler_one_that_it_replaces(ratio: float, named: bool) -> None:
     plain, rich = "coulomb_friction@axis", "asymmetric_friction@axis"
     bare = with_noise(load_model("axis"), 10.0)
     record = record_of(bare.with_effects([f"{rich}(level=0.05,ratio={ratio})"]), 4, seconds=8.0)

@@ -23,7 +23,7 @@ PREDICTIONS = (candidate("compliance", "weak", "prediction"), candidate("backlas
 
 
 def test_each_view_answers_for_what_it_sees():
-    found = ladder("adequate", *BALANCE).seconded(ladder("adequate", *PREDICTIONS)).candidates
+    found = ladder("adequate", *BALANCE).merged_with(ladder("adequate", *PREDICTIONS)).candidates
     why = {one.effect: one.why for one in found}
     assert why == {
         "coulomb_friction": "force",
@@ -42,6 +42,6 @@ def test_each_view_answers_for_what_it_sees():
     ],
 )
 def test_the_stricter_verdict_stands(first: str, second: str, both: str):
-    found = ladder(first, *BALANCE).seconded(ladder(second, *PREDICTIONS))
+    found = ladder(first, *BALANCE).merged_with(ladder(second, *PREDICTIONS))
     assert found.verdict == both
     assert found.untestable == ()

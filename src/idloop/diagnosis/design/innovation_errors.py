@@ -1,15 +1,14 @@
-"""Rivals held against an experiment by the innovations of their observers."""
+"""Errors of a rival as the innovations of its observer."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
-from idloop.diagnosis.design.common_noise import Noise, common_noise
-from idloop.diagnosis.design.rival_view import Difference
-from idloop.diagnosis.design.transfer import transfer
+from idloop.diagnosis.design.rival_noise import Noise, common_noise
 from idloop.errors import IdloopError
 from idloop.estimation.dataset import Data
 from idloop.estimation.observer.innovations import MOST_EXPONENT, WALK, InnovationCriterion
@@ -28,17 +27,8 @@ Array = NDArray[np.float64]
 _STRONGER = (2.0, 4.0, 6.0, 8.0)
 
 
-class PredictionView:
-    """One rival seen through its observer, for experiments of any length.
-
-    Parameters
-    ----------
-    model : Model
-    data : list of Data
-        The data so far.
-    noise : Noise
-        Common to all rivals.
-    """
+class InnovationErrors:
+    """Innovations of one rival, for experiments of any length; the noise is common to all rivals."""
 
     def __init__(self, model: Model, data: list[Data], noise: Noise) -> None:
         self.noise, self.model = noise, model
@@ -67,9 +57,9 @@ class PredictionView:
         self._output = np.hstack([self._linear.C, np.zeros((len(self._linear.C), 1))])
 
     @property
-    def stronger(self) -> list[float]:
+    def stronger(self) -> tuple[float, ...]:
         """Decades by which the disturbance may be taken for stronger than it is."""
-        return [decades for decades in _STRONGER if self.noise.exponent + decades <= MOST_EXPONENT]
+        return tuple(decades for decades in _STRONGER if self.noise.exponent + decades <= MOST_EXPONENT)
 
     @property
     def period(self) -> int:
@@ -80,18 +70,8 @@ class PredictionView:
         """Innovations on the data so far, white and of unit variance by this rival's own noise."""
         return self._own.scaled(self._criterion.errors(theta, np.array([self._own.exponent, WALK])))
 
-    def innovations(self, record: Record, start: float, theta: Array, decades: float = 0.0) -> Array:
-        """Innovations of the observer on an experiment, shape (n, p), NaN where nothing is measured.
-
-        Parameters
-        ----------
-        record : Record
-        start : float
-            Where the axis rested before [position unit].
-        theta : array, shape (k,)
-        decades : float
-            By which the observer takes the disturbance for stronger than it is.
-        """
+    def errors(self, record: Record, start: float, theta: Array, decades: float = 0.0) -> Array:
+        """Innovations on an experiment from rest at `start`, shape (n, p), NaN where nothing is measured."""
         noise, n = self.noise, len(self.model.bodies)
         output = record.output
         if any(step > 1 for step in noise.every):
@@ -100,33 +80,30 @@ class PredictionView:
                 skipped = np.arange(len(output)) % step != 0
                 output[np.ix_(skipped, group)] = np.nan
         state = self.engine.initial_state(np.full(n, start), np.zeros(n), theta)
-        gain = self.of(len(record.time), decades).gain
+        gain = self._observer(len(record.time), decades).gain
         return self.engine.predict(
             theta, record.input_time, record.input, record.time, output, gain, initial_state=state
         )
 
     def shapes(self, samples: int) -> list[tuple[int, int]]:
         """Samples and outputs of each group in what `scaled` returns."""
-        return self.noise.lengths(samples)
+        counts = [
+            -(-samples // step) - own.whitener.order
+            for step, own in zip(self.noise.every, self.noise.whitenings, strict=True)
+        ]
+        return [(max(count, 0), len(group)) for count, group in zip(counts, self.noise.groups, strict=True)]
 
-    def differences(self, truth: Record, start: float, theta: Array, experiment: Experiment) -> list[Difference]:
-        """How far this rival's outputs are from those of the truth in a free run of the experiment."""
+    def differences(self, truth: Record, start: float, theta: Array, experiment: Experiment) -> dict[str, Any]:
+        """Root mean square by output between the free runs of this rival and of the truth."""
         rival = experiment.run(self.model, engine=self.engine, theta=theta)
         left = np.sqrt(np.mean((rival.output - truth.output) ** 2, axis=0))
-        return [
-            Difference(output.name, float(value), output.unit, float(noise))
+        return {
+            output.name: {"value": float(value), "unit": output.unit, "noise": float(noise)}
             for output, value, noise in zip(self.model.outputs, left, self.noise.sensors, strict=True)
-        ]
+        }
 
-    def of(self, samples: int, decades: float = 0.0) -> TimeVaryingObserver:
-        """Observer for an experiment.
-
-        Parameters
-        ----------
-        samples : int
-        decades : float
-            By which the disturbance is taken for stronger than it is.
-        """
+    def _observer(self, samples: int, decades: float = 0.0) -> TimeVaryingObserver:
+        """Observer for an experiment that takes the disturbance for stronger than it is."""
         key = (samples, decades)
         if key not in self._known:
             noise, intensity = self.noise, self.noise.intensity * 10.0**decades
@@ -141,45 +118,31 @@ class PredictionView:
         return self._known[key]
 
     def scaled(self, raw: Array, decades: float = 0.0) -> Array:
-        """Innovations white and of unit variance where the rival is right.
-
-        Parameters
-        ----------
-        raw : ndarray (n, p, k)
-            Series of innovations.
-        decades : float
-            Of the observer that they are from.
-        """
-        noise = self.noise
-        parts = []
-        for group, step, whitener, weight, scaling in zip(
-            noise.groups, noise.every, noise.whiteners, noise.weights, self._starts(len(raw), decades), strict=True
-        ):
+        """Series of innovations (n, p, k), white and of unit variance where the rival is right, shape (rows, k)."""
+        noise, parts = self.noise, []
+        starts = self._starts(len(raw), decades)
+        for group, step, whitening, scaling in zip(noise.groups, noise.every, noise.whitenings, starts, strict=True):
             own = np.ascontiguousarray(raw[:, group])
             own[: len(scaling)] = scaling @ own[: len(scaling)]
-            white = [weight @ whitener.apply(np.ascontiguousarray(own[::step, :, i])).T for i in range(own.shape[2])]
-            parts.append(np.stack(white, axis=2).transpose(1, 0, 2).reshape(-1, own.shape[2]))
+            parts.append(whitening.columns(own[::step]))
         return np.concatenate(parts)
 
     def _starts(self, samples: int, decades: float) -> list[Array]:
         """What brings the first innovations, of a start that is uncertain, to the settled covariance, by group."""
         key = (samples, decades)
         if key not in self._scalings:
-            covariance = self.of(samples, decades).covariance[:samples]
+            covariance = self._observer(samples, decades).covariance[:samples]
             roots = [np.linalg.cholesky(covariance[:, group][:, :, group]) for group in self.noise.groups]
             self._scalings[key] = [np.asarray(root[-1] @ np.linalg.inv(root)) for root in roots]
         return self._scalings[key]
 
     def transferred(self, raw: Array, decades: float) -> Array:
-        """The same innovations as an observer for a stronger disturbance would have them, shape (n, p, k)."""
-        given, wanted = self.of(len(raw)).gain, self.of(len(raw), decades).gain
-        return transfer(raw, self._transition, self._output, given, wanted)
+        """Innovations (n, p, k) as those of an observer for a stronger disturbance."""
+        given, wanted = self._observer(len(raw)).gain, self._observer(len(raw), decades).gain
+        return np.asarray(transfer(*map(np.ascontiguousarray, (raw, self._transition, self._output, given, wanted))))
 
     def noise_at(self, decades: float) -> list[Array]:
-        """Covariance, by group, that noise and disturbance as they are give the innovations of such an observer.
-
-        In units of that of the right observer.
-        """
+        """Covariance by group of the innovations of such an observer, in units of that of the right one."""
         if decades not in self._covariances:
             right, stronger = self._stationary(0.0), self._stationary(decades)
             found = []
@@ -191,7 +154,7 @@ class PredictionView:
 
     def _stationary(self, decades: float) -> Array:
         """Innovation covariance of an observer for a stronger disturbance than there is, shape (p, p)."""
-        gain = self.of(max(samples for samples, _ in self._known), decades).gain
+        gain = self._observer(max(samples for samples, _ in self._known), decades).gain
         transition, output = self._transition, self._output
         gain = gain[-len(transition) :]
         sensors = np.diag(self.noise.sensors**2)
@@ -206,3 +169,44 @@ class PredictionView:
                 break
             covariance = grown
         return np.asarray(output @ covariance @ output.T + sensors)
+
+
+@njit(cache=True, nogil=True, fastmath=False)
+def transfer(innovations: Any, transition: Any, output: Any, given: Any, wanted: Any) -> Any:
+    """Innovations (n, p, k) that another observer of the same linear model has, without running the model again.
+
+    Both observers filter one difference between measurement and free run. Gains lie one below the other, shape
+    (s m, p); the last is held.
+    """
+    n, p, series = innovations.shape
+    m = transition.shape[0]
+    last_given, last_wanted = given.shape[0] // m - 1, wanted.shape[0] // m - 1
+    found = np.empty_like(innovations)
+    # Difference between the states of the two observers, for every series.
+    apart = np.zeros((m, series))
+    moved = np.zeros((m, series))
+    for t in range(n):
+        at_given, at_wanted = m * min(t, last_given), m * min(t, last_wanted)
+        for j in range(p):
+            for s in range(series):
+                value = innovations[t, j, s]
+                for i in range(m):
+                    value += output[j, i] * apart[i, s]
+                found[t, j, s] = value
+        for j in range(p):
+            if np.isnan(innovations[t, j, 0]):
+                continue
+            for i in range(m):
+                one, other = given[at_given + i, j], wanted[at_wanted + i, j]
+                for s in range(series):
+                    apart[i, s] += one * innovations[t, j, s] - other * found[t, j, s]
+        for i in range(m):
+            for s in range(series):
+                moved[i, s] = 0.0
+            for q in range(m):
+                factor = transition[i, q]
+                if factor != 0.0:
+                    for s in range(series):
+                        moved[i, s] += factor * apart[q, s]
+        apart, moved = moved, apart
+    return found
