@@ -14,7 +14,7 @@ from idloop.diagnosis.equivalence.equivalent_effects import EquivalentEffects, f
 from idloop.diagnosis.identifiability import Gate
 from idloop.diagnosis.residual_curves.unknown_structure import UnknownStructure
 from idloop.diagnosis.screening.command_response import CommandResponse
-from idloop.diagnosis.search.step import MISSING, NOT_EXCITED, UNKNOWN, EvaluatedModel, FitT, SearchStep
+from idloop.diagnosis.search.step import MISSING, EvaluatedModel, FitT, SearchStep
 from idloop.estimation.direction import opposite_direction_warning
 from idloop.estimation.statistics.undetermined import Undetermined
 from idloop.physics.layout import lay_out
@@ -124,34 +124,6 @@ class Diagnosis:
             "one_equation": [group.to_dict() for group in self.equivalent_effects],
             "response": self.response.value,
         }
-
-    def summary(self) -> str:
-        """The result in words, several lines."""
-        lines = list(self.gate.findings)
-        if self.best is not None and self.pair is not None:
-            first, second = self.candidates[:2]
-            lines.append(
-                f"missing: only together: {first.name} and {second.name} (p = {first.p_value:.2g}); "
-                f"each masks the other. {first.text} {second.text}"
-            )
-            if self.rival_pairs:
-                lines.append("this data cannot tell them from " + ", ".join(" with ".join(p) for p in self.rival_pairs))
-        elif self.best is not None:
-            others = [name for name in self.set if name != self.best.name]
-            lines.append(f"missing: {self.best.name} (p = {self.best.p_value:.2g}). {self.best.text}")
-            if others:
-                lines.append(f"this data cannot tell it from {', '.join(others)}")
-            lines += [group.text for group in self.equivalent_effects]
-        elif self.unknown is not None:
-            lines.append(self.unknown.text)
-        elif self.response is CommandResponse.REVERSED or self.verdict == UNKNOWN:
-            pass  # a finding states the result
-        elif self.verdict == NOT_EXCITED:
-            lines.append("nothing significant is left, but this data cannot show " + ", ".join(self.untestable))
-        else:
-            lines.append("nothing significant is left")
-        lines += [f"significant, yet passed over: {name}: {why}" for name, why in self.passed_over.items()]
-        return "\n".join(lines)
 
 
 def tied_members(own: str, other: str, rivals: Sequence[tuple[str, str]]) -> tuple[str, ...]:

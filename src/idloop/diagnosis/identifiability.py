@@ -20,6 +20,9 @@ from idloop.physics.effect import OUTPUT
 from idloop.physics.model import Model
 from idloop.physics.trial import Scales
 
+# Least part of a trace that the free parameters must not be able to produce.
+OWN_PART = 3e-3
+
 
 @dataclass(frozen=True)
 class Gate:
@@ -178,7 +181,7 @@ def _testability(
         return "no", "the model cannot be simulated with it on this data"
     if effect.odd and levels <= 1:
         return "no", "the command has one size only, so the effect is a plain gain: use several amplitudes"
-    if s.own_part < 3e-3:
+    if s.own_part < OWN_PART:
         return "no", "on this data the free parameters or the initial state can do the same"
     typical = max(t.typical for t in s.traces)
     from_where = "" if limit is None else limit.text

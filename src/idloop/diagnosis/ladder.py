@@ -250,20 +250,3 @@ class Ladder:
             limits={name: DetectionLimit.from_dict(one) for name, one in document.get("shows_from", {}).items()},
             response=CommandResponse(document.get("response", CommandResponse.FOLLOWS)),
         )
-
-    def summary(self) -> str:
-        """The ladder in words, one line a step."""
-        lines = []
-        for step in self.steps:
-            what = "start" if step.added is None else f"+ {step.added.name}"
-            if replaced := self.replaced(step):
-                what += f" ({replaced})"
-            label, measured = ("validation", step.validation) if step.validation else ("train", step.train)
-            fits = ", ".join(f"{name} {value:.1f} %" for name, value in measured.get("fit", {}).items())
-            force = measured.get("force")
-            tail = "" if force is None else f", force error {100 * force:.2f} %"
-            others = self.rivals(step)
-            tie = f"; cannot be told from {', '.join(others)}" if others else ""
-            lines.append(f"{what}: {label} FIT {fits}{tail}{tie}")
-        lines.append(f"verdict: {self.verdict}")
-        return "\n".join(lines)

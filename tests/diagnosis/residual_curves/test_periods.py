@@ -46,7 +46,7 @@ def test_a_periodic_force_outside_the_catalogue_is_reported_with_its_period_and_
     wave = unknown.force - np.mean(unknown.force[:-1])
     assert np.sqrt(2.0) * np.std(wave) == pytest.approx(AMPLITUDE, rel=0.15)
     assert "repeat every" in unknown.text
-    assert "learnt" in diagnosis.summary()
+    assert "fitted force" in unknown.text
 
 
 def test_too_short_a_travel_holds_no_period() -> None:

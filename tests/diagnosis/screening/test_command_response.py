@@ -60,7 +60,7 @@ def test_a_reversed_command_is_the_only_finding(start):
     found = diagnose(start, [reversed_sign(3)])
     assert found.response is CommandResponse.REVERSED
     assert (found.set, found.verdict, found.unknown) == ((), NOT_EXCITED, None)
-    assert "`scale: -1`" in found.summary()
+    assert any("`scale: -1`" in text for text in found.gate.findings)
     ladder = refine(start, [reversed_sign(3)], [reversed_sign(13)])
     assert ladder.added == ()
     assert conclusion(ladder) == "the measured motion follows minus the command: turn one of the two, then ask again"

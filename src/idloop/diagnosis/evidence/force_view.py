@@ -11,13 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.diagnosis.evidence.predictive import Scores, scores_of, seen_scores
-from idloop.diagnosis.identifiability import Gate, excitation_findings
+from idloop.diagnosis.identifiability import OWN_PART, Gate, excitation_findings
 from idloop.diagnosis.options import FORCE, Options
 from idloop.diagnosis.residual_curves.force_curves import ForceCurve, force_curves
 from idloop.diagnosis.residual_curves.periods import harmonics
 from idloop.diagnosis.screening.proposals import Proposal, proposals
 from idloop.diagnosis.screening.typical_sizes import Sizes
-from idloop.diagnosis.search.step import ADEQUATE, CONFOUNDING_RATIO, UNKNOWN, EvaluatedModel, SearchStep, View
+from idloop.diagnosis.search.step import (
+    ADEQUATE,
+    CONFOUNDING_RATIO,
+    LEAST_GAIN,
+    UNKNOWN,
+    EvaluatedModel,
+    SearchStep,
+    View,
+)
 from idloop.errors import IdloopError
 from idloop.estimation.dataset import Data, common_conditions
 from idloop.estimation.force_balance.weak_fit import (
@@ -44,18 +52,16 @@ _Fitted = tuple[tuple[Proposal, ...], WeakFit]
 # The same, and how it is scored.
 _Scored = tuple[tuple[Proposal, ...], WeakFit, Callable[[WeakFit], Scores]]
 
-# Effects that are fitted, by what their traces promise: the first four always, the others with a fiftieth of the best.
+# Effects that are fitted, by what their traces promise: four always (and in pairs), others with a fiftieth of the best.
 _MOST_FITS, _FEWEST_FITS, _WORTH_A_FIT = 10, 4, 0.02
-# Alternatives of one effect from which a fit begins, and effects of which pairs are tried.
-_STARTS, _IN_PAIRS = 2, 4
+# Alternatives of one effect from which a fit begins.
+_STARTS = 2
 # Two effects that show only together reduce the error by half: any two reduce it a little.
 _TOGETHER = 0.5
 # A fit from several starts continues from the best after so many iterations.
 _FIRST_ROUNDS = 3
 # The inertia beside an effect is at least this part of that without it, when a start is chosen.
 _LEAST_INERTIA = 1e-3
-# Part of a trace that the free parameters must not be able to produce.
-_OWN_PART = 3e-3
 # Windows in which all effects are fitted first; the best are fitted again in all windows.
 _COARSE_WINDOWS = 2_000
 # A model that leaves less than this part of the drive's force is adequate where no effect explains more.
@@ -63,8 +69,6 @@ _ADEQUATE = 0.1
 # An effect must show this part of its improvement on held-out records, if it changes the forces there by _ACTS of the
 # unexplained force.
 _CARRIES_OVER, _ACTS = 0.25, 0.1
-# Least log-likelihood that a trace must promise.
-_LEAST_PROMISE = 2.0
 
 
 @dataclass(frozen=True)
@@ -242,7 +246,7 @@ def _pairs(step: SearchStep[WeakFit]) -> list[tuple[EvaluatedModel[WeakFit], Eva
     """
     singles = list(step.evaluated)
     if not step.tied:
-        best = sorted(singles, key=lambda one: -one.gain)[:_IN_PAIRS]
+        best = sorted(singles, key=lambda one: -one.gain)[:_FEWEST_FITS]
         return [(a, b) for place, a in enumerate(best) for b in best[place + 1 :]]
     if step.tied[0].proposals[0].replaces is not None:
         return []
@@ -352,7 +356,7 @@ class _Screen:
                     first = self._gain((self.errors + own[:, 0]) / inertia)
                 found.append((first, promise, trials, size))
         most = max((promise for _, promise, *_ in found), default=0.0)
-        if most < _LEAST_PROMISE:
+        if most < LEAST_GAIN:
             return _Promising(proposal, 0.0, typical, part, [])
         found.sort(key=lambda one: -one[0])
         starts = [start for *_, trials, size in found[:_STARTS] for start in _starts(proposal, trials, size)]
@@ -380,7 +384,7 @@ def _testable(
     testable, why = {}, {}
     for one in screened:
         name = one.proposal.name
-        if one.own_part < _OWN_PART:
+        if one.own_part < OWN_PART:
             testable[name], why[name] = "no", "on this data the free parameters can do the same"
         elif one.typical < threshold:
             testable[name], why[name] = "no", "at its typical size it explains too little force to show"
@@ -494,7 +498,7 @@ class _Evaluator:
     def _evaluate(self, scored: _Scored) -> EvaluatedModel[WeakFit] | None:
         chosen, fit, scored_by = scored
         gain = fit.log_likelihood - self.parent.log_likelihood
-        if gain < _LEAST_PROMISE or not self.estimation.resolves(fit.model):
+        if gain < LEAST_GAIN or not self.estimation.resolves(fit.model):
             return None
         scores = _scores_or_none(fit, scored_by)
         if scores is None:

@@ -19,12 +19,7 @@ from idloop.diagnosis.identifiability import gate
 from idloop.diagnosis.model_errors import model_errors
 from idloop.diagnosis.options import PREDICTION, Options, Progress
 from idloop.diagnosis.residual_curves.prediction_curves import PredictionCurve, fitted_curves
-from idloop.diagnosis.screening.command_response import (
-    CommandResponse,
-    responds_to_command,
-    responds_to_reversed_command,
-)
-from idloop.diagnosis.screening.granger_test import granger_causes
+from idloop.diagnosis.screening.command_response import CommandResponse, missing_response, responds_to_command
 from idloop.diagnosis.screening.innovation_scores import InnovationScores
 from idloop.diagnosis.screening.proposals import Proposal, proposals
 from idloop.diagnosis.screening.score_test import Screen, Screened
@@ -38,7 +33,7 @@ from idloop.diagnosis.search.confirm import (
 )
 from idloop.diagnosis.search.non_local_search import candidates_beside, non_local_searches, whitened
 from idloop.diagnosis.search.pairs import confirmed_pairs
-from idloop.diagnosis.search.step import ADEQUATE, NOT_EXCITED, UNKNOWN, EvaluatedModel, SearchStep, View
+from idloop.diagnosis.search.step import ADEQUATE, LEAST_GAIN, NOT_EXCITED, UNKNOWN, EvaluatedModel, SearchStep, View
 from idloop.errors import IdloopError
 from idloop.estimation.likelihood.disturbance import LONG_MEMORY
 from idloop.estimation.likelihood.estimation_problem import ENOUGH, EstimationProblem
@@ -183,8 +178,7 @@ class PredictionView(View[Refit]):
         confirmed += non_local_searches(self.estimation, parent, self.start, effects, self.options.seed)
         confirmed = _best_of_each(confirmed)
         evaluator = _Evaluator(parent)
-        # A gain below two units of log-likelihood is never significant.
-        singles = evaluator([((one.proposal,), one.fit) for one in confirmed if one.gain >= 2.0])
+        singles = evaluator([((one.proposal,), one.fit) for one in confirmed if one.gain >= LEAST_GAIN])
         step = PredictionStep(
             parent, tuple(singles), len(proposed), options.level, options.minimum_improvement, tuple(proposed),
             gate(parent.model, self.estimation, screened, bar), estimation=self.estimation,
@@ -201,11 +195,7 @@ class PredictionView(View[Refit]):
             )
         if responds or step.tied:
             return step
-        response = CommandResponse.UNMOVED
-        if responds_to_reversed_command(self.estimation, parent, self.start):
-            response = CommandResponse.REVERSED
-        elif granger_causes(self.estimation.records, self.options.seed):
-            response = CommandResponse.OTHERWISE
+        response = missing_response(self.estimation, parent, self.start, options.seed)
         # Where the command does not move the axis, a force over the motion says nothing.
         reversed_ = response is CommandResponse.REVERSED
         curves = tuple(one for one in step.residual_curves if one.of_the_drive and not reversed_)

@@ -83,19 +83,25 @@ def responds_to_reversed_command(estimation: EstimationProblem, fit: Refit, star
     return other is not None and other.log_likelihood > fit.log_likelihood and responds_to_command(turned, other)
 
 
+def missing_response(estimation: EstimationProblem, fit: Refit, start: Model, seed: int = 0) -> CommandResponse:
+    """How the motion follows the command where a fitted model does not respond to it."""
+    if responds_to_reversed_command(estimation, fit, start):
+        return CommandResponse.REVERSED
+    return CommandResponse.OTHERWISE if granger_causes(estimation.records, seed) else CommandResponse.UNMOVED
+
+
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def command_response(start: Model, records: Sequence[Record]) -> CommandResponse:
     """How the motion of some records follows the command, by a model that is not fitted yet.
 
-    It counts as following where that cannot be computed.
+    It counts as following where that cannot be computed, and in whatever way it follows.
     """
     try:
         estimation = prepare_estimation(start, records, "prediction")
         found = refit(estimation, start)
         if responds_to_command(estimation, found):
             return CommandResponse.FOLLOWS
-        if responds_to_reversed_command(estimation, found, start):
-            return CommandResponse.REVERSED
+        response = missing_response(estimation, found, start)
     except (IdloopError, np.linalg.LinAlgError):
         return CommandResponse.FOLLOWS
-    return CommandResponse.FOLLOWS if granger_causes(records) else CommandResponse.UNMOVED
+    return CommandResponse.FOLLOWS if response is CommandResponse.OTHERWISE else response

@@ -23,6 +23,8 @@ NOISE_VERDICTS = (ADEQUATE, NOT_EXCITED)
 # An effect is confounded with a curve that explains this many times as much. Of three missing effects the largest
 # explains a larger part.
 CONFOUNDING_RATIO = 4.0
+# Log-likelihood below which a gain is never significant.
+LEAST_GAIN = 2.0
 
 
 class Fitted(Protocol):
