@@ -32,7 +32,7 @@ class Diagnosis:
     candidates : tuple of Candidate
         All effects that were evaluated, best first.
     set : tuple of str
-        Effects that this data cannot tell from the best one, itself first; empty when none is significant.
+        Effects that tie with the best one, itself first; empty when none is significant.
         Of a pair: those that would do in the place of its first, beside its second.
     verdict : {"missing", "adequate", "unknown_structure", "not_excited"}
     gate : Gate
@@ -47,7 +47,7 @@ class Diagnosis:
         The best effect and the one without which it does not show: no single effect is significant,
         the two together are, and the models of both candidates have both.
     rival_pairs : tuple of tuple of str
-        Pairs that this data cannot tell from it.
+        Pairs that tie with it.
     alone : Candidate or None
         The first effect of the pair with the model that has no other: where a ladder comes by.
     passed_over : mapping of str to str
@@ -239,7 +239,7 @@ def findings_of_model(
 
 
 def split_body_findings(model: Model, added: Collection[str]) -> list[str]:
-    """How the model file would say that a body is two, one line for each effect that splits one and is new in it."""
+    """How to write a split body as two bodies in the model file, one line for each new effect that splits one."""
     layout, units = lay_out(model), model.units
     found = []
     for coupling, active in model.inner_couplings.items():

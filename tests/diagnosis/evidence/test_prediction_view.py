@@ -8,7 +8,7 @@ import pytest
 from tests.diagnosis.conftest import RATE, record_of
 
 from idloop.diagnosis import refine
-from idloop.diagnosis.evidence.prediction_view import _may_decide, bound_reached
+from idloop.diagnosis.evidence.prediction_view import _may_become_significant, bound_reached
 from idloop.diagnosis.screening.proposals import proposals
 from idloop.physics import Model, load_model
 
@@ -29,7 +29,7 @@ def test_what_is_searched_further_after_a_first_round(
 ) -> None:
     proposal = SimpleNamespace(replaces=replaces, effect=SimpleNamespace(slow=slow))
     first: Any = SimpleNamespace(proposal=proposal, gain=gain, statistic=score)
-    assert _may_decide(first, 40.0) is goes_on
+    assert _may_become_significant(first, 40.0) is goes_on
 
 
 @pytest.mark.parametrize(

@@ -102,12 +102,7 @@ def command_designs(scale: Scale, sample_time: float, duration: float) -> list[D
             {**drive, "drive_time": max(s, shortest), "coast_time": max(s, shortest), "fractions": _FRACTIONS},
         ),
     ]
-    found.append(Design("chirp", {"frequency_start": low, "frequency_end": scale.highest}))
-    found += [
-        Design("chirp", {"frequency_start": 0.3 * f, "frequency_end": min(3.0 * f, scale.highest)})
-        for f in scale.resonances
-    ]
-    return _without_repeats(found)
+    return _without_repeats(found + _chirps(scale, low))
 
 
 def reference_designs(scale: Scale, sample_time: float, duration: float) -> list[Design]:
@@ -132,16 +127,17 @@ def reference_designs(scale: Scale, sample_time: float, duration: float) -> list
         found.append(
             Design("smooth", {"velocity_limit": pace, "acceleration_limit": 4.0 * pace, "dwell": 0.01 * duration})
         )
-    found.append(Design("chirp", {"frequency_start": low, "frequency_end": scale.highest}))
-    found += [
-        Design("chirp", {"frequency_start": 0.3 * f, "frequency_end": min(3.0 * f, scale.highest)})
-        for f in scale.resonances
-    ]
-    return _without_repeats(found)
+    return _without_repeats(found + _chirps(scale, low))
+
+
+def _chirps(scale: Scale, low: float) -> list[Design]:
+    """Chirps over all frequencies, and around each resonance."""
+    bands = [(low, scale.highest), *((0.3 * f, min(3.0 * f, scale.highest)) for f in scale.resonances)]
+    return [Design("chirp", {"frequency_start": first, "frequency_end": last}) for first, last in bands]
 
 
 def neighbours(design: Design, highest: float) -> list[Design]:
-    """The same shape a little slower, a little quicker (up to `highest` Hz), and with other random numbers."""
+    """The same shape slightly slower, slightly faster (up to `highest` Hz), and with other random numbers."""
     times = [key for key in design.parameters if key.startswith(("hold_", "drive_time", "coast_time"))]
     rates = [key for key in design.parameters if key.startswith(("frequency", "velocity_limit"))]
     found = [

@@ -73,7 +73,7 @@ class Limits:
             highs = [float(np.max(m[0])) for m in motions if m[0].size]
             position = (min(lows), max(highs)) if lows and min(lows) < max(highs) else None
         if velocity is None:
-            most = max((_quick(m[1]) for m in motions if m[1].size), default=0.0)
+            most = max((_largest_speed(m[1]) for m in motions if m[1].size), default=0.0)
             velocity = most if most > 0.0 else None
         return Limits(command, position, velocity, self.rate)
 
@@ -139,7 +139,7 @@ def _differentiated(time: Array, position: Array) -> Array:
     return np.asarray((position[reach:] - position[:-reach]) / (time[reach:] - time[:-reach]))
 
 
-def _quick(velocity: Array) -> float:
+def _largest_speed(velocity: Array) -> float:
     """Largest speed, a thousandth of the samples left out as outliers."""
     return float(np.quantile(np.abs(velocity), 0.999))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -29,7 +30,6 @@ _MOST_RIVALS = 4
 _MOST_UNSEEN = 6
 # The command must be allowed to go this much beyond what it was, to look for what is there.
 _WIDER = 1.2
-_TURN = 6.283185307179586
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ def suggest_next(
     if asked is not None:
         answer = suggest(asked.rivals, records, limits, progress=later, **options)
         return replace(answer, text=f"{asked.text}; {answer.text}")
-    return _for_the_unseen(found, records, limits or Limits(), options, later)
+    return _for_untestable(found, records, limits or Limits(), options, later)
 
 
 def open_question(
@@ -93,32 +93,32 @@ def open_question(
 ) -> Question | None:
     """The latest tie as models, each with one of the tied effects fitted; None without a tie.
 
-    Of effects that are one equation only the first counts: no experiment tells them apart.
+    Of equivalent effects only the first counts: no experiment can separate them.
     """
     from idloop.diagnosis.diagnose import diagnose
     from idloop.diagnosis.diagnosis import Diagnosis
 
     if isinstance(found, Diagnosis):
         # Of a pair, either effect may be tied.
-        tied = [_different(found.model, rung.set, rung.added.replaces) for rung in found.rungs]
+        tied = [_distinct(found.model, rung.set, rung.added.replaces) for rung in found.rungs]
         return _question(found, next((names for names in tied if len(names) > 1), found.set[:1]))
     model = found.model
     for step in reversed(found.steps):
         if step.added is None or step.added.name not in model.effect_names:
             continue
-        names = _different(model, (step.added.name, *step.set), step.added.replaces)
+        names = _distinct(model, (step.added.name, *step.set), step.added.replaces)
         if len(names) < 2:
             continue
-        bare = model.without_effect(step.added.name)
+        without = model.without_effect(step.added.name)
         again = diagnose(
-            bare, records, level=found.level, criterion=found.criterion, effects=names, seed=seed, progress=progress
+            without, records, level=found.level, criterion=found.criterion, effects=names, seed=seed, progress=progress
         )
         # More may be known by now than when the step was taken.
-        return _question(again, _different(bare, again.set, None))
+        return _question(again, _distinct(without, again.set, None))
     return None
 
 
-def _different(model: Model, tied: Sequence[str], replaces: str | None) -> tuple[str, ...]:
+def _distinct(model: Model, tied: Sequence[str], replaces: str | None) -> tuple[str, ...]:
     """Tied effects without those that are the same equation as one before them."""
     return without_equivalents(tuple(dict.fromkeys(tied)), find_equivalent_effects(model, tied, replaces))
 
@@ -130,7 +130,7 @@ def _question(found: Diagnosis, names: Sequence[str]) -> Question | None:
     return Question(tuple(models), f"this data cannot tell {joined_names(list(names))} apart")
 
 
-def _for_the_unseen(
+def _for_untestable(
     found: Diagnosis | Ladder,
     records: Sequence[Record],
     limits: Limits,
@@ -138,14 +138,14 @@ def _for_the_unseen(
     progress: Progress,
 ) -> Suggestion | None:
     """The experiment that shows most of the effects that the data cannot show."""
-    plain = _known_by_now(found)
-    known = catalogue(*plain.effect_folders)
+    start = _model_found(found)
+    known = catalogue(*start.effect_folders)
 
     def at(name: str) -> Effect:
         kind, site = effect_and_site(name)
-        return next(effect for effect in known[kind] if effect.site == plain.site_kind(site))
+        return next(effect for effect in known[kind] if effect.site == start.site_kind(site))
 
-    seen, allowed = Limits().completed(plain, records), limits.completed(plain, records)
+    seen, allowed = Limits().completed(start, records), limits.completed(start, records)
     further = seen.command is not None and allowed.command is not None and allowed.command > _WIDER * seen.command
     unseen = []
     for name in found.untestable:
@@ -153,24 +153,24 @@ def _for_the_unseen(
         # A sensor's resolution shows without an experiment.
         if not (effect.hidden_by_start or effect.resolution) and (further or not effect.from_a_level):
             unseen.append(name)
-    unseen += [name for name in _over_a_turn(plain, seen, allowed) if name not in unseen]
+    unseen += [name for name in _over_a_turn(start, seen, allowed) if name not in unseen]
     models: dict[str, Model] = {}
     for name in sorted(unseen, key=lambda name: at(name).suggest_order):
         if len(models) == _MOST_UNSEEN:
             break
         try:
-            base, model = effect_rivals(plain, name, records, limits)
+            base, extended = effect_rivals(start, name, records, limits)
         except IdloopError:
             continue
-        if base.effect_names == plain.effect_names:  # else it would take the place of an effect that is known
-            models[name] = model
+        if base.effect_names == start.effect_names:  # else it would replace a known effect
+            models[name] = extended
     if not models:
         return None
-    answer = suggest([plain, *models.values()], records, limits, against_first=True, progress=progress, **options)
+    answer = suggest([start, *models.values()], records, limits, against_first=True, progress=progress, **options)
     return replace(answer, text=f"this data cannot show {joined_names(list(models))}; {answer.text}")
 
 
-def _known_by_now(found: Diagnosis | Ladder) -> Model:
+def _model_found(found: Diagnosis | Ladder) -> Model:
     """The model with the effects that a diagnosis has found."""
     from idloop.diagnosis.diagnosis import Diagnosis
 
@@ -184,7 +184,7 @@ def _over_a_turn(model: Model, seen: Limits, allowed: Limits) -> list[str]:
     if model.units.position != "rad" or seen.position is None or allowed.position is None:
         return []
     covered, free = (high - low for low, high in (seen.position, allowed.position))
-    if not covered < _TURN <= free:
+    if not covered < 2.0 * math.pi <= free:
         return []
     effects = (e for several in catalogue(*model.effect_folders).values() for e in several if e.whole_turn)
     # Of the bodies, the driven one: its way is what the limits are about.

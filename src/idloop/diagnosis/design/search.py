@@ -57,7 +57,7 @@ class Choice:
 class Search:
     """Search of the family of designs, then around its best members.
 
-    `duration` fixes the length [s]; with `against_first` every rival is told from the first one only.
+    `duration` fixes the length [s]; with `against_first` every rival is compared with the first one only.
     """
 
     def __init__(

@@ -66,7 +66,7 @@ class Suggestion:
     noise : tuple of float
         Standard deviation of each output's measurement noise [output unit]; likewise.
     against_first : bool
-        Whether every rival is told from the first one only; likewise.
+        Whether every rival is compared with the first one only; likewise.
     """
 
     signal: dict[str, Any]
@@ -145,7 +145,7 @@ def suggest(
     duration : float, optional
         Length [s]; chosen when left out.
     criterion : str
-        What rivals are told apart by, as in `idloop.diagnosis.diagnose`.
+        What rivals are compared by, as in `idloop.diagnosis.diagnose`.
     seed : int
         Equal seeds give equal suggestions.
     start : float, optional
@@ -153,7 +153,7 @@ def suggest(
     adds_to : {"command", "reference"}, optional
         By default the reference when one was recorded, else the command.
     against_first : bool
-        Tell every rival from the first one, not from each other: which of many effects is there at all?
+        Compare every rival with the first one only: which of many effects exists at all?
     progress : callable, optional
         Called with the share done in [0, 1] and a short text.
 
@@ -278,8 +278,8 @@ def _setup(
         if 0.05 * step <= period <= 20.0 * step:
             signal_time = period
     return Setup(
-        target, dict(controller) if controller is not None else None, start, _tidy(signal_time),
-        _tidy(step), complete, limits.velocity if target == REFERENCE else None, seed,
+        target, dict(controller) if controller is not None else None, start, _without_jitter(signal_time),
+        _without_jitter(step), complete, limits.velocity if target == REFERENCE else None, seed,
     )  # fmt: skip
 
 
@@ -287,7 +287,7 @@ def _measures_position(model: Model) -> bool:
     return any(output.field == "position" for output in model.outputs)
 
 
-def _tidy(seconds: float) -> float:
+def _without_jitter(seconds: float) -> float:
     """Sample time without the jitter of stamps."""
     value = float(f"{seconds:.3g}")
     if value <= 0.0:

@@ -60,7 +60,7 @@ def find_equivalent_effects(
     groups: dict[frozenset[str], list[str]] = {}
     for name in dict.fromkeys(names):
         groups.setdefault(forms.pieces({*rest, name}), []).append(name)
-    for spelt in dict.fromkeys(other for name in names for other in forms.spelt_out(name, rest)):
+    for spelt in dict.fromkeys(other for name in names for other in forms.combinations(name, rest)):
         group = groups.get(forms.pieces({*rest, *spelt.split(_AND)}), [])
         if group and spelt not in group:
             group.append(spelt)
@@ -113,7 +113,7 @@ class _Forms:
         """Effects that are equivalent to all of these together, none of them to another one."""
         return frozenset(piece for name in names for piece in self._resolved(name, names, ()))
 
-    def spelt_out(self, name: str, rest: set[str]) -> list[str]:
+    def combinations(self, name: str, rest: set[str]) -> list[str]:
         """Combinations equivalent to an effect that is two or more at once, beside the effects of a model."""
         parts = self._parts(name, {*rest, name})
         if len(parts) < 2:

@@ -149,7 +149,7 @@ def _of_a_force(model: Model, without: Model, active: ActiveEffect, record: Reco
         return x, scale * (lacking - left) + (x if np.any(offset) else 0.0)
 
     remembers = active.effect.states > 0 or bool(active.effect.delay) or kind == COUPLING
-    return _drawn(over, needed, fitted, quantity, unit, None if remembers else on_grid)
+    return _over_best_variable(over, needed, fitted, quantity, unit, None if remembers else on_grid)
 
 
 def _of_a_reading(model: Model, without: Model, active: ActiveEffect, record: Record) -> Characteristic | None:
@@ -170,10 +170,10 @@ def _of_a_reading(model: Model, without: Model, active: ActiveEffect, record: Re
         f"rate of {output.field}": (np.gradient(true, data.time)[known], f"{output.unit}/s"),
     }
     fitted = (seen - true)[known]
-    return _drawn(over, (measured - true)[known], fitted, "reading, less the true value", output.unit)
+    return _over_best_variable(over, (measured - true)[known], fitted, "reading, less the true value", output.unit)
 
 
-def _drawn(
+def _over_best_variable(
     over: Mapping[str, tuple[Array, str]],
     data: Array,
     fitted: Array,

@@ -10,7 +10,7 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnosis.evidence.predictive import Scores, scores_of, seen_scores
+from idloop.diagnosis.evidence.predictive import Scores, scores_of, scores_without_refit
 from idloop.diagnosis.identifiability import OWN_PART, Gate, excitation_findings
 from idloop.diagnosis.options import FORCE, Options
 from idloop.diagnosis.residual_curves.force_curves import ForceCurve, force_curves
@@ -486,7 +486,7 @@ class _Evaluator:
             ahead = best.against(scores)
             if ahead.distinguishable and ahead.log > math.log(1.0 / level):
                 # Far behind the best: it keeps its values, which most of the other windows had no part in.
-                return chosen, fit.along(_along(self.parent.form, fit)), seen_scores
+                return chosen, fit.along(_along(self.parent.form, fit)), scores_without_refit
             further = _refitted(fit, self.parent.form)
             return None if further is None else (chosen, further, scores_of)
 

@@ -163,11 +163,11 @@ class PredictionView(View[Refit]):
         some = self.estimation.subsampled(ENOUGH)
         fit = parent if some is self.estimation else refit_or_none(some, parent.model, None, parent)
         if fit is None or fit is parent:
-            return self._in_all(parent)
-        step = PredictionView._in_all(replace(self, estimation=some), fit)
+            return self._evaluate_all(parent)
+        step = PredictionView._evaluate_all(replace(self, estimation=some), fit)
         return replace(step, parent=parent, whole=self.estimation)
 
-    def _in_all(self, parent: Refit) -> PredictionStep:
+    def _evaluate_all(self, parent: Refit) -> PredictionStep:
         """The same in all samples."""
         effects, options = self.choices(parent.model), self.options
         proposed = proposals(parent.model, effects, self.estimation.conditions)
@@ -196,7 +196,7 @@ class PredictionView(View[Refit]):
         if responds or step.tied:
             return step
         response = missing_response(self.estimation, parent, self.start, options.seed)
-        # Where the command does not move the axis, a force over the motion says nothing.
+        # Where the command does not move the axis, a force over the motion has no meaning.
         reversed_ = response is CommandResponse.REVERSED
         curves = tuple(one for one in step.residual_curves if one.of_the_drive and not reversed_)
         return replace(step, response=response, residual_curves=curves)
@@ -212,9 +212,11 @@ class PredictionView(View[Refit]):
         # A score test does not show what the noise model has absorbed.
         chance = 2.0 * math.log(max(len(screened), 1))
         chosen = promising(screened, chance) if absorbed else promising(screened, bar, fewest=0)
-        chosen += [s for s in _judged_by_refit(screened, parent) if s not in chosen]
+        chosen += [s for s in _with_unreliable_score(screened, parent) if s not in chosen]
         report = self._part(0.55, 0.2, "refitting with")
-        found = confirm(self.estimation, parent, chosen, report, lambda first: absorbed or _may_decide(first, bar))
+        found = confirm(
+            self.estimation, parent, chosen, report, lambda first: absorbed or _may_become_significant(first, bar)
+        )
         if absorbed and (not found or _absorbed_by_noise(found[0].fit)):
             report = self._part(0.75, 0.1, "refitting under restricted noise with")
             found = _best_of_each([*found, *refit_under_restricted_noise(self.estimation, parent, screened, report)])
@@ -392,7 +394,7 @@ def _best_of_each(found: Sequence[Confirmed]) -> list[Confirmed]:
     return list({one.proposal.name: one for one in sorted(found, key=lambda one: one.gain)}.values())
 
 
-def _may_decide(first: Confirmed, bar: float) -> bool:
+def _may_become_significant(first: Confirmed, bar: float) -> bool:
     """Whether an effect may still become significant after the first round of its search.
 
     An effect that replaces a simpler one begins far from its optimum, with a disturbance that is too strong: after one
@@ -419,8 +421,8 @@ def _absorbed_by_noise(fit: Refit) -> bool:
     return max(choose_order(group) for group in fit.problem.errors(fit.point)) >= MANY_LAGS
 
 
-def _judged_by_refit(screened: list[Screened], parent: Refit) -> list[Screened]:
-    """Effects of which a score says little: those that would replace a simpler one, and slow forces.
+def _with_unreliable_score(screened: list[Screened], parent: Refit) -> list[Screened]:
+    """Effects with an unreliable score: those that would replace a simpler one, and slow forces.
 
     A long memory of the noise may absorb the latter; of those that act on all bodies alike, the first body's counts.
     """

@@ -129,7 +129,7 @@ def scores_of(fit: WeakFit) -> Scores:
     return Scores(np.concatenate(found), blocks)
 
 
-def seen_scores(fit: WeakFit) -> Scores:
+def scores_without_refit(fit: WeakFit) -> Scores:
     """Scores of a model without refits, for values that most of the rows had no part in."""
     folds, blocks = deal(fit.form.starts)
     return Scores(fit.log_densities()[np.concatenate(folds)], blocks)

@@ -108,7 +108,7 @@ class PredictionCurve:
     innovations: InnovationScores
     scores: Scores
     evidence: Evidence
-    # Other curves that the data cannot tell from it, in words.
+    # Other curves that tie with it, in words.
     rivals: tuple[str, ...] = ()
 
     # Not limited: any force is a small part of the errors one sample ahead.

@@ -61,7 +61,7 @@ def _share(pairs: Sequence[tuple[Array, Array]]) -> float:
     longest = min(len(y) for y, _ in pairs) // 4
     tables = [_table(y, u, longest) for y, u in pairs]
     moment = sum(table.T @ table for table in tables)
-    before, after = _left(moment, 1 + _PAST), _left(moment, len(moment) - 1)
+    before, after = _residual_power(moment, 1 + _PAST), _residual_power(moment, len(moment) - 1)
     return 1.0 - after / before if before > 0.0 else 0.0
 
 
@@ -81,7 +81,7 @@ def _table(output: Array, command: Array, longest: int) -> Array:
     return np.column_stack([*columns, output[now]])
 
 
-def _left(moment: Array, count: int) -> float:
+def _residual_power(moment: Array, count: int) -> float:
     """Squared errors of the last column after a regression on the first ones."""
     size = np.sqrt(np.maximum(np.diag(moment), 1e-300))
     scaled = moment / np.outer(size, size)

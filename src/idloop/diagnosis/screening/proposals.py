@@ -71,8 +71,8 @@ class Proposal:
         """Parameters that it has beyond those of the simpler effect that it replaces; all where it replaces none."""
         if self.plain is not None:
             return {p.name for p in self.effect.parameters if p.optional or p.held}
-        plainer = (self.replaces or "").partition("@")[0]
-        return {p.name for p in self.effect.parameters} - set(self.effect.contains.get(plainer, {}).values())
+        simpler = (self.replaces or "").partition("@")[0]
+        return {p.name for p in self.effect.parameters} - set(self.effect.contains.get(simpler, {}).values())
 
     def weaker(self, trial: Trial, share: float) -> Trial:
         """Values at a share of the effect's strength; unchanged for an effect without a strength."""

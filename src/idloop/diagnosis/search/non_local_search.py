@@ -89,7 +89,7 @@ def candidates_beside(
     for place, (first, searches) in enumerate(found[:_CONTINUED]):
         again = [first.fit]
         for model, choices in searches:
-            around = [at for values in choices for at in _scattered(values, model, 0.5, 3, seed)]
+            around = [at for values in choices for at in _random_starts(values, model, 0.5, 3, seed)]
             again += _searched(estimation, model, around, base, 4)
         found[place] = (first.refitted(_best_first(again)[0], base), searches)
     return by_gain([one for one, _ in found])
@@ -117,7 +117,7 @@ def _without_parameters(
     model = proposal.model({})
     near = {**parent.model.values, **nominal}
     found: list[Confirmed] = []
-    for fit in _searched(estimation, model, [parent.model.values, near, *_scattered(near, model, 1.0, 8, seed)]):
+    for fit in _searched(estimation, model, [parent.model.values, near, *_random_starts(near, model, 1.0, 8, seed)]):
         gain = fit.log_likelihood - parent.log_likelihood
         # Results within half a unit of log-likelihood are the same.
         if all(abs(gain - other.gain) > 0.5 for other in found) and _acts(estimation, fit, proposal.name):
@@ -140,7 +140,7 @@ def _acts(estimation: EstimationProblem, fit: Refit, name: str) -> bool:
     return not change < 0.1 * power
 
 
-def _scattered(
+def _random_starts(
     values: Mapping[str, float], model: Model, spread: float, count: int, seed: int
 ) -> list[Mapping[str, float]]:
     """The same values with log-normal factors of this spread on the free ones."""

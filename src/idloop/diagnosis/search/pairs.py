@@ -131,7 +131,7 @@ def _confirm(screen: Screen, first: Traced, second: Traced, joint: Trace) -> Con
             starts(proposal, replace(trace, size=joint.size[i : i + 1]))[place]
             for i, (proposal, trace) in enumerate((first, second))
         )
-        tops.append((_on_top(first[0], one, second[0], screen), other))
+        tops.append((_beside_first(first[0], one, second[0], screen), other))
     top = tops[0][0]
     if top is None:
         return None
@@ -141,7 +141,7 @@ def _confirm(screen: Screen, first: Traced, second: Traced, joint: Trace) -> Con
     return None if fit is None else Confirmed(top, fit, 0.0, joint.statistic, first[0]).refitted(fit, parent)
 
 
-def _on_top(first: Proposal, values: Trial, second: Proposal, screen: Screen) -> Proposal | None:
+def _beside_first(first: Proposal, values: Trial, second: Proposal, screen: Screen) -> Proposal | None:
     """The second effect, proposed for the model that has the first; None where they exclude each other."""
     try:
         found = proposals(first.model(values), [second.name], screen.estimation.conditions)
