@@ -1,4 +1,4 @@
-"""What the ladder finds on measured machines, from the plain linear model, nothing told.
+"""What the ladder finds on measured machines, from the plain linear model.
 
 For every data set below the folder IDLOOP_DATA (else ../shared/data beside the checkout):
 imports the records, climbs with `idloop.diagnosis.refine`, and prints the errors on the

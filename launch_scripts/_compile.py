@@ -26,7 +26,7 @@ from idloop.validation import compare
 
 # What the verbs and nodes import when they start working; Python keeps its byte code beside each file.
 LIBRARIES = (
-    "control", "idloop.api.fitting", "idloop.graph", "idloop.records.tables.importing", "idloop.validation",
+    "control", "idloop.api.fit", "idloop.graph", "idloop.records.tables.importing", "idloop.validation",
     "matplotlib.pyplot", "mcap.reader", "mcap.writer", "rich.progress", "rosbags.highlevel", "scipy.optimize",
     "scipy.signal",
 )  # fmt: skip

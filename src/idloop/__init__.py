@@ -19,15 +19,15 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from idloop.api.comparison import Comparison, compare
-    from idloop.api.compensating import Compensation, compensate
+    from idloop.api.compensation import Compensation, compensate
     from idloop.api.data import read_bag, read_bags, simulate
-    from idloop.api.diagnosing import Diagnosis, diagnose
-    from idloop.api.exporting import export, to_control
-    from idloop.api.fitting import Fit, fit
-    from idloop.api.identifying import Identification, identify
+    from idloop.api.diagnosis import Diagnosis, diagnose
+    from idloop.api.export import export, to_control
+    from idloop.api.fit import Fit, fit
+    from idloop.api.identification import Identification, identify
+    from idloop.api.ladder import Ladder, refine
     from idloop.api.monitor import Monitor
-    from idloop.api.refining import Ladder, refine
-    from idloop.api.suggesting import Suggestion, suggest
+    from idloop.api.suggestion import Suggestion, suggest
     from idloop.errors import IdloopError, InputError
     from idloop.exporters import Exported
     from idloop.physics.model import Model
@@ -73,34 +73,34 @@ __all__ = [
 # Name: the module that has it, and what it is called there where that differs.
 _WHERE = {
     "Comparison": "api.comparison",
-    "Compensation": "api.compensating",
-    "Diagnosis": "api.diagnosing",
+    "Compensation": "api.compensation",
+    "Diagnosis": "api.diagnosis",
     "Exported": "exporters",
-    "Fit": "api.fitting",
+    "Fit": "api.fit",
     "IdloopError": "errors",
-    "Identification": "api.identifying",
+    "Identification": "api.identification",
     "InputError": "errors",
-    "Ladder": "api.refining",
+    "Ladder": "api.ladder",
     "Model": "physics.model",
     "Monitor": "api.monitor",
     "Record": "records.record",
     "Signal": "signals",
-    "Suggestion": "api.suggesting",
+    "Suggestion": "api.suggestion",
     "compare": "api.comparison",
-    "compensate": "api.compensating",
-    "diagnose": "api.diagnosing",
+    "compensate": "api.compensation",
+    "diagnose": "api.diagnosis",
     "excitation": "signals.generate:build_signal",
-    "export": "api.exporting",
-    "fit": "api.fitting",
-    "identify": "api.identifying",
+    "export": "api.export",
+    "fit": "api.fit",
+    "identify": "api.identification",
     "load_model": "physics.model_file",
     "preset_names": "physics.model_file",
     "read_bag": "api.data",
     "read_bags": "api.data",
-    "refine": "api.refining",
+    "refine": "api.ladder",
     "simulate": "api.data",
-    "suggest": "api.suggesting",
-    "to_control": "api.exporting",
+    "suggest": "api.suggestion",
+    "to_control": "api.export",
 }
 
 

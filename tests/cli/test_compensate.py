@@ -69,10 +69,10 @@ def test_a_table_for_the_eye_with_reasons(capsys):
 def test_an_axis_that_does_not_move_is_said(capsys):
     assert main.run([*BASE, "--effect", "coulomb_friction@axis(level=60.0)", "--only", "coulomb_friction"]) == 0
     said = capsys.readouterr().out
-    assert "beware: without compensation the axis does not move" in said
-    assert "beware: with compensation the axis does not move" in said
+    assert "warning: without compensation the axis does not move" in said
+    assert "warning: with compensation the axis does not move" in said
     assert main.run([*BASE, "--effect", FRICTION]) == 0
-    assert "beware" not in capsys.readouterr().out
+    assert "warning" not in capsys.readouterr().out
 
 
 def test_a_model_without_effects_gains_nothing_and_loses_nothing(capsys):

@@ -14,9 +14,10 @@ from idloop.cli import main
 from idloop.cli._common import print_blocks
 from idloop.diagnosis import Candidate, Ladder, Step
 from idloop.diagnosis.screening.proposals import proposals
+from idloop.reporting.terms import p_value_text
 from idloop.reporting.text.diagnosis import diagnosis_blocks
 from idloop.reporting.text.ladder import ladder_blocks
-from idloop.reporting.text.parameters import p_text, parameter_text
+from idloop.reporting.text.parameters import parameter_text
 
 
 def words(*arguments: object) -> list[str]:
@@ -101,7 +102,7 @@ def test_a_parameter_has_the_digits_that_its_interval_bears(entry, text):
 
 
 def test_a_tiny_p_value_is_not_spelled_out():
-    assert [p_text(p) for p in (None, 1e-5, 0.0123)] == ["-", "< 0.001", "0.012"]
+    assert [p_value_text(p) for p in (None, 1e-5, 0.0123)] == ["-", "< 0.001", "0.012"]
 
 
 def test_two_effects_that_show_only_together_are_named_together(missing_pair, capsys):

@@ -265,7 +265,7 @@ class DriftingFits(Reproduction):
         falls = below(0.5 * published) if friction else None
         lines.append(Line(f"{head}change of a, smallest to largest amplitude", fall, published, "%",
                           "eq. 7.3 to 7.10", falls))  # fmt: skip
-        lines.append(Line(f"{head}found from all four amplitudes, nothing told", one.found.words,
+        lines.append(Line(f"{head}found from all four amplitudes, from the linear model", one.found.words,
                           "one model an amplitude", "", "section 7.2", one.found.claim))  # fmt: skip
         values = one.found.ladder.model.values
         width = values.get("dead_zone@input.width", 0.0)

@@ -50,7 +50,7 @@ class Published:
     fit : float
         "Estimation to fit data" [%].
     mse : float
-        Mean square error; its unit is not told.
+        Mean square error; its unit is not given.
     """
 
     fit: float
@@ -66,7 +66,7 @@ LINEAR, WAVELET, NEURAL = Published(79.624, 0.0499), Published(91.5, 0.00096), P
 
 
 def plain() -> Model:
-    """The preset with the rig's only sensor, the encoder on the screw: the linear model that is told nothing."""
+    """The preset with the rig's only sensor, the encoder on the screw: the linear model without any effect."""
     from idloop.physics import load_model
 
     preset = load_model("lead_screw")

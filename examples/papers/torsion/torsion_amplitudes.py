@@ -55,7 +55,7 @@ class TorsionAmplitudes(Reproduction):
 
     def rows(self) -> tuple[Line, ...]:
         """The linear models at the other amplitude, and the one model at all."""
-        lines = [Line(f"found from {100 * SMALL:.0f} and {100 * LARGE:.0f} %, nothing told", self.found.words,
+        lines = [Line(f"found from {100 * SMALL:.0f} and {100 * LARGE:.0f} %, from the linear model", self.found.words,
                       "future work", "", "section 6.2", self.found.claim)]  # fmt: skip
         for name, other in ((LINEAR_SMALL, LARGE), (LINEAR_LARGE, SMALL)):
             at_other, best = self.worths[name][other].force, self.worths[TRUE][other].force

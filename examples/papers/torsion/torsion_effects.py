@@ -188,7 +188,7 @@ class TorsionCase:
 def torsion_case(
     name: str, seed: int, progress: Progress, share: float = SHARE, simulate: Simulate = simulated, level: float = LEVEL
 ) -> TorsionCase:
-    """One case of `CASES`: from the linear model, nothing told.
+    """One case of `CASES`: from the linear model.
 
     Parameters
     ----------

@@ -27,8 +27,10 @@ def in_words(text: str) -> str:
     return re.sub(r"\b[a-z]\w*(?:#\d+)?@[\w\[\]]+", lambda found: effect_words(found[0]), text)
 
 
-def p_value_text(p_value: float) -> str:
-    """Write a p-value: "0.012", "< 0.001"."""
+def p_value_text(p_value: float | None) -> str:
+    """Write a p-value: "0.012", "< 0.001"; "-" where there is none."""
+    if p_value is None:
+        return "-"
     return f"{p_value:.2g}" if p_value >= _LEAST_P else f"< {_LEAST_P:g}"
 
 

@@ -88,8 +88,8 @@ def test_steps_that_spoil_the_motion_and_lists_of_an_incomplete_model_are_said_t
         for errors in [{"nrmse": {"axis.position": error}}]
     )
     ladder = Ladder(steps, verdict="adequate", criterion="force")
-    (told,) = state_json._ladder(ladder)["beware"]
-    assert told.startswith("Beware: cogging@axis makes the free run of axis.position on data that no fit saw worse")
+    (shown,) = state_json._ladder(ladder)["beware"]
+    assert shown.startswith("Warning: cogging@axis makes the free run of axis.position on data that no fit saw worse")
     good = state_json._missing(Missing("adequate"), {}, ladder)
     assert good["conclusion"].startswith("Something that no effect of the catalogue explains is missing")
     assert "drive force" in good["explains"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -105,26 +106,25 @@ def command(
     the reference, gaps when the reference turns round. The machine may be another one than MODEL says, which is the
     honest case: fit first, then compensate the machine that was fitted.
     """
-    from idloop.api.compensating import prepare
-    from idloop.api.tracking_runs import MJCF, simulate_loops
+    from idloop.api.compensation import compensate
+    from idloop.api.tracking_runs import MJCF
 
     if bags is not None and not graph:
         raise InputError("--bags goes with --graph: a simulation records nothing")
     machine = None if plant is None else Path(plant) if plant.endswith(MJCF) else open_model(plant)
-    task = prepare(
-        apply_options(model, settings, effects), effects=only, plant=machine, plant_effects=plant_effect,
-        reference=reference, controller=controller, limit=limit, velocity_width=velocity_width,
-        command_width=command_width, crossing_time=crossing_time, settle=settle,
-    )  # fmt: skip
-    work = task.machine, task.settings, task.section, task.reference
-    options: dict[str, Any] = {"seed": seed, "noise": not no_noise}
+    options: dict[str, Any] = {
+        "effects": only, "plant": machine, "plant_effects": plant_effect, "reference": reference,
+        "controller": controller, "limit": limit, "velocity_width": velocity_width, "command_width": command_width,
+        "crossing_time": crossing_time, "settle": settle, "seed": seed, "noise": not no_noise,
+    }  # fmt: skip
+    chosen = apply_options(model, settings, effects)
     if graph:
         from idloop.cli._tracking_graph import run_loops
 
-        found = task.result(run_loops(*work, bags=bags, domain=domain, **options))
+        found = compensate(chosen, run=partial(run_loops, bags=bags, domain=domain), **options)
     else:
         with progress("following the reference") as update:
-            found = task.result(simulate_loops(*work, progress=update, **options))
+            found = compensate(chosen, progress=update, **options)
     if output is not None:
         found.save(output)
         log(f"written: {output}")

@@ -67,7 +67,7 @@ class Outcome:
     Attributes
     ----------
     hidden : str
-        Effect of the machine that the estimator was not told, as text.
+        Effect that only the machine has, as text.
     bag : Path
     findings : Findings
     ladder : Ladder
@@ -126,10 +126,10 @@ def retell(label: str, line: str) -> str | None:
         return None
     for begin, word in TOLD.items():
         if text.startswith(begin):
-            told = text.removeprefix(begin) if begin.endswith(": ") else text
+            words = text.removeprefix(begin) if begin.endswith(": ") else text
             # Of a fit the story needs the error, not the parameters.
-            told = told.partition(": ")[0] if word in ("model", "why", "then") else told
-            return f"{word:<8} {told}"
+            words = words.partition(": ")[0] if word in ("model", "why", "then") else words
+            return f"{word:<8} {words}"
     return None
 
 
@@ -302,8 +302,8 @@ def command(
 ) -> None:
     """Hide an effect in a simulated machine and watch the live graph find it.
 
-    Five processes over DDS excite, control, simulate, record and identify a DC motor. The estimator is told
-    nothing of the hidden effect. It sees that its model fails and where, names what is missing, has the next
+    Five processes over DDS excite, control, simulate, record and identify a DC motor. The estimator has a model without
+    the hidden effect. It sees that its model fails and where, names what is missing, has the next
     experiment run where effects tie, adds what it found, and goes on until nothing significant is left.
     """
     folder = directory or probe_folder(
@@ -334,7 +334,7 @@ def check_hidden(hidden: str) -> None:
 def tell_story(hidden: str, folder: Path, seed: int, domain: int | None, *, as_json: bool) -> list[str]:
     """Run the graph, say what happens while it does, then what came of it; return what failed."""
     if not as_json:
-        click.echo(f"{'hidden':<8} an effect in the machine that the estimator is not told; the motor turns one way")
+        click.echo(f"{'hidden':<8} an effect that only the machine has; the motor turns one way")
     bag = run_live(hidden, folder, seed, domain, (lambda line: None) if as_json else click.echo)
     outcome = judge(hidden, bag, folder, seed)
     failures = outcome.failures

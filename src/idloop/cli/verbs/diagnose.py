@@ -62,7 +62,7 @@ def command(
     model = apply_options(model, settings, effects)
     records = read_records(bags, model)
 
-    from idloop.api.diagnosing import diagnose
+    from idloop.api.diagnosis import diagnose
 
     with progress(f"diagnosing {model.name}") as update:
         found = diagnose(

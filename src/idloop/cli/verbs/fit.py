@@ -74,7 +74,7 @@ def command(
     model = apply_options(model, settings, effects)
     train, validation = read_fitted_and_unseen(bags, validate, model)
 
-    from idloop.api.fitting import fit
+    from idloop.api.fit import fit
 
     with progress(f"fitting {model.name}") as update:
         found = fit(model, train, validation, criterion=criterion, progress=update)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from idloop.api.identifying import (
+from idloop.api.identification import (
     Grids,
     Identification,
     even_grids,
@@ -383,10 +383,10 @@ def _of_the_same_data(rows: Sequence[tuple[float, Outcome]], sweep: Sweep) -> li
     """Rows whose AIC and BIC can be held against one another: all, but on other grids only those of each."""
     values = list(dict.fromkeys(value for value, _ in rows)) if sweep.name == "sample-time" else [None]
     groups = [[row for row in rows if value is None or row[0] == value] for value in values]
-    told = [on_the_same_samples([one for _, one in group]) for group in groups]
+    compared = [on_the_same_samples([one for _, one in group]) for group in groups]
     return [
         [(value, one) for (value, _), one in zip(group, outcomes, strict=True)]
-        for group, outcomes in zip(groups, told, strict=True)
+        for group, outcomes in zip(groups, compared, strict=True)
     ]
 
 

@@ -64,8 +64,8 @@ def command(graph: str | None, arguments: tuple[str, ...], show_args: bool, doma
     if show_args:
         rows = describe(description)
         if as_json:
-            told = [{"name": name, "value": value, "description": text} for name, value, text in rows]
-            _common.print_json({"schema": "idloop/launch/1", "graph": description.name, "arguments": told})
+            declared = [{"name": name, "value": value, "description": text} for name, value, text in rows]
+            _common.print_json({"schema": "idloop/launch/1", "graph": description.name, "arguments": declared})
         else:
             shown = [(name, "(must be given)" if value is None else value, text) for name, value, text in rows]
             _common.print_table(("argument", "value", "description"), shown)

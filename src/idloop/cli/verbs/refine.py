@@ -107,7 +107,7 @@ def command(
     residual that no effect explains, or where the data cannot tell; effects that tie are reported together, and
     the experiment that would separate them is worked out, within the limits given or seen in the data.
     """
-    from idloop.api.refining import Ladder as Result
+    from idloop.api.ladder import Ladder as Result
     from idloop.reporting.detectability import undetectable
     from idloop.reporting.residual_findings import findings_on_records, residual_findings
     from idloop.reporting.terms import FITTED
@@ -138,7 +138,7 @@ def command(
     undecided = criterion == _AUTO and (kept is None or kept.ladder.criterion == _AUTO)
     keep = _Keeper(target, as_kept, undecided=undecided)
     answer: Next | None = None
-    with keep.told(), progress(f"refining {model.name}") as update:
+    with keep.on_interrupt(), progress(f"refining {model.name}") as update:
         climbing = update if no_suggest else part(update, 0.0, 0.7)
         climb = _Climb(
             records, validation, level, 0.01 * minimum_improvement, criterion, only, seed, most, climbing, keep.step
@@ -158,7 +158,7 @@ def command(
     unjudged: IdloopError | None = None
     try:
         if target is not None:
-            with keep.told(), progress("writing the report") as update:
+            with keep.on_interrupt(), progress("writing the report") as update:
                 suggestion = None if answer is None else answer.suggestion
                 contents = write_all(target, as_kept(ladder), records, validation, suggestion, part(update, 0.0, 0.8))
             left = residual_findings(judged.rows[-1][1] for judged in contents.judged if judged.use == FITTED)
@@ -167,7 +167,7 @@ def command(
     except InputError:
         raise
     except IdloopError as error:
-        # A model that runs away cannot be compared with anything; what was found is told all the same.
+        # A model that runs away cannot be compared with anything; what was found is printed all the same.
         unjudged = error
     if as_json:
         result = Result(ladder, tuple(records), tuple(validation), tuple(left))
@@ -205,7 +205,7 @@ class _Keeper:
         self(replace(ladder, criterion=_AUTO) if self.undecided else ladder)
 
     @contextlib.contextmanager
-    def told(self) -> Iterator[None]:
+    def on_interrupt(self) -> Iterator[None]:
         """Say in the interrupt what is kept."""
         try:
             yield

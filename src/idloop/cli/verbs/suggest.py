@@ -30,7 +30,7 @@ from idloop.cli._progress import progress, quiet_option
 from idloop.errors import InputError
 
 if TYPE_CHECKING:
-    from idloop.api.refining import Ladder
+    from idloop.api.ladder import Ladder
     from idloop.physics import Model
     from idloop.records import Record
 
@@ -100,7 +100,7 @@ def command(
     section `controller` that says which law ran.
     """
     names, bags = _split(sources, between, ladder, show)
-    from idloop.api.suggesting import suggest
+    from idloop.api.suggestion import suggest
 
     subject: Ladder | list[Model]
     limits = {"max_command": max_command, "position_range": position_range, "max_velocity": max_velocity}
@@ -153,7 +153,7 @@ def _split(
 
 def _ladder_and_records(folder: Path, bags: Sequence[Path], also: Sequence[Path]) -> tuple[Ladder, list[Record]]:
     """Ladder of a folder, and its records: from its own bags or those given, and from more of them."""
-    from idloop.api.refining import Ladder
+    from idloop.api.ladder import Ladder
     from idloop.reporting.ladder_folder import read_ladder
 
     kept = read_ladder(folder)

@@ -93,10 +93,10 @@ def command(
     if only:
         from idloop.diagnosis.screening.proposals import proposals
 
-        proposals(model, only)  # a name that is none is told now, not at the first search
+        proposals(model, only)  # an unknown name is refused now, not at the first search
     records, unseen = read_fitted_and_unseen(bags, validate, model)
 
-    # Only now: bad input is told before the page's libraries are loaded.
+    # Only now: bad input is refused before the page's libraries are loaded.
     from idloop.reporting.workbench.offline import OfflineSource
     from idloop.reporting.workbench.server import Place, Site
     from idloop.reporting.workbench.steps import Study

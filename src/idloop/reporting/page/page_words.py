@@ -58,7 +58,7 @@ def page_words(contents: Contents) -> dict[str, Any]:
         "against": [
             sentence(line)
             for line in (
-                *(f"beware: {one.text}" for one in ladder.worsened),
+                *(f"warning: {one.text}" for one in ladder.worsened),
                 *residual_warnings(ladder.verdict, _fitted_remainders(contents)),
             )
         ],

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from idloop import drawing
 from idloop.diagnosis.evidence.characteristic import Characteristic, characteristic
-from idloop.reporting.text.parameters import p_text
+from idloop.reporting.terms import p_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,7 +42,7 @@ def plot_diagnosis(found: Diagnosis, records: Sequence[Record]) -> Figure:
         places = range(len(weighed))
         colours = [drawing.MODELS[0] if one.name in found.set else drawing.BAND for one in weighed]
         axes[0].barh(places, [100.0 * one.explains for one in weighed], color=colours)
-        axes[0].set_yticks(places, [f"{one.name} (p {p_text(one.p_value)})" for one in weighed])
+        axes[0].set_yticks(places, [f"{one.name} ({p_text(one.p_value)})" for one in weighed])
         axes[0].invert_yaxis()
         axes[0].set_xlabel(drawing.label("explained part of the error", "%"))
         axes[0].set_title(found.model.name, loc="left", fontweight="bold")

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 # Of what stands out: so much of the first error, the drive force where there is one, and of every further one.
 _FIRST, _FURTHER = 2, 1
 # FIT of a free run below which a model is worth a diagnosis, and below which it may not move by the command at all [%].
-_GOOD, _HOPELESS = 90.0, 20.0
+_GOOD, _MISSES = 90.0, 20.0
 
 
 def measures_of(rows: Rows) -> Iterator[Block]:
@@ -55,9 +55,9 @@ def measures_of(rows: Rows) -> Iterator[Block]:
         yield f"no force error: {reason}"
 
 
-def hopeless(comparisons: Iterable[Comparison]) -> bool:
+def misses_every_output(comparisons: Iterable[Comparison]) -> bool:
     """Whether the FIT of a free run is below 20 % for every output of some record."""
-    return any(max(one.fit.values()) < _HOPELESS for one in comparisons)
+    return any(max(one.fit.values()) < _MISSES for one in comparisons)
 
 
 def hint(rows: Rows) -> Iterator[Block]:

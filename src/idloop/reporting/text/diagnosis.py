@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 from idloop.diagnosis.equivalence.equivalent_effects import without_equivalents
 from idloop.reporting.residual_findings import residual_warnings
+from idloop.reporting.terms import p_value_text
 from idloop.reporting.text.blocks import Block, Table
-from idloop.reporting.text.parameters import p_text, parameters_text, tie_text
+from idloop.reporting.text.parameters import parameters_text, tie_text
 from idloop.reporting.verdicts import MISSING, basis, ending, explained_of, scope_text
 
 if TYPE_CHECKING:
@@ -65,7 +66,7 @@ def diagnosis_blocks(
             yield found.unknown.text
         yield from residual_warnings(found.verdict, left)
     for step in worse:
-        yield f"beware: {step.text}"
+        yield f"warning: {step.text}"
     for name, why in found.passed_over.items():
         yield f"significant, yet passed over: {name}: {why}"
     hidden = [name for name in found.untestable if name not in found.set]
@@ -88,7 +89,7 @@ def _candidates(
             (
                 mark,
                 candidate.name,
-                p_text(candidate.p_value),
+                p_value_text(candidate.p_value),
                 f"{100.0 * candidate.explains:.1f}" if candidate.model is not None else "-",
                 parameters_text(candidate.parameters) if candidate.model is not None else "-",
                 candidate.testable,

@@ -10,9 +10,9 @@ from idloop.estimation.statistics.interval_text import interval_text
 from idloop.reporting.detectability import significant_not_added, undetectable
 from idloop.reporting.estimates import fit_text, held_parameters, parameter_estimates, read_off_parameters
 from idloop.reporting.residual_findings import residual_warnings
-from idloop.reporting.terms import DATA_USE
+from idloop.reporting.terms import DATA_USE, p_value_text
 from idloop.reporting.text.blocks import Block, Table, number
-from idloop.reporting.text.parameters import p_text, parameters_text
+from idloop.reporting.text.parameters import parameters_text
 from idloop.reporting.verdicts import basis, conclusion, scope_text
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def ladder_blocks(ladder: Ladder, left: Sequence[ResidualFinding] = ()) -> Itera
         rows.append(
             (
                 "start" if added is None else f"+ {added.name}",
-                "-" if added is None else "own choice" if step.chosen_by == "user" else p_text(step.p_value),
+                "-" if added is None else "own choice" if step.chosen_by == "user" else p_value_text(step.p_value),
                 *(fit_text(measures.get("fit", {}).get(name)) for name in names),
                 *(["-" if force is None else number(100.0 * force, 3)] if forces else []),
                 "" if added is None else parameters_text(added.parameters),
@@ -62,11 +62,11 @@ def ladder_blocks(ladder: Ladder, left: Sequence[ResidualFinding] = ()) -> Itera
         yield from group.lines
     yield f"verdict: {conclusion(ladder, left, scope_text(ladder))}"
     for one in ladder.worsened:
-        yield f"beware: {one.text}"
+        yield f"warning: {one.text}"
     if ladder.unknown is not None:
         yield ladder.unknown.text
     yield from residual_warnings(ladder.verdict, left)
-    over = ", ".join(f"{one.name} (p {p_text(one.p_value)})" for one in significant_not_added(ladder))
+    over = ", ".join(f"{one.name} (p {p_value_text(one.p_value)})" for one in significant_not_added(ladder))
     if over and ladder.verdict == "missing":
         yield f"significant as well: {over}"
     for name, why in ladder.passed_over.items():

@@ -1,4 +1,4 @@
-"""Parameters, p-values and ties in words."""
+"""Parameters and ties in words."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from idloop.reporting.estimates import NORMAL_95
 from idloop.reporting.text.blocks import number
-
-_NORMAL_95 = 1.959963984540054
 
 
 def parameter_text(name: str, entry: Mapping[str, Any]) -> str:
@@ -20,7 +19,7 @@ def parameter_text(name: str, entry: Mapping[str, Any]) -> str:
         return f"{name} {number(value)} {unit}".rstrip() + (" (held)" if entry.get("held") else "")
     if stderr == 0.0:  # read off the data
         return f"{name} {number(value, 6)} {unit}".rstrip()
-    reach = _NORMAL_95 * stderr
+    reach = NORMAL_95 * stderr
     # As many digits as the interval supports.
     digits = 2 if value == 0.0 or reach == 0.0 else max(2, 2 + math.ceil(math.log10(max(abs(value) / reach, 1.0))))
     return f"{name} {number(value, min(digits, 6))} ± {number(reach, 2)} {unit}".rstrip()
@@ -29,13 +28,6 @@ def parameter_text(name: str, entry: Mapping[str, Any]) -> str:
 def parameters_text(parameters: Mapping[str, Mapping[str, Any]]) -> str:
     """Text of all parameters of an effect."""
     return ", ".join(parameter_text(name, entry) for name, entry in parameters.items())
-
-
-def p_text(value: float | None) -> str:
-    """Text of a family-wise p-value."""
-    if value is None:
-        return "-"
-    return f"{value:.2g}" if value >= 1e-3 else "< 0.001"
 
 
 def tie_text(tied: Sequence[str]) -> str:

@@ -94,7 +94,7 @@ def tracking_blocks(
     yield Table.of(header, table)
     for loop, run in (("without", without), ("with", compensated)):
         if stands(run, followed):
-            yield f"beware: {loop} compensation the axis does not move: the commands do not overcome what holds it"
+            yield f"warning: {loop} compensation the axis does not move: the commands do not overcome what holds it"
     sizes = [command_sizes(run.command) for run in (without, compensated)]
     words = {"largest": "largest", "step_rms": "from sample to sample (rms)"}
     texts = (f"{text} {number(sizes[0][key])} without, {number(sizes[1][key])} with" for key, text in words.items())

@@ -234,7 +234,7 @@ def _ladder(ladder: Ladder) -> dict[str, Any]:
         "steps": [_step(number, step, ladder) for number, step in enumerate(ladder.steps)],
         "verdict": ladder.verdict,
         "unseen": any(step.validation for step in ladder.steps),
-        "beware": [sentence(f"beware: {one.text}") for one in ladder.worsened],
+        "beware": [sentence(f"warning: {one.text}") for one in ladder.worsened],
     }
 
 

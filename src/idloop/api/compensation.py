@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -118,56 +119,6 @@ class Compensation(Result):
         return Path(path)
 
 
-@dataclass(frozen=True)
-class Task:
-    """A loop to be run without and with compensation."""
-
-    settings: Settings
-    section: Mapping[str, Any]
-    controller: Controller
-    machine: Model | Path
-    reference: runs.Reference
-    settle: float
-
-    def result(self, loops: runs.Loops) -> Compensation:
-        """Return the result of its runs."""
-        return Compensation(self.settings, self.controller, loops, self.reference, self.settle)
-
-
-def prepare(
-    model: Model,
-    *,
-    effects: Sequence[str] = (),
-    plant: Model | Path | None = None,
-    plant_effects: Sequence[str] = (),
-    reference: str | None = None,
-    controller: str | Mapping[str, Any] | None = None,
-    limit: float | None = None,
-    velocity_width: float | None = None,
-    command_width: float | None = None,
-    crossing_time: float | None = None,
-    settle: float = 1.0,
-) -> Task:
-    """Check and build everything that a run needs; arguments as those of `compensate`."""
-    from idloop.control import build_controller
-    from idloop.control.compensation import Compensation as NewSettings
-
-    if controller is None or isinstance(controller, str):
-        section: Mapping[str, Any] = runs.controller_section(model, controller)
-    else:
-        section = {"sample_time": 0.001, **controller}
-    model = runs.with_controller(model, section)
-    settings = NewSettings(model, tuple(effects), limit, velocity_width, command_width, crossing_time)
-    built = build_controller(section, compensation=settings)
-    if not built.inputs:
-        raise InputError("the controller has no feedback and follows nothing: give another one with --controller")
-    machine = runs.machine_of(plant, plant_effects, model)
-    path = runs.make_reference(reference, model, section)
-    if settle >= (len(path.path) - 1) * built.sample_time:
-        raise InputError(f"--settle {settle:g} s leaves nothing of the reference: shorten it")
-    return Task(settings, section, built, machine, path, settle)
-
-
 def compensate(
     model: Model,
     *,
@@ -183,9 +134,10 @@ def compensate(
     settle: float = 1.0,
     seed: int = 0,
     noise: bool = True,
+    run: Callable[..., runs.Loops] | None = None,
     progress: Progress = ignore_progress,
 ) -> Compensation:
-    """Follow a reference without and with compensation by a model, in simulation.
+    """Follow a reference without and with compensation by a model.
 
     Parameters
     ----------
@@ -211,6 +163,9 @@ def compensate(
         Of the measurement noise.
     noise : bool
         Whether sensors have noise.
+    run : callable, optional
+        Runs the loops: takes what `idloop.api.tracking_runs.simulate_loops` takes but the progress. Simulated when left
+        out.
     progress : callable, optional
         Called with the share done in [0, 1] and a short text.
 
@@ -230,12 +185,21 @@ def compensate(
     >>> idloop.compensate(axis).ratio["axis.position"] < 0.5
     True
     """
-    task = prepare(
-        model, effects=effects, plant=plant, plant_effects=plant_effects, reference=reference, controller=controller,
-        limit=limit, velocity_width=velocity_width, command_width=command_width, crossing_time=crossing_time,
-        settle=settle,
-    )  # fmt: skip
-    loops = runs.simulate_loops(
-        task.machine, task.settings, task.section, task.reference, seed=seed, noise=noise, progress=progress
-    )
-    return task.result(loops)
+    from idloop.control import build_controller
+    from idloop.control.compensation import Compensation as NewSettings
+
+    if controller is None or isinstance(controller, str):
+        section: Mapping[str, Any] = runs.controller_section(model, controller)
+    else:
+        section = {"sample_time": 0.001, **controller}
+    model = runs.with_controller(model, section)
+    settings = NewSettings(model, tuple(effects), limit, velocity_width, command_width, crossing_time)
+    built = build_controller(section, compensation=settings)
+    if not built.inputs:
+        raise InputError("the controller has no feedback and follows nothing: give another one with --controller")
+    machine = runs.machine_of(plant, plant_effects, model)
+    path = runs.make_reference(reference, model, section)
+    if settle >= (len(path.path) - 1) * built.sample_time:
+        raise InputError(f"--settle {settle:g} s leaves nothing of the reference: shorten it")
+    run = run or partial(runs.simulate_loops, progress=progress)
+    return Compensation(settings, built, run(machine, settings, section, path, seed=seed, noise=noise), path, settle)

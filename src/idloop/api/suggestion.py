@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from idloop.api.diagnosing import Diagnosis
-from idloop.api.refining import Ladder
+from idloop.api.diagnosis import Diagnosis
+from idloop.api.ladder import Ladder
 from idloop.api.result import Progress, Result, as_records, ignore_progress, part
 from idloop.diagnosis.design.limits import Limits
 from idloop.errors import InputError
@@ -118,7 +118,7 @@ def suggest(
     start : float, optional
         Position at which the axis will rest before [position unit].
     criterion : {"auto", "prediction", "simulation", "force"}
-        What rivals are told apart by.
+        What rivals are compared by.
     fitted : bool
         The models are fitted to the records already.
     seed : int

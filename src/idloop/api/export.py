@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from idloop.api.fitting import Fit
-from idloop.api.identifying import Identification
-from idloop.api.refining import Ladder
+from idloop.api.fit import Fit
+from idloop.api.identification import Identification
+from idloop.api.ladder import Ladder
 from idloop.errors import InputError
 from idloop.exporters import Exported
 from idloop.exporters import export as export_model

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from idloop.api.result import Progress, Result, as_records, ignore_progress, part
 from idloop.reporting.terms import FITTED, UNSEEN
 from idloop.reporting.text.blocks import Block
-from idloop.reporting.text.comparison import hint, hopeless, measures_of
+from idloop.reporting.text.comparison import hint, measures_of, misses_every_output
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -132,7 +132,7 @@ def fit(
     progress(0.9, "comparing")
     seen, unseen = ([compare(result.model, record) for record in part_] for part_ in (train, validation))
     unrelated = ""
-    if hopeless(seen):
+    if misses_every_output(seen):
         from idloop.diagnosis.screening.command_response import command_response
 
         progress(0.95, "testing whether the motion follows the command")
