@@ -12,7 +12,7 @@ from idloop.reporting.figures.theme import LIGHT, Theme, add_legend, add_zero_li
 
 if TYPE_CHECKING:
     from idloop.diagnosis import UnknownStructure
-    from idloop.diagnosis.evidence.characteristic import Characteristic
+    from idloop.validation.characteristic import Characteristic
 
 
 def characteristic_figure(one: Characteristic, theme: Theme = LIGHT, *, height: int = 260) -> figure:

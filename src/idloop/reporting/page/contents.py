@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from idloop.diagnosis.evidence.characteristic import Characteristic, characteristic
 from idloop.errors import IdloopError
 from idloop.reporting.sensor_noise import believed_noise, refuted_noise
 from idloop.reporting.terms import FITTED, UNSEEN
 from idloop.validation import Comparison, compare
+from idloop.validation.characteristic import Characteristic, characteristic
 
 if TYPE_CHECKING:
     from idloop.diagnosis import Ladder, Step

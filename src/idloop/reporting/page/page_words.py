@@ -10,7 +10,6 @@ import numpy as np
 from idloop.diagnosis.candidate import effect_parameters
 from idloop.diagnosis.design.expected_outcome import describe_signal
 from idloop.diagnosis.equivalence.equivalent_effects import EquivalentEffects, equivalent_effects_of_ladder
-from idloop.diagnosis.evidence.characteristic import shifts_in_time
 from idloop.reporting.breakdowns import finding
 from idloop.reporting.detectability import detection_limits, undetectable
 from idloop.reporting.estimates import NORMAL_95, figure_text, fit_text, held_parameters, percent_text, with_interval
@@ -31,6 +30,7 @@ from idloop.reporting.verdicts import (
     unexplained_cause,
 )
 from idloop.spelling import joined_names
+from idloop.validation.characteristic import shifts_in_time
 from idloop.validation.variables import TITLES
 
 if TYPE_CHECKING:

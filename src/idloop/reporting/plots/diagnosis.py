@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from idloop import drawing
-from idloop.diagnosis.evidence.characteristic import Characteristic, characteristic
 from idloop.reporting.terms import p_text
+from idloop.validation.characteristic import Characteristic, characteristic
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

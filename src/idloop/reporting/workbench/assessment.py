@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from idloop.diagnosis import Candidate
-    from idloop.diagnosis.evidence.characteristic import Characteristic
     from idloop.physics import Model
     from idloop.records import Record
+    from idloop.validation.characteristic import Characteristic
     from idloop.validation.where import Where
 
 Array = NDArray[np.float64]
@@ -97,8 +97,8 @@ def draw_characteristics(candidates: Sequence[Candidate], record: Record, report
     dict of str to Characteristic
         By ``effect@site``; without those that the record does not show.
     """
-    from idloop.diagnosis.evidence.characteristic import characteristic
     from idloop.errors import IdloopError
+    from idloop.validation.characteristic import characteristic
 
     found = {}
     # Those with the best evidence first: every effect of a tie has its picture before one that was only weighed.

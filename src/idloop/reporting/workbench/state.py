@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 if TYPE_CHECKING:
     from idloop.diagnosis import Candidate, Ladder, UnknownStructure
     from idloop.diagnosis.design.suggest import Suggestion
-    from idloop.diagnosis.evidence.characteristic import Characteristic
     from idloop.reporting.figures.evidence import Decided
     from idloop.reporting.workbench.assessment import Assessment
     from idloop.reporting.workbench.signals import Signals
+    from idloop.validation.characteristic import Characteristic
 
 # What a live graph may do automatically.
 AUTOMATIC = ("add", "experiment")

@@ -18,10 +18,10 @@ from idloop.validation.words import percent, short
 
 if TYPE_CHECKING:
     from idloop.diagnosis import Candidate, Ladder, Step
-    from idloop.diagnosis.evidence.characteristic import Characteristic
     from idloop.reporting.workbench.assessment import Assessment
     from idloop.reporting.workbench.signals import Signals
     from idloop.reporting.workbench.state import Evidence, Missing, Snapshot
+    from idloop.validation.characteristic import Characteristic
     from idloop.validation.where import ErrorMap
 
 MOST_STRETCHES = 5

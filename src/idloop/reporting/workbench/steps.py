@@ -10,9 +10,9 @@ if TYPE_CHECKING:
     from idloop.diagnosis import Candidate, Diagnosis, Ladder, Step
     from idloop.diagnosis.candidate import Rung
     from idloop.diagnosis.design.suggest import Limits, Suggestion
-    from idloop.diagnosis.evidence.characteristic import Characteristic
     from idloop.physics import Model
     from idloop.records import Record
+    from idloop.validation.characteristic import Characteristic
 
 Report = Callable[[float, str], None]
 

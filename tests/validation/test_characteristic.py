@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idloop.diagnosis.evidence.characteristic import characteristic
 from idloop.errors import InputError
 from idloop.physics import load_model, simulate
 from idloop.records import Record
+from idloop.validation.characteristic import characteristic
 
 TIME = np.arange(0.0, 20.0, 2e-3)
 
