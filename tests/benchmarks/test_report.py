@@ -6,7 +6,6 @@ import json
 
 import pytest
 from cases import all_cases
-
 from report import answers, by_effect_and_view
 
 
