@@ -34,12 +34,18 @@ class Table:
         Single values beside the columns.
     notes : list of str
         What was found out about the format of the file.
+    units : dict of str to str
+        Units of columns, as the file writes them.
+    clocks : dict of str to str
+        Where columns have stamps of their own: the column that holds those of each.
     """
 
     path: Path
     columns: dict[str, Any]
     attributes: dict[str, float | str] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    units: dict[str, str] = field(default_factory=dict)
+    clocks: dict[str, str] = field(default_factory=dict)
 
     def __contains__(self, name: str | int) -> bool:
         """Whether there is such a column, by name or by position from 0."""
