@@ -366,3 +366,52 @@ def test_odrive(data_dir, tmp_path):
     assert stream.receive_ns.tolist() == [int(row["timestamp"]) for row in rows]
     np.testing.assert_allclose(stream.position[:, 0], [2 * np.pi * float(row["pos_estimate"]) for row in rows])
     np.testing.assert_allclose(stream.velocity[:, 0], [2 * np.pi * float(row["vel_estimate"]) for row in rows])
+
+
+def _clocks(tmp_path):
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "drive.csv").write_text("t,u\n" + "".join(f"{0.02 * k:.3f},{(-1) ** k}\n" for k in range(20)))
+    (tmp_path / "run" / "encoder_80.csv").write_text(
+        "ms,a,b\n" + "".join(f"{5 * k + 2},{k},{2 * k}\n" for k in range(80))
+    )
+    return tmp_path / "run"
+
+
+JOINED = {
+    "schema": "idloop/mapping/1",
+    "name": "two files",
+    "joint": "m",
+    "files": ["drive.csv", "encoder_80.csv"],
+    "time": {"column": "encoder_80.ms", "unit": "ms"},
+    "command": {"column": "drive.u", "unit": "V", "time": {"column": "drive.t"}},
+    "position": {"compute": "encoder_80.b - encoder_80.a"},
+}
+
+
+def test_one_signal_per_file_is_joined_by_time(tmp_path):
+    mapping = parse_mapping(JOINED, "two.yaml")
+    result = import_bag(_clocks(tmp_path), tmp_path / "b", mapping)
+    assert (result.samples, result.period) == (80, pytest.approx(0.005))
+    streams = read_streams(tmp_path / "b")
+    assert streams["/joint_command"].stamp_ns[0] - streams["/joint_states"].stamp_ns[0] == -2_000_000
+    np.testing.assert_array_equal(streams["/joint_states"].columns()["m.position"], np.arange(80.0))
+    with pytest.raises(InputError, match=r"joins drive\.csv, encoder_80\.csv; give the folder"):
+        import_bag(tmp_path / "run" / "drive.csv", tmp_path / "c", mapping)
+
+
+def test_a_part_between_two_times_begins_with_the_command_that_holds_there(tmp_path):
+    mapping = parse_mapping(JOINED | {"times": {"start": 0.105, "stop": 0.2}}, "two.yaml")
+    import_bag(_clocks(tmp_path), tmp_path / "b", mapping)
+    streams = read_streams(tmp_path / "b")
+    np.testing.assert_array_equal(streams["/joint_states"].columns()["m.position"], np.arange(21.0, 40.0))
+    assert streams["/joint_command"].stamp_ns[0] < streams["/joint_states"].stamp_ns[0]
+    assert streams["/joint_command"].stamp_ns.size == 5
+
+
+@pytest.mark.parametrize("command", [{"value": 80.0}, {"file_name": r"_(\d+)\.", "unit": "%"}])
+def test_a_constant_command_is_given_or_stands_in_the_name_of_the_file(tmp_path, command):
+    mapping = {"schema": "idloop/mapping/1", "name": "steps", "joint": "m", "time": {"column": "ms", "unit": "ms"},
+               "command": command, "position": {"column": "a"}}  # fmt: skip
+    import_bag(_clocks(tmp_path) / "encoder_80.csv", tmp_path / "b", parse_mapping(mapping, "steps.yaml"))
+    values = read_streams(tmp_path / "b")["/joint_command"].columns()["m.effort"]
+    np.testing.assert_allclose(values, 80.0 if "value" in command else 0.8)

@@ -69,7 +69,7 @@ BAD = {
     "no schema": ({"schema": "idloop/model/1"}, "must be idloop/mapping/1"),
     "two sources of time": ({"time": {"period": 0.1, "column": "t"}}, "give one of column, period"),
     "negative period": ({"time": {"period": -1}}, "time.period"),
-    "column and topic": ({"command": {"column": "u", "topic": "t"}}, "give either column"),
+    "column and topic": ({"command": {"column": "u", "topic": "t"}}, "give either one of column"),
     "unknown decode": ({"command": {"column": "u", "decode": "int12"}}, "command.0.decode"),
     "delimiter of two characters": ({"csv": {"delimiter": "::"}}, "csv.delimiter: must be one character"),
     "no delimiter": ({"csv": {"delimiter": ""}}, "csv.delimiter: must be one character"),

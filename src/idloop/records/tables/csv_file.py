@@ -8,6 +8,7 @@ import itertools
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TextIO, TypeAlias
 
@@ -16,39 +17,60 @@ from numpy.typing import NDArray
 
 from idloop.documents import MOST_COLUMNS, MOST_TABLE
 from idloop.errors import InputError
+from idloop.records.tables.csv_layout import Layout, Row, find_layout, is_data, is_number
 from idloop.spelling import listed
 
-Row: TypeAlias = list[str]
 # Consecutive cells of one column: numbers, or texts where one of them is no number.
 Part: TypeAlias = NDArray[np.float64] | list[str]
 
 # First characters of lines without data.
 _COMMENT = ("#", "%")
-# Lines from which the delimiter, the header and the units below it are found out.
-_FIRST_LINES = 20
-# Rows of units, types or descriptions below a header, at most.
-_UNIT_ROWS = 3
+# Lines among which the table is looked for, and rows above which its columns may be named in a comment.
+_FIRST_LINES = 400
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?(\d*),(\d+)(?:[eE][+-]?\d+)?\s*")
+# A delimiter that Excel writes into the first line.
+_SEP = re.compile(r'"?sep=(.)"?\s*', re.IGNORECASE)
 # Cells that are converted at once, and bytes of a file that are decoded at once.
 _CELLS, _BLOCK = 500_000, 1 << 24
 # Bytes of a cell as a text.
 _TEXT_CELL = 64
 
 
-def read_csv(path: Path, options: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """Read the columns of a file, and what was found out about its format.
+@dataclass
+class CsvTable:
+    """What a text file holds.
+
+    Attributes
+    ----------
+    columns : dict of str to ndarray (n,) or list of str
+        Numbers where every cell is one or empty (NaN), texts otherwise.
+    notes : list of str
+        What was found out about the format.
+    units : dict of str to str
+        Units of columns, from rows below the header.
+    preamble : list of str
+        Lines above the header.
+    text_rows : list of int
+        Rows before which lines without data were left out.
+    """
+
+    columns: dict[str, Any] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    units: dict[str, str] = field(default_factory=dict)
+    preamble: list[str] = field(default_factory=list)
+    text_rows: list[int] = field(default_factory=list)
+
+
+def read_csv(path: Path, options: dict[str, Any], rows: slice = slice(0, None)) -> CsvTable:
+    """Read the columns of a file.
 
     Parameters
     ----------
     path : Path
     options : dict
-        ``delimiter``, ``header``, ``skip_rows``, ``decimal``.
-
-    Returns
-    -------
-    columns : dict of str to ndarray (n,) or list of str
-        Numbers where every cell is one or empty (NaN), texts otherwise.
-    notes : list of str
+        ``delimiter``, ``header``, ``skip_rows``, ``decimal``, ``skip_text``.
+    rows : slice
+        Rows of data to read; the others are not looked at.
 
     Raises
     ------
@@ -58,48 +80,58 @@ def read_csv(path: Path, options: dict[str, Any]) -> tuple[dict[str, Any], list[
     encoding, notes = _encoding(path)
     with path.open(encoding=encoding, newline="") as stream:
         try:
-            return _read(path, stream, options, notes)
+            return _read(path, stream, options, CsvTable(notes=notes), rows)
         except csv.Error as error:
             raise InputError(f"{path}: cannot be read as a table ({error}); check that this is the data file") from None
 
 
-def _read(path: Path, stream: TextIO, options: dict[str, Any], notes: list[str]) -> tuple[dict[str, Any], list[str]]:
+def _read(path: Path, stream: TextIO, options: dict[str, Any], found: CsvTable, selected: slice) -> CsvTable:
     comment: list[str] = []
-    data = itertools.islice(_data_lines(stream, comment), int(options.get("skip_rows") or 0), None)
+    above = options.get("skip_rows")
+    data = itertools.islice(_data_lines(stream, comment), above or 0, None)
     first = list(itertools.islice(data, _FIRST_LINES))
     if not first:
         raise InputError(f"{path}: the file holds no rows; check that this is the data file")
-    commas = options.get("decimal") == ","
-    delimiter = options.get("delimiter") or _delimiter(first, commas=commas)
-    lines = itertools.chain(first, data)
+    delimiter = options.get("delimiter")
+    if delimiter is None and above is None and (match := _SEP.fullmatch(first[0])):
+        delimiter, first = match[1], first[1:]
+    # Where the user says how many lines to skip, the table begins there.
+    layout = find_layout(first, delimiter=delimiter, header=options.get("header"))
+    if above is not None:
+        layout = replace(layout, skip=0)
+    found.preamble = [line.rstrip("\r\n") for line in first[: layout.skip]]
+    if layout.width > MOST_COLUMNS:
+        raise InputError(
+            f"{path}: {layout.width:,} columns, more than {MOST_COLUMNS:,}; check that this is the data file"
+        )
+    names = layout.names
+    if not names and options.get("header") is None:
+        names = _names_in_comment("".join(comment[-1:]), layout.delimiter, layout.width)
+    width = max(layout.width, len(layout.names))
+    lines = itertools.chain(first[layout.first :], data)
     rows: Iterator[Row]
-    if delimiter == " ":
+    if layout.delimiter == " ":
         rows = (line.split() for line in lines)
     else:
-        rows = csv.reader(lines, delimiter=delimiter, skipinitialspace=True)
-    head = list(itertools.islice(rows, _FIRST_LINES))
-    width = len(head[0])
-    if width > MOST_COLUMNS:
-        raise InputError(f"{path}: {width:,} columns, more than {MOST_COLUMNS:,}; check that this is the data file")
-    header = options.get("header")
-    if header is None:
-        header = not all(_is_number(cell) for cell in head[0] if cell.strip())
-        if not header and (names := _names_in_comment("".join(comment[-1:]), delimiter, width)):
-            head, header = [names, *head], True
-    names, body = list(map(str, range(width))), head
-    if header:
-        names = [cell.strip() or str(index) for index, cell in enumerate(head[0])]
-        body, units = _without_units(head[1:])
-        if units:
-            notes.append(f"the row below the header is read as units and left out: {listed(units, 12)}")
-    above = head[: len(head) - len(body)]
-    table = _Table(path, width, commas=commas)
-    rows = itertools.chain(body, rows)
+        rows = csv.reader(lines, delimiter=layout.delimiter, skipinitialspace=True)
+    if options.get("skip_text"):
+        rows = _only_data(rows, layout.width, found)
+    start = selected.start or 0
+    passed = sum(1 for _ in itertools.islice(rows, start))
+    stop = None if selected.stop is None else selected.stop - start
+    rows = itertools.islice(rows, stop)
+    commas = options.get("decimal") == ","
+    table = _Table(path, width, start, commas=commas)
     while several := list(itertools.islice(rows, max(1, _CELLS // max(width, 1)))):
         table.add(several)
+    if start and not table.count:
+        raise InputError(
+            f"{path}: rows {start} to {selected.stop} do not lie within its {passed} rows; correct `rows:`"
+        )
     # A delimiter at the end of every line makes a column of nothing.
-    width = max(1, min(width, max(_used_width(above), table.used_width)))
-    table.check_lengths(width, delimiter)
+    width = max(1, min(width, max(_used_width([names]), table.used_width)))
+    table.check_lengths(width, layout.delimiter)
+    names = [cell.strip() or str(index) for index, cell in enumerate(names)] or list(map(str, range(width)))
     names = names[:width]
     twice = next((name for name, count in Counter(names).items() if count > 1), None)
     if twice is not None:
@@ -107,8 +139,36 @@ def _read(path: Path, stream: TextIO, options: dict[str, Any], notes: list[str])
     columns = table.columns[:width]
     if not commas and not table.has_points and _has_decimal_commas(path, columns):
         columns = [[_with_points(part) for part in parts] for parts in columns]
-        notes.append("its numbers are read with decimal commas")
-    return {name: _joined(parts) for name, parts in zip(names, columns, strict=True)}, notes
+        found.notes.append("its numbers are read with decimal commas")
+    found.columns = {name: _joined(parts) for name, parts in zip(names, columns, strict=True)}
+    _note_layout(found, layout, names)
+    return found
+
+
+def _note_layout(found: CsvTable, layout: Layout, names: Sequence[str]) -> None:
+    """Say what of the file was not read as data, and keep the units below the header."""
+    if found.preamble:
+        many = "1 line" if len(found.preamble) == 1 else f"{len(found.preamble)} lines"
+        found.notes.append(f"{many} above the {'header' if layout.names else 'rows'} are left out")
+    if layout.units:
+        cells = [cell.strip() for row in layout.units for cell in row if cell.strip()]
+        found.notes.append(f"the row below the header is read as units and left out: {listed(cells, 12)}")
+        found.units = {name: cell.strip() for row in layout.units for name, cell in zip(names, row, strict=False)}
+    if found.text_rows:
+        places = listed(list(map(str, dict.fromkeys(found.text_rows))), 6)
+        many = f"{len(found.text_rows)} lines" if len(found.text_rows) > 1 else "1 line"
+        found.notes.append(f"{many} of text between the rows are left out, before row {places}")
+
+
+def _only_data(rows: Iterable[Row], width: int, found: CsvTable) -> Iterator[Row]:
+    """Yield the rows of numbers, and note where others were left out."""
+    number = 0
+    for row in rows:
+        if is_data(row, width):
+            number += 1
+            yield row
+        else:
+            found.text_rows.append(number)
 
 
 def _data_lines(stream: Iterable[str], comment: list[str]) -> Iterator[str]:
@@ -159,14 +219,19 @@ class _Table:
         Whether a number is written with a decimal point.
     """
 
-    def __init__(self, path: Path, width: int, *, commas: bool) -> None:
+    def __init__(self, path: Path, width: int, start: int, *, commas: bool) -> None:
         self.columns: list[list[Part]] = [[] for _ in range(width)]
         self.used_width, self.has_points = 0, False
         self._path, self._commas = path, commas
-        self._rows = self._bytes = 0
+        self._start, self._rows, self._bytes = start, start, 0
         # First row of each length below the width, and the first that goes on beyond it.
         self._short: dict[int, int] = {}
         self._long: tuple[int, int] | None = None
+
+    @property
+    def count(self) -> int:
+        """Rows read."""
+        return self._rows - self._start
 
     def add(self, rows: list[Row]) -> None:
         """Add the next rows."""
@@ -260,42 +325,11 @@ def _eight_bits(path: Path, reason: str) -> tuple[str, list[str]]:
     return known, [f"it is not in UTF-8 and read as {name}"]
 
 
-def _delimiter(lines: Sequence[str], *, commas: bool) -> str:
-    """Return the delimiter of the cells.
-
-    Of those that occur equally often in every line, it is the one that leaves most numbers in a line of data, because
-    decimal commas can be as frequent.
-    """
-    candidates = (";", "\t") if commas else (";", "\t", ",")
-    even = []
-    for candidate in candidates:
-        first, *others = (line.count(candidate) for line in lines)
-        if first and all(count == first for count in others):
-            even.append(candidate)
-    if even:
-        return max(even, key=lambda candidate: sum(map(_is_number, lines[-1].split(candidate))))
-    counts = {candidate: lines[0].count(candidate) for candidate in candidates}
-    best = max(counts, key=lambda candidate: counts[candidate])
-    return best if counts[best] else " "
-
-
 def _names_in_comment(line: str, delimiter: str, width: int) -> Row:
     """Names of the columns in the comment above the first row, as numpy.savetxt writes them; empty without any."""
     text = line.strip().lstrip("".join(_COMMENT)).strip()
     cells = text.split() if delimiter == " " else [cell.strip() for cell in text.split(delimiter)]
-    return cells if len(cells) == width > 1 and not any(map(_is_number, cells)) else []
-
-
-def _without_units(body: list[Row]) -> tuple[list[Row], Row]:
-    """Return the rows of data, and the cells of the rows of units above them, which hold no number."""
-    for count in range(1, min(_UNIT_ROWS, len(body) - 1) + 1):
-        above, below = body[count - 1], body[count]
-        cells = [cell.strip() for cell in above if cell.strip()]
-        if not cells or any(map(_is_number, cells)):
-            break
-        if any(_is_number(cell) for cell in below if cell.strip()):
-            return body[count:], [cell.strip() for row in body[:count] for cell in row if cell.strip()]
-    return body, []
+    return cells if len(cells) == width > 1 and not any(map(is_number, cells)) else []
 
 
 def _has_decimal_commas(path: Path, columns: Iterable[Iterable[Part]]) -> bool:
@@ -304,7 +338,7 @@ def _has_decimal_commas(path: Path, columns: Iterable[Iterable[Part]]) -> bool:
     for cell in (cell for parts in columns for part in parts if isinstance(part, list) for cell in part):
         match = _DECIMAL_COMMA.fullmatch(cell)
         if match is None:
-            if "," not in cell and "." in cell and _is_number(cell):
+            if "," not in cell and "." in cell and is_number(cell):
                 return False  # a point is the decimal sign here
             continue
         found = found or cell.strip()
@@ -316,11 +350,3 @@ def _has_decimal_commas(path: Path, columns: Iterable[Iterable[Part]]) -> bool:
             "save the file without separators of thousands"
         )
     return sure
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text.replace(",", "."))
-    except ValueError:
-        return False
-    return True

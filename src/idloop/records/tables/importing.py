@@ -18,9 +18,11 @@ from idloop.records.finding import Finding
 from idloop.records.inspection.clocks import stamp_findings, stamp_statistics
 from idloop.records.inspection.values import missing_values
 from idloop.records.measured_conditions import TOPIC as CONDITIONS
-from idloop.records.tables.mapping import Mapping, load_mapping
+from idloop.records.tables.joined import joined_tables
+from idloop.records.tables.mapping import Mapping, Signals, load_mapping
 from idloop.records.tables.signals import Signal, signals_from_bag, signals_from_table
-from idloop.records.tables.table_files import read_table
+from idloop.records.tables.table_files import Table, read_table
+from idloop.spelling import listed
 
 Floats = NDArray[np.float64]
 
@@ -95,11 +97,11 @@ def import_bag(
         raise InputError(f"{bag}: exists already and is not overwritten; choose another name or remove it")
     attributes: dict[str, float | str] = {}
     findings: list[Finding] = []
-    if mapping.format == "bag" or (mapping.format is None and (source.is_dir() or source.suffix in (".mcap", ".db3"))):
+    from_bag = source.is_dir() or source.suffix in {".mcap", ".db3"}
+    if mapping.format == "bag" or (mapping.format is None and not mapping.files and from_bag):
         read = signals_from_bag(source, mapping, signals)
     else:
-        options = {**mapping.csv.model_dump(), "entries": mapping.entries}
-        table = read_table(source, mapping.format, options)
+        table = _table(source, mapping, signals)
         findings += [Finding("how_it_is_written", f"{source.name}: {note}") for note in table.notes]
         attributes = {name: table.attributes[name] for name in mapping.attributes if name in table.attributes}
         read = signals_from_table(table, mapping, signals)
@@ -144,6 +146,22 @@ def import_bag(
         findings=tuple(findings),
         notes=tuple(mapping.notes),
     )
+
+
+def _table(source: Path, mapping: Mapping, signals: Signals) -> Table:
+    """Return the table of a file, or of the files of a folder that the mapping joins."""
+    rows = slice(signals.rows.start, signals.rows.stop)
+    options = {**mapping.csv.model_dump(), "entries": mapping.entries, "rows": rows}
+    if not mapping.files:
+        return read_table(source, mapping.format, options)
+    if not source.is_dir():
+        raise InputError(
+            f"{source}: mapping {mapping.name} joins {listed(mapping.files)}; give the folder that holds them"
+        )
+    for name in mapping.files:
+        if not (source / name).resolve().is_relative_to(source.resolve()):
+            raise InputError(f"mapping {mapping.name}: files: {name!r} lies outside of {source}")
+    return joined_tables(source, [read_table(source / name, mapping.format, options) for name in mapping.files])
 
 
 def _check(source: Path, signals: list[Signal]) -> None:

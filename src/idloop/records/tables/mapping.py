@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -10,6 +11,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from idloop.documents import MOST_NAME, read_text, read_yaml
 from idloop.errors import InputError
+from idloop.records.tables.expression import Expression
 from idloop.spelling import did_you_mean, did_you_mean_or_known, listed
 
 SCHEMA = "idloop/mapping/1"
@@ -32,13 +34,37 @@ class SignBit(_Strict):
     sign_bit: int = Field(ge=1, le=62)
 
 
+class Time(_Strict):
+    """Where stamps come from: a column, a fixed period, or the stamps of a bag."""
+
+    column: str | int | None = None
+    unit: Literal["s", "ms", "us", "ns", "iso8601"] = "s"
+    period: float | None = Field(default=None, ge=_SHORTEST, allow_inf_nan=False)
+    rate: float | None = Field(default=None, gt=0, le=1.0 / _SHORTEST, allow_inf_nan=False)
+    stamps: Literal["header", "receive"] | None = None
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Time:
+        if sum(item is not None for item in (self.column, self.period, self.rate, self.stamps)) != 1:
+            raise ValueError("give one of column, period, rate (tables) or stamps (bags)")
+        return self
+
+
 class Channel(_Strict):
-    """One signal: value = decode(raw) * scale * times + offset.
+    r"""One signal: value = decode(raw) * scale * times + offset.
 
     Attributes
     ----------
     column : str or int
         Column of a table, by name or position.
+    compute : str
+        Formula over columns of a table, see `Expression`.
+    value : float
+        A constant, such as a command that is in no column.
+    file_name : str
+        Regular expression whose group is that constant in the name of the file: ``pwm_(\d+)``.
+    time : Time
+        Of a table: stamps of this column alone, where the columns have several time bases.
     topic, field : str
         Of a bag: topic and path of the number in its messages (``pos_estimate``, ``data[0]``), or of a
         JointState topic the field, with `source_joint`.
@@ -59,6 +85,10 @@ class Channel(_Strict):
     """
 
     column: str | int | None = None
+    compute: Name | None = None
+    value: float | None = Field(default=None, allow_inf_nan=False)
+    file_name: Name | None = None
+    time: Time | None = None
     topic: Name | None = None
     field: Name | None = None
     source_joint: Name | None = None
@@ -71,10 +101,33 @@ class Channel(_Strict):
     wrap: float | None = Field(default=None, gt=0, allow_inf_nan=False)
     optional: bool = False
 
+    @field_validator("compute")
+    @classmethod
+    def _formula(cls, value: str | None) -> str | None:
+        if value is not None:
+            try:
+                Expression(value)
+            except InputError as error:
+                raise ValueError(str(error)) from None
+        return value
+
+    @field_validator("file_name")
+    @classmethod
+    def _pattern(cls, value: str | None) -> str | None:
+        if value is not None:
+            try:
+                groups = re.compile(value).groups
+            except re.error as error:
+                raise ValueError(f"{value!r} is no regular expression ({error})") from None
+            if groups != 1:
+                raise ValueError(rf"{value!r} must have one group for the number, such as 'pwm_(\d+)'")
+        return value
+
     @model_validator(mode="after")
     def _one_source(self) -> Channel:
-        if (self.column is None) == (self.topic is None):
-            raise ValueError("give either column (of a table) or topic (of a bag)")
+        sources = (self.column, self.topic, self.compute, self.value, self.file_name)
+        if sum(source is not None for source in sources) != 1:
+            raise ValueError("give either one of column, compute, value and file_name (of a table) or topic (of a bag)")
         return self
 
 
@@ -95,24 +148,8 @@ Channels = Annotated[list[Channel], Field(max_length=_MOST_CHANNELS), BeforeVali
 def _is_signal(value: Any) -> bool:
     """Whether a value is a signal itself, not a section of signals."""
     if isinstance(value, dict):
-        return bool({"column", "topic"} & set(value)) and "position" not in value
+        return bool({"column", "topic", "compute", "value", "file_name"} & set(value)) and "position" not in value
     return isinstance(value, str | int | list)
-
-
-class Time(_Strict):
-    """Where stamps come from: a column, a fixed period, or the stamps of a bag."""
-
-    column: str | int | None = None
-    unit: Literal["s", "ms", "us", "ns", "iso8601"] = "s"
-    period: float | None = Field(default=None, ge=_SHORTEST, allow_inf_nan=False)
-    rate: float | None = Field(default=None, gt=0, le=1.0 / _SHORTEST, allow_inf_nan=False)
-    stamps: Literal["header", "receive"] | None = None
-
-    @model_validator(mode="after")
-    def _one_source(self) -> Time:
-        if sum(item is not None for item in (self.column, self.period, self.rate, self.stamps)) != 1:
-            raise ValueError("give one of column, period, rate (tables) or stamps (bags)")
-        return self
 
 
 class Reference(_Strict):
@@ -151,6 +188,13 @@ class Rows(_Strict):
     stop: int | None = Field(default=None, gt=0)
 
 
+class Times(_Strict):
+    """Stamps start <= t < stop [s], as the file counts them."""
+
+    start: float | None = Field(default=None, allow_inf_nan=False)
+    stop: float | None = Field(default=None, allow_inf_nan=False)
+
+
 class Signals(_Strict):
     """What a mapping, or one part of it, assigns."""
 
@@ -166,6 +210,7 @@ class Signals(_Strict):
         default={}, max_length=_MOST_CHANNELS
     )
     rows: Rows = Rows()
+    times: Times = Times()
 
 
 class Part(Signals):
@@ -179,8 +224,9 @@ class Csv(_Strict):
 
     delimiter: str | None = None
     header: bool | None = None
-    skip_rows: int = Field(default=0, ge=0, le=_MOST_SKIPPED)
+    skip_rows: int | None = Field(default=None, ge=0, le=_MOST_SKIPPED)
     decimal: Literal[".", ","] = "."
+    skip_text: bool = False
 
     @field_validator("delimiter")
     @classmethod
@@ -200,6 +246,7 @@ class Mapping(Signals):
     format: Literal["csv", "mat", "npz", "json", "bag"] | None = None
     csv: Csv = Csv()
     entries: str | None = None
+    files: Annotated[list[Name], Field(max_length=_MOST_CHANNELS)] = []
     attributes: list[str] = []
     notes: list[str] = []
     definitions: dict[str, str] = {}
@@ -274,6 +321,7 @@ _SECTIONS: dict[str, type[BaseModel]] = {
     "reference": Reference,
     "excitation": Excitation,
     "rows": Rows,
+    "times": Times,
     "csv": Csv,
     "decode": SignBit,
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
@@ -17,6 +18,8 @@ from idloop.records.bags.topics import resolve_topic, topics_named
 from idloop.records.measured_conditions import FIELD, bag_column
 from idloop.records.measured_conditions import TOPIC as CONDITIONS
 from idloop.records.tables.base_units import base_unit
+from idloop.records.tables.csv_layout import is_number
+from idloop.records.tables.expression import Expression
 from idloop.records.tables.mapping import Channel, Mapping, Signals, SignBit, Time
 from idloop.records.tables.table_files import Table
 from idloop.records.unwrapping import unwrap
@@ -55,39 +58,115 @@ class Signal:
 
 
 def signals_from_table(table: Table, mapping: Mapping, signals: Signals) -> list[Signal]:
-    """Read what the mapping assigns from the columns of a table."""
-    if signals.time is None or signals.time.stamps is not None:
-        raise InputError(
-            f"mapping {mapping.name}: say where time comes from: `time: {{column: t}}` or `time: {{period: 0.001}}`"
-        )
-    raw: list[tuple[str, str, Channel, Floats]] = []
+    """Read what the mapping assigns from the columns of a table; rows outside of its `rows` are not looked at."""
+    rows = _selected(table, signals)
+    raw: list[tuple[str, str, Channel, Time | None, Floats]] = []
     for topic, field, channel in _assignments(signals):
-        if channel.column is None:
+        if channel.topic is not None:
             raise InputError(
                 f"mapping {mapping.name}: {topic} {field} names a topic, but {table.path} is a table; give `column:`"
             )
-        if channel.optional and channel.column not in table:
+        if channel.optional and channel.column is not None and channel.column not in table:
             continue
-        raw.append((topic, field, channel, _convert(table.numbers(channel.column), table, channel)))
-    if not raw:
+        raw.append((topic, field, channel, _clock(table, signals, channel), _values(table, channel, rows)))
+    if not any(value.ndim for *_, value in raw):
         raise InputError(f"mapping {mapping.name}: it assigns no column; add `command:` and `position:` or `velocity:`")
-    lengths = {str(channel.column): value.size for _, _, channel, value in raw}
-    count = max(lengths.values())
-    if min(lengths.values()) < count:
-        text = ", ".join(f"{name}: {length}" for name, length in lengths.items())
-        raise InputError(f"{table.path}: columns of unequal length ({text}); choose columns of one record")
-    stamp = _time(table, signals.time, count)
-    rows = slice(signals.rows.start, signals.rows.stop)
-    if signals.rows.start >= count or (signals.rows.stop or 0) > count:
+    # What has no column, such as a constant command, has the stamps of the first that has one.
+    first = next(time for *_, time, value in raw if value.ndim)
+    stamps: dict[Time, Stamps] = {}
+    for time in dict.fromkeys(first if not value.ndim else time for *_, time, value in raw):
+        if time is None or time.stamps is not None:
+            raise InputError(
+                f"mapping {mapping.name}: say where time comes from: `time: {{column: t}}` or `time: {{period: 0.001}}`"
+            )
+        lengths = {_source(one): value.size for *_, one, own, value in raw if own == time and value.ndim}
+        count = max(lengths.values())
+        if min(lengths.values()) < count:
+            text = ", ".join(f"{name}: {length}" for name, length in lengths.items())
+            raise InputError(f"{table.path}: columns of unequal length ({text}); choose columns of one record")
+        stamps[time] = _time(table, time, count, rows)
+    found = []
+    shift = _shift(list(stamps.values()))
+    for topic, field, channel, time, value in raw:
+        stamp = stamps[first if not value.ndim or time is None else time]  # type: ignore[index]
+        kept = _within(stamp, signals, held=channel.time is not None and topic not in ("joint_states", CONDITIONS))
+        both = (stamp[kept] + shift,) * 2
+        values = np.broadcast_to(value, stamp.shape)[kept]
+        found.append(_make_signal(topic, field, channel, values, both, mapping, channel.joint or signals.joint or ""))
+    return found
+
+
+def _selected(table: Table, signals: Signals) -> slice:
+    """Rows of the table's columns that the mapping selects."""
+    start, stop = signals.rows.start, signals.rows.stop
+    return slice(start - table.first_row, None if stop is None else stop - table.first_row)
+
+
+def _source(channel: Channel) -> str:
+    return str(channel.column if channel.column is not None else channel.compute)
+
+
+def _clock(table: Table, signals: Signals, channel: Channel) -> Time | None:
+    """Where the stamps of a column come from: its own, those of the mapping, or those that the file says."""
+    if channel.time is not None or signals.time is not None:
+        return channel.time or signals.time
+    name = channel.column if isinstance(channel.column, str) else None
+    if name is None and channel.compute is not None:
+        name = next(iter(Expression(channel.compute).columns), None)
+    return Time(column=table.clocks[name]) if name in table.clocks else None
+
+
+def _values(table: Table, channel: Channel, rows: slice) -> Floats:
+    """Values of one channel, shape (n,); of a constant a single one, shape ()."""
+    if channel.value is not None or channel.file_name is not None:
+        return np.asarray(_constant(table, channel) * channel.scale + channel.offset)
+    if channel.compute is not None:
+        formula = Expression(channel.compute)
+        columns = {name: _column(table, name, rows) for name in formula.columns}
+        sizes = {name: value.size for name, value in columns.items()}
+        if len(set(sizes.values())) > 1:
+            text = ", ".join(f"{name}: {size}" for name, size in sizes.items())
+            raise InputError(f"{table.path}: columns of unequal length ({text}) in {channel.compute!r}")
+        if not columns:
+            raise InputError(f"{table.path}: {channel.compute!r} names no column; give a constant as `value:`")
+        raw = formula.evaluate(columns)
+    else:
+        raw = _column(table, channel.column, rows)  # type: ignore[arg-type]
+    return _convert(raw, table, channel, rows)
+
+
+def _constant(table: Table, channel: Channel) -> float:
+    if channel.value is not None:
+        return channel.value
+    match = re.search(str(channel.file_name), table.path.name)
+    number = match[1].replace(",", ".") if match else ""
+    if not is_number(number):
         raise InputError(
-            f"{table.path}: rows {signals.rows.start} to {signals.rows.stop} do not lie within its {count} rows;"
-            " correct `rows:`"
+            f"{table.path}: no number in the name of the file by {channel.file_name!r}; correct `file_name:`, or give"
+            " `value:`"
         )
-    both = stamp[rows], stamp[rows]
-    return [
-        _make_signal(topic, field, channel, value[rows], both, mapping, channel.joint or signals.joint or "")
-        for topic, field, channel, value in raw
-    ]
+    return float(number)
+
+
+def _column(table: Table, name: str | int, rows: slice) -> Floats:
+    """Return the selected rows of a column; InputError where they do not lie within it."""
+    count = table.first_row + len(table.raw(name))
+    start, stop = rows.start + table.first_row, None if rows.stop is None else rows.stop + table.first_row
+    if start >= count or (stop or 0) > count:
+        raise InputError(f"{table.path}: rows {start} to {stop} do not lie within its {count} rows; correct `rows:`")
+    return table.numbers(name, rows)
+
+
+def _within(stamp: Stamps, signals: Signals, *, held: bool) -> NDArray[np.bool_]:
+    """Which stamps [ns] lie within the times that the mapping selects; of a held signal the last one before, too."""
+    start, stop = signals.times.start, signals.times.stop
+    kept = np.ones(stamp.size, dtype=bool)
+    if stop is not None:
+        kept &= stamp < round(stop * 1e9)
+    if start is not None:
+        begin = np.searchsorted(stamp, round(start * 1e9))
+        kept[: max(int(begin) - int(held), 0)] = False
+    return kept
 
 
 def signals_from_bag(source: Path, mapping: Mapping, signals: Signals) -> list[Signal]:
@@ -158,7 +237,7 @@ def _make_signal(
     return Signal(topic, joint, field, unit, *stamps, value if factor == 1.0 else value * factor, doubtful)
 
 
-def _convert(value: Floats, table: Table | None, channel: Channel) -> Floats:
+def _convert(value: Floats, table: Table | None, channel: Channel, rows: slice = slice(0, None)) -> Floats:
     """Return decode(raw) * scale * times + offset."""
     if isinstance(channel.decode, SignBit):
         value = sign_magnitude(value, channel.decode.sign_bit)
@@ -166,7 +245,7 @@ def _convert(value: Floats, table: Table | None, channel: Channel) -> Floats:
         value = twos_complement(value, channel.decode)
     value = value * channel.scale
     if channel.times is not None and table is not None:
-        factor = table.numbers(channel.times)
+        factor = table.numbers(channel.times, rows)
         if factor.size != value.size:
             raise InputError(
                 f"{table.path}: column {channel.times!r} has {factor.size} rows, {channel.column!r} {value.size};"
@@ -176,54 +255,65 @@ def _convert(value: Floats, table: Table | None, channel: Channel) -> Floats:
     return value + channel.offset
 
 
-def _time(table: Table, time: Time, count: int) -> Stamps:
+def _time(table: Table, time: Time, count: int, rows: slice) -> Stamps:
+    """Stamps of the selected rows as the file counts them [ns]."""
+    first = rows.start + table.first_row
     if time.column is None:
         period = time.period if time.period is not None else 1.0 / (time.rate or 1.0)
-        if count * period * 1e9 >= _LATEST_NS:
+        if (first + count) * period * 1e9 >= _LATEST_NS:
             raise InputError(
                 f"{table.path}: time: {count} rows at every {period:g} s last longer than any recording;"
                 f" correct the {'period' if time.rate is None else 'rate'}"
             )
-        return _START_NS + np.round(np.arange(count) * period * 1e9).astype(np.int64)
+        return np.asarray(np.round(np.arange(first, first + count) * period * 1e9).astype(np.int64))
     if time.unit == "iso8601":
-        stamp = np.array([_iso(table, cell, row) for row, cell in enumerate(table.raw(time.column))], dtype=object)
-        stamp = _as_stamps(table, time.column, stamp)
+        cells = table.raw(time.column)[rows]
+        stamp = _as_stamps(
+            table,
+            time.column,
+            np.array([_iso(table, cell, row) for row, cell in enumerate(cells, first)], dtype=object),
+            first,
+        )
     else:
-        seconds = table.numbers(time.column)
+        seconds = table.numbers(time.column, rows)
         bad = np.flatnonzero(~np.isfinite(seconds))
         if bad.size:
             raise InputError(
-                f"{table.path}: time column {time.column!r} is not a number in row {bad[0]}; leave this row out with"
-                " `rows:`"
+                f"{table.path}: time column {time.column!r} is not a number in row {first + bad[0]}; leave this row out"
+                " with `rows:`"
             )
         with np.errstate(over="ignore"):
             whole = np.round(seconds if time.unit == "ns" else seconds * _TO_SECONDS[time.unit] * 1e9)
-        stamp = _as_stamps(table, time.column, whole)
-        if stamp.size and stamp.min() < _ABSOLUTE * 1e9:
-            stamp = stamp + _START_NS - min(int(stamp[0]), 0)
+        stamp = _as_stamps(table, time.column, whole, first)
     if stamp.size != count:
         raise InputError(
             f"{table.path}: time column {time.column!r} has {stamp.size} rows, the others {count}; choose columns"
             " of one record"
         )
-    if stamp.size and stamp[0] < 0:
-        raise InputError(f"{table.path}: time column {time.column!r} begins before 1970; stamps begin there")
     back = np.flatnonzero(np.diff(stamp) < 0)
     if back.size:
         raise InputError(
-            f"{table.path}: time column {time.column!r} runs backwards in row {back[0] + 1}; cut the runs apart"
+            f"{table.path}: time column {time.column!r} runs backwards in row {first + back[0] + 1}; cut the runs apart"
             " with `rows:`"
         )
+    if stamp.size and time.unit == "iso8601" and stamp[0] < 0:
+        raise InputError(f"{table.path}: time column {time.column!r} begins before 1970; stamps begin there")
     return stamp
 
 
-def _as_stamps(table: Table, column: str | int, nanoseconds: NDArray[Any]) -> Stamps:
+def _shift(stamps: list[Stamps]) -> int:
+    """What is added to all stamps [ns]: times since the start begin one second after the epoch, dates stay."""
+    earliest = min(int(stamp[0]) for stamp in stamps if stamp.size)
+    return _START_NS - min(earliest, 0) if earliest < _ABSOLUTE * 1e9 else 0
+
+
+def _as_stamps(table: Table, column: str | int, nanoseconds: NDArray[Any], first: int) -> Stamps:
     """Times as stamps; InputError when one is outside the range of stamps."""
     far = np.flatnonzero(np.abs(nanoseconds) >= _LATEST_NS)
     if far.size:
         raise InputError(
-            f"{table.path}: time column {column!r} is {float(nanoseconds[far[0]]) / 1e9:g} s in row {far[0]}, which is"
-            " not a time; correct the file or leave this row out with `rows:`"
+            f"{table.path}: time column {column!r} is {float(nanoseconds[far[0]]) / 1e9:g} s in row {first + far[0]},"
+            " which is not a time; correct the file or leave this row out with `rows:`"
         )
     return nanoseconds.astype(np.int64)
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from idloop.documents import MOST_JSON_TABLE, MOST_TABLE, read_json, read_npz, read_text
 from idloop.errors import InputError
-from idloop.records.tables.csv_file import read_csv
+from idloop.records.tables.csv_file import CsvTable, read_csv
 from idloop.spelling import did_you_mean, listed
 
 # Entries of a structure or cell array that become columns of their own; a longer one is a list of samples.
@@ -38,6 +38,10 @@ class Table:
         Units of columns, as the file writes them.
     clocks : dict of str to str
         Where columns have stamps of their own: the column that holds those of each.
+    first_row : int
+        Row of the file with which the columns begin.
+    csv : CsvTable or None
+        Of a text file, what was found about its layout.
     """
 
     path: Path
@@ -46,6 +50,8 @@ class Table:
     notes: list[str] = field(default_factory=list)
     units: dict[str, str] = field(default_factory=dict)
     clocks: dict[str, str] = field(default_factory=dict)
+    first_row: int = 0
+    csv: CsvTable | None = None
 
     def __contains__(self, name: str | int) -> bool:
         """Whether there is such a column, by name or by position from 0."""
@@ -63,19 +69,20 @@ class Table:
             )
         return self.columns[name]
 
-    def numbers(self, name: str | int) -> NDArray[np.float64]:
-        """Return a column as floats (n,); an empty cell is NaN.
+    def numbers(self, name: str | int, rows: slice = slice(None)) -> NDArray[np.float64]:
+        """Return a column, or some rows of it, as floats (n,); an empty cell is NaN.
 
         Raises
         ------
         InputError
             Unknown column, or a cell that is no number.
         """
-        raw = self.raw(name)
+        raw = self.raw(name)[rows]
         try:
             return np.asarray(raw, dtype=np.float64).ravel()
         except (TypeError, ValueError):
-            return np.array([self._number(cell, name, row) for row, cell in enumerate(raw)])
+            first = self.first_row + (rows.start or 0)
+            return np.array([self._number(cell, name, first + row) for row, cell in enumerate(raw)])
 
     def _number(self, cell: Any, name: str | int, row: int) -> float:
         if cell is None or (isinstance(cell, str) and not cell.strip()):
@@ -100,7 +107,8 @@ def read_table(path: Path, kind: str | None = None, options: Mapping[str, Any] |
     kind : {"csv", "mat", "npz", "json"}, optional
         Format; by default from the file's suffix.
     options : mapping, optional
-        ``delimiter``, ``header``, ``skip_rows``, ``decimal`` (csv); ``entries`` (json: key of the list of samples).
+        ``delimiter``, ``header``, ``skip_rows``, ``decimal``, ``skip_text``, ``rows`` (csv: slice of the rows that are
+        looked at); ``entries`` (json: key of the list of samples).
 
     Raises
     ------
@@ -136,8 +144,9 @@ def read_table(path: Path, kind: str | None = None, options: Mapping[str, Any] |
 
 
 def _read_csv(path: Path, options: dict[str, Any]) -> Table:
-    columns, notes = read_csv(path, options)
-    return Table(path, columns, notes=notes)
+    rows = options.get("rows") or slice(0, None)
+    read = read_csv(path, options, rows)
+    return Table(path, read.columns, notes=read.notes, units=read.units, first_row=rows.start or 0, csv=read)
 
 
 def _read_mat(path: Path, _: dict[str, Any]) -> Table:

@@ -1,0 +1,175 @@
+"""Where the table of a text file lies: its delimiter, the notes above it, its header and the rows of units."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+Row: TypeAlias = list[str]
+
+_DELIMITERS = (";", "\t", ",", "|", " ")
+# Rows of units, types or descriptions below a header, at most.
+_UNIT_ROWS = 3
+# Share of the cells of a row of data that are numbers or times, at least.
+_NUMBERS = 0.34
+_TIME = re.compile(r"\d{4}-\d\d-\d\d([T ]\d\d:\d\d(:\d\d([.,]\d+)?)?(Z|[+-]\d\d:?\d\d)?)?|\d{1,2}:\d\d:\d\d([.,]\d+)?")
+# A name in a line whose cells are separated by white space, with the unit behind it.
+_NAME = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?")
+_UNIT_CELL = re.compile(r"\[.*\]|\(.*\)|<.*>|-|[%°µΩa-zA-Z²³·/*^.0-9]{1,8}")
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where a table lies in the lines of a file.
+
+    Attributes
+    ----------
+    delimiter : str
+        Between cells; a blank stands for any white space.
+    skip : int
+        Lines above the header, or above the rows where there is no header.
+    names : list of str
+        Header; empty without one.
+    units : tuple of list of str
+        Rows between the header and the first row of data.
+    width : int
+        Cells of a row of data.
+    """
+
+    delimiter: str
+    skip: int
+    names: Row
+    units: tuple[Row, ...]
+    width: int
+
+    @property
+    def first(self) -> int:
+        """Line of the first row of data."""
+        return self.skip + bool(self.names) + len(self.units)
+
+
+def is_number(text: str) -> bool:
+    """Whether a cell is a number, with a decimal point or comma."""
+    try:
+        float(text.replace(",", "."))
+    except ValueError:
+        return False
+    return True
+
+
+def is_data(row: Row, width: int) -> bool:
+    """Whether a row has the width of the table, and numbers or times in a good share of its cells."""
+    if len(row) > width and any(cell.strip() for cell in row[width:]):
+        return False
+    return len(row) >= width and _numbers(row[:width])[0] > 0.0
+
+
+def split(lines: Sequence[str], delimiter: str) -> list[Row]:
+    """Return the cells of each line."""
+    if delimiter == " ":
+        return [line.split() for line in lines]
+    # Line by line: a quote that is never closed takes no other line with it.
+    return [next(iter(csv.reader([line], delimiter=delimiter, skipinitialspace=True)), []) for line in lines]
+
+
+def find_layout(lines: Sequence[str], *, delimiter: str | None = None, header: bool | None = None) -> Layout:
+    """Find the table in the first lines of a file.
+
+    The delimiter is the one whose rows hold most numbers, counted in rows of one width; the table begins where two such
+    rows follow each other.
+
+    Parameters
+    ----------
+    lines : sequence of str
+        Without empty lines and comments.
+    delimiter : str, optional
+        Where it is known.
+    header : bool, optional
+        Whether there is a header, where it is known.
+    """
+    best: tuple[float, str, int, list[Row]] = (-1.0, "", 0, [])
+    for candidate in [delimiter] if delimiter else _DELIMITERS:
+        rows = split(lines, candidate)
+        scored = [(len(row), _numbers(row)[1]) for row in rows]
+        widths = Counter(width for width, score in scored if score)
+        width = max(widths, key=lambda one: widths[one], default=0)
+        score = sum(one for length, one in scored if length == width)
+        if (score, width) > (best[0], best[2]):
+            best = (score, candidate, width, rows)
+    score, chosen, width, rows = best
+    if score == 0.0:
+        return _of_texts(lines, delimiter)
+    data = [is_data(row, width) for row in rows]
+    first = next(
+        (k for k, good in enumerate(data) if good and (k + 1 == len(data) or data[k + 1])),
+        data.index(True) if True in data else 0,
+    )
+    if header is False:
+        return Layout(chosen, first, [], (), width)
+    above = _header_rows(lines, rows, first, width, chosen)
+    if header is True and not above:
+        return Layout(chosen, first, rows[first], (), width)
+    if not above and header is None and _names_columns(rows[first : first + 20]):
+        return Layout(chosen, first, rows[first], (), width)
+    names, *units = above or [[]]
+    return Layout(chosen, first - len(above), names, tuple(units), width)
+
+
+def _numbers(row: Row) -> tuple[float, float]:
+    """Share of the cells that are numbers or times, and their number weighed by it; zeros where they are too few."""
+    cells = [cell for cell in map(str.strip, row) if cell]
+    count = sum(is_number(cell) or _TIME.fullmatch(cell) is not None for cell in cells)
+    share = count / len(cells) if cells else 0.0
+    return (share, count * share) if share >= _NUMBERS else (0.0, 0.0)
+
+
+def _of_texts(lines: Sequence[str], delimiter: str | None) -> Layout:
+    """Layout of a table without a number in its first lines: the first line is the header."""
+    counts = {one: lines[0].count(one) for one in _DELIMITERS[:-1]}
+    chosen = delimiter or max(counts, key=lambda one: counts[one])
+    if delimiter is None and not counts[chosen]:
+        chosen = " "
+    names = split(lines[:1], chosen)[0]
+    return Layout(chosen, 0, names, (), len(names))
+
+
+def _header_rows(lines: Sequence[str], rows: Sequence[Row], first: int, width: int, delimiter: str) -> list[Row]:
+    """Return header and rows of units above the first row of data; empty where there is none."""
+    used = max((k + 1 for row in rows[first : first + 2] for k, cell in enumerate(row) if cell.strip()), default=width)
+    block: list[Row] = []
+    for k in range(first - 1, -1, -1):
+        row = rows[k]
+        if delimiter == " " and len(row) != width:
+            row = _NAME.findall(lines[k])
+        cells = [cell.strip() for cell in row]
+        fits = used <= len(row) and not any(cells[width:])
+        if not fits or not any(cells) or any(map(is_number, cells)):
+            break
+        block.insert(0, row)
+    if not block:
+        return []
+    # The lowest row that is none of units; of a file that begins with the header, all rows below are units or types.
+    lowest = len(block) - 1
+    while lowest > 0 and len(block) - lowest <= _UNIT_ROWS and _are_units(block[lowest]):
+        lowest -= 1
+    if len(block) == first and len(block) <= 1 + _UNIT_ROWS:
+        lowest = 0
+    return block[lowest:]
+
+
+def _names_columns(rows: Sequence[Row]) -> bool:
+    """Whether the first row has a text in a column that otherwise holds numbers."""
+    head, *below = rows
+    return any(
+        cell.strip() and not is_number(cell) and all(k < len(row) and is_number(row[k]) for row in below)
+        for k, cell in enumerate(head)
+    ) and bool(below)
+
+
+def _are_units(row: Row) -> bool:
+    cells = [cell.strip() for cell in row if cell.strip()]
+    return all(_UNIT_CELL.fullmatch(cell) for cell in cells)

@@ -1,0 +1,157 @@
+"""Signals computed from columns: ``theta + alpha``, ``pos[1] - pos[0]``, ``load * volts``.
+
+Sums, differences, products, quotients and powers of columns and numbers, and a few functions. Only what is listed here
+is evaluated; a formula cannot call, import or look up anything else.
+"""
+
+from __future__ import annotations
+
+import ast
+import operator
+import re
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import InputError
+from idloop.spelling import did_you_mean, listed
+
+Floats = NDArray[np.float64]
+
+_BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: operator.pow,
+    ast.Mod: operator.mod,
+}
+_UNARY: dict[type[ast.unaryop], Callable[[Any], Any]] = {ast.UAdd: operator.pos, ast.USub: operator.neg}
+_FUNCTIONS: dict[str, Callable[[Any], Any]] = {
+    "abs": np.abs,
+    "sign": np.sign,
+    "sqrt": np.sqrt,
+    "sin": np.sin,
+    "cos": np.cos,
+    "tan": np.tan,
+    "deg2rad": np.deg2rad,
+    "rad2deg": np.rad2deg,
+}
+_CONSTANTS = {"pi": np.pi}
+_QUOTED = re.compile(r"`([^`]*)`")
+_LONGEST = 1000
+_PLACE = "column_{}_"
+
+
+class Expression:
+    """A formula over columns.
+
+    Parameters
+    ----------
+    text : str
+        Names of columns, numbers, ``+ - * / % **``, brackets, ``abs sign sqrt sin cos tan deg2rad rad2deg pi``. A name
+        that is no plain word stands in backquotes: `` `speed [rpm]` / 30 ``.
+
+    Raises
+    ------
+    InputError
+        Not such a formula.
+    """
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self._quoted: list[str] = []
+        if len(text) > _LONGEST:
+            raise InputError(f"formula of {len(text)} characters; at most {_LONGEST} are read")
+        plain = _QUOTED.sub(self._hide, text)
+        try:
+            self._tree = ast.parse(plain.strip(), mode="eval").body
+        except (SyntaxError, ValueError, RecursionError, MemoryError):
+            raise InputError(
+                f"{text!r} is no formula; write columns, numbers and + - * / ( ), names with blanks in `backquotes`"
+            ) from None
+        self.columns: list[str] = []
+        self._collect(self._tree, 0)
+
+    def _hide(self, match: re.Match[str]) -> str:
+        self._quoted.append(match[1])
+        return f" {_PLACE.format(len(self._quoted) - 1)} "
+
+    def _dotted(self, node: ast.expr) -> str:
+        """Name of a column, such as ``u`` or ``drive.u``; empty where it is none."""
+        match node:
+            case ast.Name(id=name):
+                places = {_PLACE.format(k): quoted for k, quoted in enumerate(self._quoted)}
+                return places.get(name, name)
+            case ast.Attribute(value=ast.Name() | ast.Attribute() as value, attr=name):
+                return f"{self._dotted(value)}.{name}"
+        return ""
+
+    def _is_constant(self, node: ast.expr) -> bool:
+        return isinstance(node, ast.Name) and node.id in _CONSTANTS
+
+    def _collect(self, node: ast.expr, depth: int) -> None:
+        """Refuse what is no part of a formula, and note the columns."""
+        if depth > 50:
+            raise InputError(f"{self.text!r} is nested too deeply")
+        match node:
+            case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
+                self._collect(left, depth + 1)
+                self._collect(right, depth + 1)
+            case ast.UnaryOp(op=op, operand=operand) if type(op) in _UNARY:
+                self._collect(operand, depth + 1)
+            case ast.Call(func=ast.Name(id=name), args=[only], keywords=[]):
+                if name not in _FUNCTIONS:
+                    raise InputError(f"{self.text!r}: no function {name!r}; known are {listed(_FUNCTIONS)}")
+                self._collect(only, depth + 1)
+            case ast.Name() | ast.Attribute() if name := self._dotted(node):
+                if name not in self.columns and not self._is_constant(node):
+                    self.columns.append(name)
+            case ast.Constant(value=bool()):
+                raise InputError(f"{self.text!r} is no formula of numbers")
+            case ast.Constant(value=int() | float()):
+                pass
+            case _:
+                raise InputError(
+                    f"{self.text!r} holds more than columns, numbers, + - * / % ** and {listed(_FUNCTIONS)}"
+                )
+
+    def evaluate(self, columns: Mapping[str, Floats]) -> Floats:
+        """Return the values, shape (n,).
+
+        Parameters
+        ----------
+        columns : mapping of str to array, shape (n,)
+
+        Raises
+        ------
+        InputError
+            A column is missing.
+        """
+        for name in self.columns:
+            if name not in columns:
+                raise InputError(
+                    f"{self.text!r}: no column {name!r}; there are {listed(columns)}{did_you_mean(name, columns)}"
+                )
+        with np.errstate(all="ignore"):
+            value = np.asarray(self._value(self._tree, columns), dtype=np.float64)
+        # What has no value, such as a quotient by zero, was not measured.
+        return np.where(np.isfinite(value), value, np.nan)
+
+    def _value(self, node: ast.expr, columns: Mapping[str, Floats]) -> Any:
+        match node:
+            case ast.BinOp(left=left, op=op, right=right):
+                return _BINARY[type(op)](self._value(left, columns), self._value(right, columns))
+            case ast.UnaryOp(op=op, operand=operand):
+                return _UNARY[type(op)](self._value(operand, columns))
+            case ast.Call(func=ast.Name(id=name), args=[only]):
+                return _FUNCTIONS[name](self._value(only, columns))
+            case ast.Name(id=name) if self._is_constant(node):
+                return _CONSTANTS[name]
+            case ast.Name() | ast.Attribute():
+                return columns[self._dotted(node)]
+            case ast.Constant(value=int() | float() as number):
+                return np.float64(number)
+        raise AssertionError(node)

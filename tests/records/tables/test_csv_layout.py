@@ -1,0 +1,97 @@
+"""The table is found in a text file whatever stands above, below and between its rows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from idloop.records.tables.csv_file import read_csv
+from idloop.records.tables.csv_layout import find_layout
+
+
+def _lines(text):
+    return [line + "\n" for line in text.splitlines() if line.strip()]
+
+
+NAMES = {
+    "notes above, of one width": (
+        "Scope;;;\nDate: 2024-03-01 12:00;;;\nPeriod;1;;\n;;;\nTime [ms];Angle [inc];I [mA];\n0;12;100;\n1;13;100;\n",
+        (";", ["Time [ms]", "Angle [inc]", "I [mA]", ""]),
+    ),
+    "texts of a controller above": (
+        "Booting...\nCalibrating motor 3 of 4\nready\ntime_ms,pwm,rpm\n0,100,0.0\n20,100,1.2\ndone\n",
+        (",", ["time_ms", "pwm", "rpm"]),
+    ),
+    "names with units between blanks": (
+        "time [s]   volt [V]   angle [rad]\n0.0  1.0  2\n0.1  1.0  3\n",
+        (" ", ["time [s]", "volt [V]", "angle [rad]"]),
+    ),
+    "numbers as names": ("time,1,2\n0,1,2\n0.1,2,3\n", (",", ["time", "1", "2"])),
+    "decimal commas and a row of units": (
+        "Zeit;Drehzahl;Strom\ns;1/min;A\n0,0;1,0;2\n0,1;2,0;3\n",
+        (";", ["Zeit", "Drehzahl", "Strom"]),
+    ),
+    "a pair of texts above two columns": ("Scope export;v2\nDate;2024\nt;u\n0;1\n1;2\n", (";", ["t", "u"])),
+    "bars": ("t|u\n0|1\n1|2\n", ("|", ["t", "u"])),
+    "dates": (
+        "when,u\n2025-11-12T10:03:29.555Z,3\n2025-11-12T10:03:29.655Z,4\n",
+        (",", ["when", "u"]),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_header_and_delimiter_are_found(name):
+    text, (delimiter, names) = NAMES[name]
+    layout = find_layout(_lines(text))
+    assert (layout.delimiter, layout.names) == (delimiter, names)
+
+
+def test_rows_without_a_header():
+    layout = find_layout(_lines("0.1 2\n0.2 3\n"))
+    assert (layout.names, layout.first, layout.delimiter) == ([], 0, " ")
+
+
+@given(
+    st.sampled_from([";", "\t", ",", "|"]),
+    st.integers(2, 6),
+    st.integers(2, 30),
+    st.lists(st.sampled_from(["log of a drive", "Rate 1000 Hz", "serial number 7", "=====", "x"]), max_size=8),
+)
+def test_any_notes_above_any_table(delimiter, width, rows, notes):
+    names = [f"signal {k}" for k in range(width)]
+    table = [delimiter.join(f"{0.5 * row + column:.3f}" for column in range(width)) for row in range(rows)]
+    layout = find_layout([line + "\n" for line in [*notes, delimiter.join(names), *table]])
+    assert layout.delimiter == delimiter
+    assert layout.names == names
+    assert layout.first == len(notes) + 1
+
+
+def _read(tmp_path, text, rows=slice(0, None), **options):
+    path = tmp_path / "a.csv"
+    path.write_text(text, encoding="utf-8")
+    return read_csv(path, options, rows)
+
+
+SERIAL = "ready\nt,u\n0,1\n1,2\nlimit reached\n2,3\nt,u\n0,4\n1,\nALL DONE\n"
+
+
+def test_text_between_the_rows_is_left_out_where_asked(tmp_path):
+    table = _read(tmp_path, SERIAL, skip_text=True)
+    np.testing.assert_array_equal(table.columns["t"], [0, 1, 2, 0, 1])
+    np.testing.assert_array_equal(table.columns["u"], [1, 2, 3, 4, np.nan])
+    assert table.text_rows == [2, 3, 5]
+    assert table.preamble == ["ready"]
+    assert "3 lines of text between the rows are left out, before row 2, 3, 5" in table.notes
+
+
+@pytest.mark.parametrize(("rows", "values"), [(slice(0, 2), [1, 2]), (slice(3, 4), [3])])
+def test_rows_outside_of_the_chosen_ones_are_not_looked_at(tmp_path, rows, values):
+    np.testing.assert_array_equal(_read(tmp_path, SERIAL, rows).columns["u"], values)
+
+
+def test_the_delimiter_that_a_spreadsheet_writes(tmp_path):
+    table = _read(tmp_path, "sep=;\nt;u\n0;1,5\n1;2,5\n")
+    np.testing.assert_array_equal(table.columns["u"], [1.5, 2.5])
