@@ -66,3 +66,33 @@ def test_the_level_of_friction_is_no_error_at_rest_and_what_exceeds_it_is() -> N
     assert errors[1] < 0.5 * errors[2]
     # Three standard deviations of the sensor, of which the filter may take a part.
     assert 0.01 < force_error(right, record).rest_speed < 0.032
+
+
+def test_an_effect_at_the_command_that_the_machine_has_makes_the_force_error_smaller() -> None:
+    plain = load_model("dc_motor")
+    right = plain.with_effect("dead_zone", "input", width=0.3)
+    rng = np.random.default_rng(3)
+    time = np.arange(0.0, 20.0, 0.01)
+    # Every command another one: an effect must act on each of them, not on the mean of two.
+    command = 3.0 * rng.normal(size=len(time))
+    output = simulate(right, time, command, time).output
+    names, units = tuple(o.name for o in plain.outputs), tuple(o.unit for o in plain.outputs)
+    record = Record("run", time, command, time, output, plain.input.name, plain.input.unit, names, units)
+    true, others = force_error(right, record), [
+        force_error(plain.with_values({"drive.gain": factor * plain.values["drive.gain"]}), record)
+        for factor in (0.8, 0.9, 1.0)
+    ]  # fmt: skip
+    assert true.relative < 0.02
+    assert all(one.relative > 2.0 * true.relative for one in others)
+
+
+def test_no_model_changes_what_the_force_error_is_a_part_of() -> None:
+    plain = load_model("axis")
+    record = moved(plain, 1.0)
+    off = force_error(plain.with_effect("saturation", "input", limit=1e-9), record)
+    strong = force_error(plain.with_values({"drive.gain": 2.0 * plain.values["drive.gain"]}), record)
+    as_it_is = force_error(plain, record)
+    # A model that switches the command off misses all of the force, not many times of what it leaves.
+    assert off.relative == pytest.approx(1.0, abs=0.05)
+    np.testing.assert_allclose(off.commanded, as_it_is.commanded)
+    np.testing.assert_allclose(strong.commanded, 2.0 * as_it_is.commanded)

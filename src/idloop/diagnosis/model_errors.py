@@ -48,8 +48,7 @@ def _errors(model: Model, record: Record) -> dict[str, Any]:
         found[label] = {name: float(value) for name, value in zip(names, values, strict=True) if np.isfinite(value)}
     try:
         force = force_error(model, record)
-        # With more sensor noise the error is not that of the model.
-        found["force"] = force.relative if force.noise < 0.2 else None
+        found["force"] = force.relative if force.trusted else None
     except IdloopError:
         found["force"] = None
     return found

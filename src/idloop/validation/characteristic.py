@@ -101,7 +101,7 @@ def _of_a_force(model: Model, without: Model, active: ActiveEffect, record: Reco
         """Of the force on the body, without the effect and with it."""
         return [one.balance(None, *along, **conditions).residual[:, body] for one in (plain, engine)]
 
-    command = balance.command(0.0)
+    command = balance.command.mean
     along = (motion.position, motion.velocity, motion.acceleration, motion.time, command, motion.time)
     lacking, left = unexplained(*along, conditions=balance.conditions)
     # Inertia times acceleration less the modelled forces is the force of the effect; shown is its negative, which the

@@ -1,6 +1,8 @@
 """Drive side: the force that the model requires for the measured motion, compared with the applied force.
 
-In a stiff closed loop the position error hides model errors; the force error shows them.
+In a stiff closed loop the position error hides model errors; the force error shows them. It is relative to the
+commanded force, the drive's gain times the command, so that no effect at the command makes its own error look smaller
+or larger: for every model the ratio is that of two commands, of which the denominator is measured.
 """
 
 from __future__ import annotations
@@ -24,6 +26,8 @@ Array = NDArray[np.float64]
 
 # Filter transients at a gap in the measurements last this many periods of the band.
 _MARGIN = 2.0
+# With more relative error from sensor noise alone, the error says nothing about the model.
+_MOST_NOISE = 0.2
 
 
 @dataclass(frozen=True)
@@ -33,9 +37,10 @@ class ForceError:
     Attributes
     ----------
     relative : float
-        ``‖required − applied‖ / ‖applied‖``.
-    time, applied, required : array, shape (m,)
-        Instants [s] and low-passed forces in the model's force unit.
+        ``‖required − applied‖ / ‖commanded‖``.
+    time, applied, required, commanded : array, shape (m,)
+        Instants [s] and low-passed forces in the model's force unit; `commanded` is the gain times the command,
+        `applied` that with the effects at the command.
     command : array, shape (m,)
         Mean command over one sample around each instant.
     cutoff, band : float
@@ -52,12 +57,18 @@ class ForceError:
     time: Array
     applied: Array
     required: Array
+    commanded: Array
     command: Array
     cutoff: float
     band: float
     noise_share: float
     noise: float
     rest_speed: float
+
+    @property
+    def trusted(self) -> bool:
+        """Whether the error is that of the model rather than that of the sensors."""
+        return self.noise < _MOST_NOISE
 
     def plot(self, axes: Any = None) -> Any:
         """Draw both forces and their difference; returns the matplotlib axes."""
@@ -111,20 +122,19 @@ def force_error(model: Model, record: Record, cutoff: float | None = None) -> Fo
             f"record {record.name!r}: the force error needs position or velocity of every body at a steady rate"
         )
     m = balance.motion
-    # The mean of the held command around each instant is what acted there.
-    command = balance.command(0.0)
     rest = float(m.rest_speed[0])  # the drive's force is that on the first body
-    forces_along = engine.balance(
-        None, m.position, m.velocity, m.acceleration, m.time, command, m.time, rest, conditions=data.conditions
-    )
+    applied, required = balance.forces(engine, rest)
+    # The mean of the held command around each instant is what was commanded there.
+    command = balance.command.mean
+    commanded = model.values["drive.gain"] * command
     # The filter does not change a straight line, so the filtered sample numbers give the kept instants.
-    forces = thin(np.column_stack([forces_along.applied, forces_along.required, np.arange(len(m.time))]), m)
-    kept = np.rint(forces[:, 2]).astype(np.int64)
+    forces = thin(np.column_stack([applied, required, commanded, np.arange(len(m.time))]), m)
+    kept = np.rint(forces[:, 3]).astype(np.int64)
     seen = ~bridged(m.time[kept], model, data, _MARGIN / m.comparison_band)
     if np.sum(seen) < 2:
         raise InputError(f"record {record.name!r}: the motion is measured with too many gaps for the force error")
     forces, kept = forces[seen], kept[seen]
-    size = float(np.linalg.norm(forces[:, 0]))
+    size = float(np.linalg.norm(forces[:, 2]))
     if size <= 0.0:
         idle = not np.any(data.input)
         raise InputError(
@@ -136,6 +146,7 @@ def force_error(model: Model, record: Record, cutoff: float | None = None) -> Fo
         time=m.time[kept],
         applied=forces[:, 0],
         required=forces[:, 1],
+        commanded=forces[:, 2],
         command=command[kept],
         cutoff=m.cutoff,
         band=m.comparison_band,

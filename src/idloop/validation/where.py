@@ -41,12 +41,12 @@ class ErrorMap:
     kind : str
         Description of the basis.
     why : str
-        Reason why it is not the free run; empty otherwise.
+        Reason why it is not the free run, or why the drive side says nothing about the model; empty otherwise.
     time, error : array, shape (m,)
         Instants [s] and measured minus modelled; on the drive side applied minus needed force.
     mean, rms, relative : float
-        Mean and root mean square of the error in its unit; rms over that of the measurement (about its mean for
-        outputs).
+        Mean and root mean square of the error in its unit; rms over that of the measurement about its mean, of the
+        drive side over that of the commanded force.
     breakdowns : tuple of Breakdown
         Along each variable that varies in the record.
     left_out : dict
@@ -75,7 +75,7 @@ class ErrorMap:
 
     def lines(self) -> list[str]:
         """Return a few lines of text: notable parts, functions of one variable, worst stretches."""
-        of = "of the applied force" if self.basis == "force" else "of the measured motion"
+        of = "of the commanded force" if self.basis == "force" else "of the measured motion"
         relative = f", {short(100.0 * self.relative)} % {of}" if np.isfinite(self.relative) else ""
         mean = beside(self.mean, self.rms)
         found = [f"{self.name}: {self.kind}, rms {short(self.rms)} {self.unit}{relative}, mean {mean}"]
@@ -178,8 +178,9 @@ def _force_map(runs: Runs) -> ErrorMap | None:
         return None
     model = runs.model
     state = operating_state(model, runs.data, model.bodies[0]).at(force.time, force.command)
-    size = float(np.sqrt(np.mean(force.applied**2)))
-    named = (DRIVE_FORCE, model.units.force, "force", "applied minus needed", "")
+    size = float(np.sqrt(np.mean(force.commanded**2)))
+    why = "" if force.trusted else f"sensor noise alone makes an error of {percent(force.noise)}"
+    named = (DRIVE_FORCE, model.units.force, "force", "applied minus needed", why)
     return _map(named, force.applied - force.required, force.applied, state, size, runs.record.start_ns)
 
 

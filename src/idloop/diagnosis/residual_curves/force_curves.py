@@ -78,15 +78,14 @@ class ForceCurve(Curve):
 
     def unknown(self, p_value: float) -> UnknownStructure:
         """As a diagnosis reports it."""
-        residual = self.fit.residual[:, 0]
-        # The parameters of the model are free beside the heights.
-        inverse = np.linalg.pinv(self.columns, rcond=_LEAST_WEIGHT)
-        heights = inverse @ residual
-        left = residual - self.columns @ heights
+        residual, count = self.fit.residual[:, 0], len(self.knots) - self.closed
+        # The heights alone: beside free parameters they would share with them what the fit has taken already, such as a
+        # line over the velocity with viscous friction, and the curve would not be that of the fitted model.
+        inverse = np.linalg.pinv(self.columns[:, -count:], rcond=_LEAST_WEIGHT)
+        value = inverse @ residual
+        left = residual - self.columns[:, -count:] @ value
         parts = zip(np.array_split(inverse, BLOCKS, axis=1), np.array_split(left, BLOCKS), strict=True)
         spread = np.sqrt(np.sum(np.array([p @ r for p, r in parts]) ** 2, axis=0))
-        count = len(self.knots) - self.closed
-        value, spread = heights[-count:], spread[-count:]
         if self.coefficient:
             value = value - float(np.mean(self.at_knots(value)))
         share = float(np.clip(1.0 - np.exp(-2.0 * self.evidence.difference / self.evidence.samples), 0.0, 1.0))

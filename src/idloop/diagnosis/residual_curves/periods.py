@@ -42,7 +42,7 @@ def residual_period(model: Model, estimation: EstimationProblem) -> tuple[float,
         if balance is None:
             return None
         m = balance.motion
-        along = (m.position, m.velocity, m.acceleration, m.time, balance.command(0.0), m.time)
+        along = (m.position, m.velocity, m.acceleration, m.time, balance.command.mean, m.time)
         place, force = m.position[:, 0], -engine.balance(None, *along, conditions=balance.conditions).residual[:, 0]
         known = np.isfinite(place) & np.isfinite(force)
         if not np.any(known):

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.estimation.force_balance.held_command import HeldCommand
+from idloop.estimation.force_balance.held_command import CommandAround, HeldCommand
 from idloop.estimation.force_balance.motion import Motion, low_pass, measured_motion
 
 if TYPE_CHECKING:
@@ -27,9 +28,36 @@ class RecordBalance:
     held: HeldCommand
     conditions: Conditions | None = None
 
-    def command(self, shift: float) -> Array:
-        """Mean command over one sample around each instant, delayed by ``shift`` [s]."""
-        return self.held.around(self.motion.time - shift, self.motion.sample_time).mean
+    @cached_property
+    def command(self) -> CommandAround:
+        """The command over one sample around each instant."""
+        return self.held.around(self.motion.time, self.motion.sample_time)
+
+    def forces(self, engine: Engine, rest_speed: float) -> tuple[Array, Array]:
+        """Force that a model's drive applies and force that the measured motion needs, shape (n,) each.
+
+        A nonlinear effect at the command acts on the values on both sides of a jump, not on their mean: the balance is
+        evaluated on either side and weighted by the time before and after the jump.
+
+        Parameters
+        ----------
+        engine : Engine
+        rest_speed : float
+            Speed below which the driven body counts as standing, in its own unit.
+        """
+        motion, around = self.motion, self.command
+        value, weight = np.column_stack([around.mean, around.mean]), np.full((len(motion.time), 2), 0.5)
+        value[around.jumps] = np.column_stack([around.before, around.after])
+        weight[around.jumps] = np.column_stack([1.0 - around.late, around.late])
+        time = (motion.time[:, None] + 0.25 * motion.sample_time * np.array([-1.0, 1.0])).ravel()
+        position, velocity, acceleration = (
+            np.repeat(one, 2, axis=0) for one in (motion.position, motion.velocity, motion.acceleration)
+        )
+        along = engine.balance(
+            None, position, velocity, acceleration, time, value.ravel(), time, rest_speed, conditions=self.conditions
+        )
+        applied, required = (np.sum(weight * one.reshape(-1, 2), axis=1) for one in (along.applied, along.required))
+        return applied, required
 
 
 def record_balance(engine: Engine, data: Data, cutoff: float | None = None) -> RecordBalance | None:
