@@ -9,6 +9,7 @@ from idloop.physics.units import ALIASES
 from idloop.spelling import did_you_mean_or_known
 
 _MINUTE = 60.0
+_INCH, _POUND = 0.0254, 4.4482216152605  # exact by definition [m], [N]
 _MILLI, _MICRO, _KILO = 1e-3, 1e-6, 1e3
 
 # Unit of a file: the topics' unit and the factor to it.
@@ -45,6 +46,13 @@ _BASE: dict[str, tuple[str, float]] = {
     "N": ("N", 1.0),
     "mN": ("N", _MILLI),
     "kN": ("N", _KILO),
+    "in": ("m", _INCH),
+    "in/s": ("m/s", _INCH),
+    "lbf": ("N", _POUND),
+    "kip": ("N", 1e3 * _POUND),
+    "lbf·in": ("N·m", _POUND * _INCH),
+    "lbf·ft": ("N·m", _POUND * 12.0 * _INCH),
+    "ozf·in": ("N·m", _POUND * _INCH / 16.0),
     "°C": ("°C", 1.0),
     "-": ("-", 1.0),
     "%": ("-", 1e-2),
@@ -54,6 +62,47 @@ _ALIASES = ALIASES | {
     "rev/min": "rpm", "1/min": "rpm", "µm": "um", "µm/s": "um/s", "mNm": "mN·m", "mN.m": "mN·m", "kNm": "kN·m",
     "degC": "°C", "℃": "°C",
 }  # fmt: skip
+# Further spellings that logs use, in small letters.
+_SPELLINGS = {
+    "rads": "rad", "radian": "rad", "radians": "rad", "degs": "deg", "grad": "deg", "mdeg": "", "rot": "rev",
+    "rots": "rev", "rotation": "rev", "rotations": "rev", "revs": "rev", "revolution": "rev", "revolutions": "rev",
+    "u": "", "umdrehungen": "rev",
+    "radps": "rad/s", "radpersec": "rad/s", "rad/sec": "rad/s", "radians/s": "rad/s", "radians/sec": "rad/s",
+    "rads/s": "rad/s", "rad s-1": "rad/s", "rad*s^-1": "rad/s", "rad·s": "", "degps": "deg/s", "deg/sec": "deg/s",
+    "degrees/s": "deg/s", "degrees/sec": "deg/s", "dps": "deg/s", "rps": "rev/s", "rotations/s": "rev/s",
+    "rot/s": "rev/s", "turns/s": "rev/s", "revs/s": "rev/s", "rpm": "rpm", "u/min": "rpm", "umin": "rpm",
+    "1/min": "rpm",
+    "min-1": "rpm", "r/min": "rpm", "rev/min": "rpm", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
+    "millimeter": "mm", "millimeters": "mm", "mps": "m/s", "m/sec": "m/s", "mm/sec": "mm/s", "inch": "in",
+    "inches": "in", "volt": "V", "volts": "V", "millivolt": "mV", "millivolts": "mV", "mv": "mV", "amp": "A",
+    "amps": "A", "ampere": "A", "amperes": "A", "ma": "mA", "milliamp": "mA", "milliamps": "mA", "nm": "N·m",
+    "n·m": "N·m", "n-m": "N·m", "n*m": "N·m", "n.m": "N·m", "newton meter": "N·m", "newtonmeter": "N·m",
+    "mnm": "mN·m", "newton": "N", "newtons": "N", "lbs": "lbf", "lb": "lbf", "in-lb": "lbf·in", "lb-in": "lbf·in",
+    "ft-lb": "lbf·ft", "oz-in": "ozf·in", "c": "", "celsius": "°C", "degc": "°C", "percent": "%", "pct": "%",
+    "second": "s", "seconds": "s", "sec": "s", "secs": "s", "msec": "ms", "millis": "ms", "milliseconds": "ms",
+    "millisecond": "ms", "usec": "us", "µs": "us", "micros": "us", "microseconds": "us", "nsec": "ns",
+    "nanoseconds": "ns", "nanosec": "ns", "counts": "counts", "count": "counts", "ticks": "counts", "tick": "counts",
+    "inc": "counts", "incs": "counts", "increments": "counts", "inkremente": "counts", "pulses": "counts",
+    "qc": "counts",
+    "lsb": "counts", "cnt": "counts", "cts": "counts",
+}  # fmt: skip
+TIME_UNITS = ("s", "ms", "us", "ns")
+
+
+def known_unit(text: str) -> str:
+    """Return the unit that a log writes in some spelling, as a mapping file writes it; empty where it is none.
+
+    Parameters
+    ----------
+    text : str
+        ``RPM``, ``rad/sec``, ``Volts``. Steps of an encoder are ``counts``; times are ``s``, ``ms``, ``us``, ``ns``.
+    """
+    text = " ".join(text.split())
+    if text in _BASE or text in TIME_UNITS:
+        return text
+    return _ALIASES.get(text, "") or _SPELLINGS.get(text.lower(), "") if text else ""
+
+
 # What each field of JointState may be in. A sensor that is read in volts stays in volts.
 _FIELDS = {
     "position": ("rad", "m", "V", "-"),

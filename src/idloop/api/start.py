@@ -1,0 +1,393 @@
+"""From the files of a log to a fitted model in one step."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from idloop.api.result import Progress, Result, ignore_progress, part
+from idloop.errors import InputError
+from idloop.reporting.text.blocks import Block, Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from idloop.api.fit import Fit
+    from idloop.physics import Model
+    from idloop.records.inspection.inspection import Inspection
+    from idloop.records.recognition.guess import Given
+    from idloop.records.recognition.recognise import Recognition
+
+MAPPING, MODEL, FITTED, PICTURE, BAGS = "mapping.yaml", "model.yaml", "fitted.yaml", "log.png", "bags"
+
+
+@dataclass(frozen=True)
+class Log:
+    """Files as they were recognised.
+
+    Attributes
+    ----------
+    files : tuple of Path
+    recognitions : tuple of Recognition
+        Of each file, or of all joined.
+    joined : bool
+        Whether the files are one record with a signal or more in each.
+    """
+
+    files: tuple[Path, ...]
+    recognitions: tuple[Recognition, ...]
+    joined: bool = False
+
+    @property
+    def recognition(self) -> Recognition:
+        """What the first file holds; the others have the same columns."""
+        return self.recognitions[0]
+
+    @property
+    def runs(self) -> dict[str, tuple[Path, dict[str, int]]]:
+        """Source and rows of each record by its name."""
+        found = {}
+        sources = (_folder_of(self),) if self.joined else self.files
+        for source, one in zip(sources, self.recognitions, strict=True):
+            name = _plain_name(source)
+            for piece, rows in one.runs.items():
+                found[f"{name}_{piece}" if piece else name] = source, rows
+        if len(found) < sum(len(one.runs) for one in self.recognitions):
+            raise InputError("two files have the same name; rename one, so that their bags can have theirs")
+        return found
+
+    def blocks(self) -> Iterator[Block]:
+        """Yield a table of what each column is taken for, and what is uncertain."""
+        found = self.recognition
+        for note in found.table.notes:
+            yield f"{found.table.path.name}: {note}"
+        rows = [("time", str(found.base.time.column or "-"), _time_unit(found), found.base.reason)]
+        rows += [(one.role, one.column or _constant(one.options), one.unit or "?", one.reason) for one in found.guesses]
+        yield Table.of(("signal", "column", "unit", "why"), rows)
+        if found.other:
+            from idloop.spelling import listed
+
+            yield f"not used: {listed(found.other, 12)}"
+        for doubt in found.all_doubts():
+            yield f"check: {doubt}"
+
+
+@dataclass(frozen=True)
+class Start(Result):
+    """What was recognised, written and fitted.
+
+    Attributes
+    ----------
+    folder : Path
+        Holds mapping, model file, bags, fitted model and picture.
+    log : Log
+    bags : tuple of Path
+    model : Model
+        With rough values; fitted values are in `fit`.
+    inspections : tuple of Inspection
+    fit : Fit or None
+    not_fitted : str
+        Why there is no fit.
+    """
+
+    folder: Path
+    log: Log
+    bags: tuple[Path, ...]
+    model: Model
+    inspections: tuple[Inspection, ...]
+    fit: Fit | None
+    not_fitted: str = ""
+
+    @property
+    def commands(self) -> list[str]:
+        """What to run next."""
+        bags = " ".join(map(str, self.bags))
+        if self.fit is None:
+            return [f"idloop inspect {self.bags[0]}", f"idloop fit {self.folder / MODEL} {bags}"]
+        return [
+            f"idloop diagnose {self.folder / FITTED} {bags}",
+            f"idloop refine {self.folder / FITTED} {bags} --output {self.folder / 'refined'}",
+        ]
+
+    def blocks(self) -> Iterator[Block]:
+        """Yield the guesses, the verdict on each record, the fit, and what to run next."""
+        yield from self.log.blocks()
+        yield ""
+        for inspection in self.inspections:
+            yield f"{inspection.path.name}: {inspection.verdict}"
+            yield from (f"{one.level}: {one.text}" for one in inspection.findings if one.level == "warning")
+        yield ""
+        if self.fit is not None:
+            yield from self.fit.blocks()
+        else:
+            yield f"not fitted: {self.not_fitted}"
+        yield ""
+        yield f"written: {self.folder}/ ({MAPPING}, {MODEL}, {BAGS}, {PICTURE}{', ' + FITTED if self.fit else ''})"
+        yield "next:"
+        yield from (f"  {command}" for command in self.commands)
+
+    def plot(self) -> Figure:
+        """Draw the signals as they were recognised."""
+        from idloop.reporting.plots.recognition import plot_recognition
+
+        return plot_recognition(self.log.recognition)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the document of schema ``idloop/start/1``."""
+        found = self.log.recognition
+        return {
+            "schema": "idloop/start/1",
+            "files": list(map(str, self.log.files)),
+            "folder": str(self.folder),
+            "time": {**found.base.time.model_dump(exclude_none=True), "reason": found.base.reason},
+            "signals": [
+                {"role": one.role, "column": one.column, "unit": one.unit, "reason": one.reason, **one.options}
+                for one in found.guesses
+            ],
+            "not_used": list(found.other),
+            "doubts": found.all_doubts(),
+            "bags": list(map(str, self.bags)),
+            "model": str(self.folder / MODEL),
+            "fitted": str(self.folder / FITTED) if self.fit is not None else None,
+            "inspections": [one.to_dict() for one in self.inspections],
+            "fit": self.fit.to_dict() if self.fit is not None else None,
+            "not_fitted": self.not_fitted,
+            "next": self.commands,
+        }
+
+
+def recognise(
+    files: str | Path | Iterable[str | Path],
+    given: Mapping[str, str] | None = None,
+    *,
+    period: float | None = None,
+    csv: Mapping[str, Any] | None = None,
+) -> Log:
+    """Find out what the columns of a log are, without writing anything.
+
+    Parameters
+    ----------
+    files, given, period, csv
+        As in `start`.
+
+    Returns
+    -------
+    Log
+
+    Raises
+    ------
+    InputError
+        A file cannot be read, or has no time, no command or no motion.
+    """
+    from idloop.records.recognition.recognise import recognise_table
+    from idloop.records.tables.table_files import read_table
+
+    paths = tuple(Path(one) for one in ([files] if isinstance(files, str | Path) else files))
+    if not paths:
+        raise InputError("name at least one file")
+    options = {"skip_text": True, **(csv or {})}
+    tables = [read_table(path, options=options) for path in paths]
+    said = _given(given or {}, [name for table in tables for name in table.columns])
+    if len(tables) > 1 and any(list(one.columns) != list(tables[0].columns) for one in tables):
+        return Log(paths, (_joined(tables, said, period),), joined=True)
+    return Log(paths, tuple(recognise_table(table, said, period=period) for table in tables))
+
+
+def start(
+    files: str | Path | Iterable[str | Path],
+    output: str | Path | None = None,
+    given: Mapping[str, str] | None = None,
+    *,
+    period: float | None = None,
+    csv: Mapping[str, Any] | None = None,
+    joint: str = "axis",
+    fitted: bool = True,
+    progress: Progress = ignore_progress,
+) -> Start:
+    r"""Turn a log into bags and a model file, inspect them, and fit the model.
+
+    Parameters
+    ----------
+    files : path or iterable of path
+        Logs of any form that is known; several are records of one axis, or one record with a signal or more in each.
+    output : path, optional
+        Folder to write; must not exist. By default the name of the first file without its suffix.
+    given : mapping of str to str, optional
+        What a column is, by role (``time``, ``command``, ``position``, ``velocity``, ``effort``, ``reference``, ...):
+        ``COLUMN``, ``COLUMN=UNIT``, ``=UNIT``, a formula, or ``none``.
+    period : float, optional
+        Sampling period [s], where the log has no time.
+    csv : mapping, optional
+        ``delimiter``, ``decimal``, ``header``, ``skip_rows``, where they cannot be found.
+    joint : str
+        Name of the joint.
+    fitted : bool
+        Fit the model.
+    progress : callable, optional
+        Called with the share done in [0, 1] and a short text.
+
+    Returns
+    -------
+    Start
+
+    Raises
+    ------
+    InputError
+        A file cannot be read, has no time, no command or no motion, or the folder is there.
+
+    Examples
+    --------
+    >>> import idloop
+    >>> folder = getfixture("tmp_path")
+    >>> record = idloop.simulate(model := idloop.load_model("axis"), idloop.excitation("prbs", duration=5.0))
+    >>> rows = zip(record.time, record.input, record.output[:, 0])
+    >>> text = "t [s],torque [Nm],angle [rad]\n" + "".join(f"{t},{u},{q}\n" for t, u, q in rows)
+    >>> _ = (folder / "log.csv").write_text(text)
+    >>> begun = idloop.start(folder / "log.csv", folder / "begun")
+    >>> begun.fit.values["axis.inertia"] > 0.0
+    True
+    """
+    log = recognise(files, given, period=period, csv=csv)
+    return begin(log, output, csv=csv, joint=joint, fitted=fitted, progress=progress)
+
+
+def begin(
+    log: Log,
+    output: str | Path | None = None,
+    *,
+    csv: Mapping[str, Any] | None = None,
+    joint: str = "axis",
+    fitted: bool = True,
+    progress: Progress = ignore_progress,
+) -> Start:
+    """Write, inspect and fit what `recognise` has found.
+
+    Parameters
+    ----------
+    log : Log
+    output, csv, joint, fitted, progress
+        As in `start`.
+
+    Returns
+    -------
+    Start
+
+    Raises
+    ------
+    InputError
+        The folder is there, or what was recognised cannot be imported.
+    """
+    from idloop import drawing
+    from idloop.output_files import probe_folder, write_text
+    from idloop.records import inspect_bag
+    from idloop.records.inspection.measured_input import KIND as MEASURED
+    from idloop.records.recognition.mapping_file import mapping_of, motion_of, text_of
+    from idloop.records.recognition.model_start import start_model
+    from idloop.records.recognition.recognise import base_unit_of
+    from idloop.records.tables.importing import import_bag
+    from idloop.reporting.plots.recognition import plot_recognition
+
+    name = _plain_name(log.files[0])
+    folder = probe_folder(Path(output) if output is not None else Path(name), "--output", new=True, parents=True)
+    names = tuple(str(one.relative_to(_folder_of(log))) for one in log.files) if log.joined else ()
+    mapping = mapping_of(log.recognition, name, joint, files=names)
+    cut = {run: {"rows": rows} for run, (_, rows) in log.runs.items() if rows}
+    if cut:
+        mapping["parts"] = {run: cut.get(run, {}) for run in log.runs}
+    if csv:
+        mapping.setdefault("csv", {}).update(csv)
+    folder.mkdir(parents=True)
+    write_text(folder / MAPPING, text_of(mapping))
+    drawing.save(plot_recognition(log.recognition), folder / PICTURE)
+    progress(0.1, "importing")
+    bags = tuple(folder / BAGS / run for run in log.runs)
+    for bag, (source, _) in zip(bags, log.runs.values(), strict=True):
+        import_bag(source, bag, folder / MAPPING, part=bag.name if cut else None)
+    progress(0.3, "inspecting")
+    inspections = tuple(inspect_bag(bag) for bag in bags)
+    measured = any(one.kind == MEASURED for inspection in inspections for one in inspection.findings)
+    command = log.recognition.of("command")
+    unit = base_unit_of(command) if command is not None else ""
+    outputs = {one.role: base_unit_of(one) for one in motion_of(log.recognition)}
+    model = start_model(name, joint, unit, outputs)
+    found, why = None, "no command"
+    if command is not None:
+        model, found, why = _fit((name, joint, unit, outputs, measured), bags, fitted, part(progress, 0.4, 1.0))
+    write_text(folder / MODEL, model.to_yaml())
+    if found is not None:
+        write_text(folder / FITTED, found.model.to_yaml())
+    return Start(folder, log, bags, model, inspections, found, why)
+
+
+def _fit(
+    kind: tuple[str, str, str, dict[str, str], bool], bags: tuple[Path, ...], fitted: bool, progress: Progress
+) -> tuple[Model, Fit | None, str]:
+    """Return the model with rough values, its fit, and why there is none."""
+    from idloop.api.data import read_bags
+    from idloop.api.fit import fit
+    from idloop.records.recognition.model_start import start_model
+
+    *names, measured = kind
+    model = start_model(*names, measured=measured)  # type: ignore[arg-type]
+    try:
+        records = read_bags(bags, model, fitted=False)
+        model = start_model(*names, measured=measured, records=records)  # type: ignore[arg-type]
+        if not fitted:
+            return model, None, "not asked for"
+        return model, fit(model, read_bags(bags, model), progress=progress), ""
+    except InputError as error:
+        return model, None, str(error)
+
+
+def _joined(tables: list[Any], said: dict[str, Given], period: float | None) -> Recognition:
+    """Recognise several files as one record."""
+    from idloop.records.recognition.recognise import numbers_of, recognise_table
+    from idloop.records.recognition.time_base import find_time_base
+    from idloop.records.tables.joined import joined_tables
+
+    folders = {table.path.parent.resolve() for table in tables}
+    if len(folders) > 1:
+        raise InputError(
+            "the files have different columns and lie in different folders; put what belongs together into one"
+        )
+    for table in tables:
+        numbers = numbers_of(table)
+        count = max((value.size for value in numbers.values()), default=0)
+        base = find_time_base(table, numbers, None, count, period)
+        if base.time.column is not None and not table.clocks:
+            clock = str(base.time.column)
+            table.units[clock] = base.time.unit
+            table.clocks = {name: clock for name in table.columns if name != clock}
+    return recognise_table(joined_tables(tables[0].path.parent, tables), said)
+
+
+def _given(given: Mapping[str, str], columns: list[str]) -> dict[str, Given]:
+    from idloop.records.recognition.guess import Given
+    from idloop.records.recognition.recognise import ROLES
+
+    unknown = next((role for role in given if role not in ("time", *ROLES)), None)
+    if unknown is not None:
+        raise InputError(f"no signal {unknown!r}; known are time, {', '.join(ROLES)}")
+    return {role: Given.parse(text, columns) for role, text in given.items()}
+
+
+def _folder_of(log: Log) -> Path:
+    return Path(os.path.commonpath([path.parent for path in log.files]))
+
+
+def _plain_name(path: Path) -> str:
+    """Name of a file without its suffix, of characters that every file system and ROS takes."""
+    stem = path.stem or path.name
+    return "".join(letter if letter.isalnum() or letter in "-_." else "_" for letter in stem).strip(".") or "log"
+
+
+def _time_unit(found: Recognition) -> str:
+    time = found.base.time
+    return f"every {time.period:g} s" if time.period is not None else time.unit
+
+
+def _constant(options: Mapping[str, Any]) -> str:
+    return str(options.get("value", options.get("file_name", options.get("compute", "-"))))

@@ -1,0 +1,85 @@
+"""What the name of a column says: its words, its unit, and which of several joints it belongs to."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from idloop.records.tables.base_units import known_unit
+
+# A unit behind a name: in brackets, or as in "speed in rpm" and "n / rpm".
+_BRACKETS = re.compile(r"\s*[\[(<{]\s*([^\])>}]*?)\s*[\])>}]")
+_BEHIND = re.compile(r"(?:\s+in\s+|\s+/\s+|\s*,\s+)(\S+)\s*$")
+_WORD = re.compile(r"[A-ZÄÖÜ]+(?![a-zäöüß])|[A-ZÄÖÜ]?[a-zäöüß]+|\d+|µ[a-z]+")
+_INDEX = re.compile(r"\d+")
+
+
+@dataclass(frozen=True)
+class ColumnName:
+    """A name taken apart.
+
+    Attributes
+    ----------
+    words : tuple of str
+        In small letters, without unit and index.
+    unit : str
+        As a mapping file writes it, ``counts`` of an encoder; empty where the name has none.
+    index : str
+        Number of the joint or channel; empty without one.
+    letter : str
+        The name itself where it is a single letter, whose case tells V from v.
+    """
+
+    words: tuple[str, ...]
+    unit: str
+    index: str
+    letter: str = ""
+
+
+def parse_column_name(name: str, unit: str = "") -> ColumnName:
+    """Take a name apart.
+
+    Parameters
+    ----------
+    name : str
+        ``Velocity [rpm]``, ``iq_setpoint``, ``motorSpeed_rad_s``, ``pos (1)``.
+    unit : str
+        Unit from a row below the header.
+    """
+    index = ""
+    text = name
+    found = known_unit(unit.strip("[](){}<> "))
+    for match in _BRACKETS.finditer(name):
+        inside = match[1].strip()
+        if _INDEX.fullmatch(inside):
+            index = inside
+        else:
+            found = found or known_unit(inside) or known_unit(inside.upper())
+    text = _BRACKETS.sub(" ", text)
+    behind = None if found else _BEHIND.search(text)
+    if behind is not None and known_unit(behind[1]):
+        found, text = known_unit(behind[1]), text[: behind.start()]
+    # The last words of a topic's path or of a structure name the signal.
+    path = re.split(r"[/.]", text.strip("/. "))
+    text = " ".join(path[-2:]) if len(path) > 1 else path[0]
+    words = [word for word in _WORD.findall(text) if word]
+    if not found:
+        found, words = _unit_of_last_words(words)
+    numbers = [word for word in words if word.isdigit()]
+    plain = [word for word in words if not word.isdigit()]
+    letter = plain[0] if len(plain) == 1 and len(plain[0]) == 1 else ""
+    return ColumnName(tuple(word.lower() for word in plain), found, index or (numbers[-1] if numbers else ""), letter)
+
+
+def _unit_of_last_words(words: list[str]) -> tuple[str, list[str]]:
+    """Unit in the last words of a name, as in ``speed_rad_s``, and the words before it."""
+    for count in (3, 2, 1):
+        if len(words) <= count - (count == 1 and len(words) == 1):
+            continue
+        last = words[-count:]
+        for joint in ("/", "·", "per", ""):
+            unit = known_unit(joint.join(last) if count > 1 else last[0])
+            # A single letter is a unit in its own case only, and only behind a name.
+            if unit and (len("".join(last)) > 1 or (len(words) > 1 and unit == last[0])):
+                return unit, words[:-count] or list(last)
+    return "", words

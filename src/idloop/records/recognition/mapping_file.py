@@ -1,0 +1,90 @@
+"""A mapping file from what was recognised, with the reason of each line."""
+
+from __future__ import annotations
+
+from io import StringIO
+from typing import Any
+
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap
+
+from idloop.records.recognition.guess import Guess
+from idloop.records.recognition.recognise import MOTION, Recognition
+from idloop.records.tables.mapping import SCHEMA, Time
+from idloop.records.tables.table_files import Table
+
+_CONDITIONS = ("temperature", "supply")
+
+
+def mapping_of(found: Recognition, name: str, joint: str, *, files: tuple[str, ...] = ()) -> CommentedMap:
+    """Return the mapping as it stands in a file, with comments.
+
+    Parameters
+    ----------
+    found : Recognition
+    name, joint : str
+    files : tuple of str
+        Names of the files that are joined, where there are several.
+    """
+    mapping = CommentedMap({"schema": SCHEMA, "name": name, "joint": joint})
+    if files:
+        mapping["files"] = list(files)
+    if _skips_text(found.table):
+        mapping["csv"] = CommentedMap({"skip_text": True})
+        mapping.yaml_add_eol_comment(_one_line(found.table.notes[-1]), "csv")
+    mapping["time"] = _time(found.base.time)
+    mapping.yaml_add_eol_comment(_one_line(found.base.reason), "time")
+    reference: dict[str, Any] = {}
+    conditions: dict[str, Any] = {}
+    for guess in found.guesses:
+        channel = _channel(found, guess)
+        if guess.role in _CONDITIONS:
+            conditions[guess.role] = channel
+        elif guess.role.startswith("reference"):
+            reference["velocity" if guess.role.endswith("velocity") else "position"] = channel
+        else:
+            mapping[guess.role] = channel
+            mapping.yaml_add_eol_comment(_one_line(guess.reason), guess.role)
+    for key, section in (("reference", reference), ("conditions", conditions)):
+        if section:
+            mapping[key] = section
+    return mapping
+
+
+def text_of(mapping: CommentedMap) -> str:
+    """Text of the file."""
+    yaml = YAML()
+    yaml.default_flow_style = None
+    yaml.width = 200
+    stream = StringIO()
+    yaml.dump(mapping, stream)
+    return stream.getvalue()
+
+
+def _skips_text(table: Table) -> bool:
+    return table.csv is not None and bool(table.csv.text_rows)
+
+
+def _time(time: Time) -> dict[str, Any]:
+    return time.model_dump(exclude_none=True, exclude={"unit"} if time.column is None else None)
+
+
+def _channel(found: Recognition, guess: Guess) -> dict[str, Any]:
+    channel: dict[str, Any] = {}
+    if not {"compute", "value", "file_name"} & set(guess.options):
+        channel["column"] = guess.column
+    channel |= guess.options
+    if guess.unit:
+        channel["unit"] = guess.unit
+    if guess.column in found.clocks:
+        channel["time"] = _time(found.clocks[guess.column])
+    return channel
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())[:120]
+
+
+def motion_of(found: Recognition) -> list[Guess]:
+    """Measured position and velocity."""
+    return [one for one in found.guesses if one.role in MOTION]

@@ -1,0 +1,137 @@
+"""A model file to start with: one body, as many signals as were recorded, values of the right size."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.physics.model import Model
+from idloop.physics.model_file import build_model
+from idloop.physics.schema import SCHEMA, ModelFile
+from idloop.records.inspection.motion import white_noise
+from idloop.records.record import Record
+
+Floats = NDArray[np.float64]
+
+# Units in which a command is the force itself, by unit of the position.
+_FORCES = {"rad": "N·m", "m": "N"}
+_WINDOWS = 400
+_FEWEST = 8
+
+
+def start_model(
+    name: str,
+    joint: str,
+    command_unit: str,
+    outputs: dict[str, str],
+    *,
+    measured: bool = False,
+    records: Sequence[Record] = (),
+) -> Model:
+    """Return a model of one body.
+
+    Parameters
+    ----------
+    name, joint : str
+    command_unit : str
+        Unit of the command on the topics.
+    outputs : dict of str to str
+        Unit by field: ``position``, ``velocity``.
+    measured : bool
+        The input was measured and is not held.
+    records : sequence of Record
+        From which inertia or gain, and viscous friction are estimated roughly; left out, they are 1.
+    """
+    place = next(iter(outputs.values())).removesuffix("/s")
+    force = _FORCES.get(place) == (command_unit or _FORCES.get(place))
+    gain, friction = _rough_values(records) if records else (1.0, 1.0)
+    body: dict[str, Any] = {"name": joint}
+    if force:
+        body["inertia"] = {"value": _rounded(1.0 / gain), "min": 0.0}
+        body["viscous_friction"] = {"value": _rounded(friction / gain), "min": 0.0}
+    else:
+        # Only ratios of inertia, friction and gain show in the motion.
+        body["inertia"] = 1.0
+        body["viscous_friction"] = {"value": _rounded(friction), "min": 0.0}
+    signal = {"topic": "joint_command", "joint": joint, "field": "effort", "unit": command_unit or _FORCES[place]}
+    content = {
+        "schema": SCHEMA,
+        "name": name,
+        "input": signal | ({"kind": "measured"} if measured else {}),
+        "outputs": [
+            {"topic": "joint_states", "joint": joint, "field": field, "unit": unit}
+            | _noise(records, f"{joint}.{field}")
+            for field, unit in outputs.items()
+        ],
+        "bodies": [body],
+        "drive": {"gain": 1.0 if force else {"value": _rounded(gain)}},
+        "effects": [],
+    }
+    return build_model(ModelFile.model_validate(content), name)
+
+
+def _noise(records: Sequence[Record], output: str) -> dict[str, float]:
+    values = [
+        white_noise(column[np.isfinite(column)])
+        for record in records
+        for column in [record.output[:, record.column(output)]]
+        if np.isfinite(column).sum() > _FEWEST
+    ]
+    noise = float(np.median(values)) if values else 0.0
+    return {"noise": _rounded(noise)} if noise > 0.0 else {}
+
+
+def _rough_values(records: Sequence[Record]) -> tuple[float, float]:
+    """Acceleration per command and per velocity, both at least of the size that the motion has.
+
+    Over windows of the record the change of the velocity is what command, viscous and dry friction and a constant force
+    have done in it.
+    """
+    rows, targets = [], []
+    for record in records:
+        time, velocity = _velocity(record)
+        if time.size < 4 * _FEWEST:
+            continue
+        place = np.clip(np.searchsorted(record.input_time, time, side="right") - 1, 0, None)
+        command = np.nan_to_num(record.input[place])
+        width = max(time.size // _WINDOWS, 1)
+        edges = np.arange(0, time.size, width)
+        step = np.diff(time, append=time[-1])
+        motion = np.sign(velocity) * (np.abs(velocity) > 0.02 * np.max(np.abs(velocity), initial=0.0))
+        sums = [np.add.reduceat(one * step, edges)[:-1] for one in (command, -velocity, -motion, np.ones_like(time))]
+        rows.append(np.column_stack(sums))
+        targets.append(np.diff(velocity[edges]))
+    if not rows:
+        return 1.0, 1.0
+    table, target = np.vstack(rows), np.concatenate(targets)
+    size = np.maximum(np.linalg.norm(table, axis=0), 1e-300)
+    gain, friction, *_ = np.linalg.lstsq(table / size, target, rcond=1e-10)[0] / size
+    duration = float(np.median([record.duration for record in records]))
+    usual = float(np.linalg.norm(target)) / size
+    gain = gain if gain > 0.0 and np.isfinite(gain) else float(usual[0]) or 1.0
+    friction = friction if friction > 0.0 and np.isfinite(friction) else 1.0 / max(duration, 1e-9)
+    return float(gain), float(friction)
+
+
+def _velocity(record: Record) -> tuple[Floats, Floats]:
+    """Stamps and velocity, from the sensor or as the slope of the position."""
+    for field in ("velocity", "position"):
+        for name, column in zip(record.output_names, record.output.T, strict=True):
+            known = np.isfinite(column)
+            if not name.endswith(f".{field}") or known.sum() < 4 * _FEWEST:
+                continue
+            time, value = record.time[known], column[known]
+            if field == "velocity":
+                return time, value
+            width = max(time.size // (4 * _WINDOWS), 1)
+            span = time[2 * width :] - time[: -2 * width]
+            return time[width:-width], (value[2 * width :] - value[: -2 * width]) / span
+    return np.empty(0), np.empty(0)
+
+
+def _rounded(value: float) -> float:
+    """Three digits are enough to start with."""
+    return float(f"{value:.3g}")

@@ -1,0 +1,597 @@
+"""What the columns of a table are, each with the reason, and what is uncertain about it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping as Map
+from dataclasses import dataclass, field, replace
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import InputError
+from idloop.records.inspection.motion import white_noise
+from idloop.records.recognition.column_name import ColumnName, parse_column_name
+from idloop.records.recognition.guess import Given, Guess
+from idloop.records.recognition.roles import RoleByName, role_by_name
+from idloop.records.recognition.signal_units import find_decoding, find_wrap, motion_units
+from idloop.records.recognition.time_base import SECONDS, TimeBase, find_time_base
+from idloop.records.tables.base_units import base_unit, known_unit
+from idloop.records.tables.csv_layout import is_number
+from idloop.records.tables.expression import Expression
+from idloop.records.tables.mapping import Time
+from idloop.records.tables.table_files import Table
+from idloop.spelling import did_you_mean, listed
+
+Floats = NDArray[np.float64]
+
+MOTION = ("position", "velocity")
+# Roles that may stand in a mapping file, in its order.
+ROLES = ("command", "position", "velocity", "effort", "reference", "reference velocity", "temperature", "supply")
+NONE = "none"
+_LINEAR_WORDS = {"x", "stage", "slide", "carriage", "stroke", "displacement", "distance", "weg", "z", "height", "cart"}
+_LINEAR_FORCES = {"N", "mN", "kN", "kip", "lbf"}
+_LINEAR_UNITS = {"m", "cm", "mm", "um", "in", "m/s", "cm/s", "mm/s", "um/s", "m/min", "mm/min", "in/s"}
+_NUMBER_IN_NAME = re.compile(r"(?P<before>[A-Za-z]*)[_\- ]?(?P<number>-?\d+(?:[.,]\d+)?)(?P<unit>[A-Za-z%]*)")
+_FOLLOWS = 0.6  # correlation of a velocity with the command
+_COMMAND_WORDS = {"V", "mV", "A", "mA", "%"}
+# Names of units by the word that a column of the command has.
+_UNITS_OF_WORDS = (
+    ({"voltage", "volt", "volts", "spannung"}, "V"),
+    ({"current", "i", "iq", "strom"}, "A"),
+    ({"torque", "tau", "moment", "drehmoment"}, "N·m"),
+    ({"force", "kraft"}, "N"),
+)
+
+
+@dataclass(frozen=True)
+class Recognition:
+    """What a table holds.
+
+    Attributes
+    ----------
+    table : Table
+    base : TimeBase
+    guesses : tuple of Guess
+        In the order of `ROLES`.
+    clocks : dict of str to Time
+        Stamps of a column of its own, by column.
+    rows : tuple of slice
+        Records in the table: rows of each.
+    other : tuple of str
+        Columns that are not used.
+    doubts : tuple of str
+        What is uncertain beside the columns.
+    """
+
+    table: Table
+    base: TimeBase
+    guesses: tuple[Guess, ...]
+    clocks: dict[str, Time] = field(default_factory=dict)
+    rows: tuple[slice, ...] = ()
+    other: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
+
+    def of(self, role: str) -> Guess | None:
+        """Return the guess of one role."""
+        return next((one for one in self.guesses if one.role == role), None)
+
+    @property
+    def runs(self) -> dict[str, dict[str, int]]:
+        """Rows of each record, by its name; the whole table has neither."""
+        if len(self.rows) <= 1 and (not self.rows or self.rows[0] == slice(0, self.base.seconds.size)):
+            return {"": {}}
+        return {f"run{k}": {"start": one.start, "stop": one.stop} for k, one in enumerate(self.rows, 1)}
+
+    @property
+    def linear(self) -> bool:
+        """Whether the axis is a linear one."""
+        return any(one.unit in _LINEAR_UNITS for one in self.guesses if one.role in MOTION)
+
+    def all_doubts(self) -> list[str]:
+        """Everything uncertain."""
+        return [one for one in (self.base.doubt, *(guess.doubt for guess in self.guesses), *self.doubts) if one]
+
+
+@dataclass(frozen=True)
+class _Column:
+    """One column of numbers."""
+
+    name: str
+    parsed: ColumnName
+    by_name: RoleByName
+    value: Floats
+
+    @property
+    def moves(self) -> bool:
+        known = self.value[np.isfinite(self.value)]
+        return bool(known.size > 1 and float(np.ptp(known)) > 0.0)
+
+
+def numbers_of(table: Table) -> dict[str, Floats]:
+    """Columns that hold numbers."""
+    found = {}
+    for name in table.columns:
+        try:
+            value = table.numbers(name)
+        except InputError:
+            continue
+        if np.isfinite(value).sum() > 1:
+            found[name] = value
+    return found
+
+
+def recognise_table(
+    table: Table, given: Map[str, Given] | None = None, *, period: float | None = None, select: str = ""
+) -> Recognition:
+    """Find out what the columns of a table are.
+
+    Parameters
+    ----------
+    table : Table
+    given : mapping of str to Given
+        What the user says, by role; ``none`` as the column leaves the role out.
+    period : float, optional
+        Sampling period [s], where there is no time column.
+    select : str
+        Only columns with this text in their name are looked at, and the time.
+
+    Raises
+    ------
+    InputError
+        No time, no command, or no motion is found, or what is given is not there.
+    """
+    given = dict(given or {})
+    numbers = numbers_of(table)
+    doubts: list[str] = []
+    base = _time(table, numbers, given.get("time"), period)
+    columns = {}
+    for name, value in numbers.items():
+        parsed = parse_column_name(name, table.units.get(name, ""))
+        if name == base.time.column or name in table.clocks.values() or (select and select not in name):
+            continue
+        columns[name] = _Column(name, parsed, role_by_name(parsed), value)
+    named = {one.column for one in given.values()}
+    columns = _one_joint(columns, named, doubts)
+    chosen: dict[str, Guess] = {}
+    for role in ROLES:
+        said = given.get(role, Given())
+        if said.column == NONE:
+            continue
+        guess = _given(table, role, said, numbers) if said.column else _by_name(role, columns, chosen, given)
+        if guess is not None:
+            chosen[role] = guess
+            columns |= _computed(guess, numbers)
+    _by_data(columns, chosen, given)
+    _no_command(table, chosen, given, doubts)
+    if not any(role in chosen for role in MOTION):
+        raise InputError(
+            f"{table.path}: no column is a position or a velocity; name one with --position or --velocity (columns are"
+            f" {listed(numbers, 20)})"
+        )
+    base = _units(base, chosen, columns, given)
+    _decode(chosen, columns, given)
+    guesses = tuple(chosen[role] for role in ROLES if role in chosen)
+    used = {one.column for one in guesses} | {str(base.time.column)}
+    clocks = {
+        one.column: Time(column=table.clocks[one.column], unit=_clock_unit(table, table.clocks[one.column]))
+        for one in guesses
+        if one.column in table.clocks and table.clocks[one.column] != base.time.column
+    }
+    rows = () if table.clocks else tuple(base.runs)
+    other = tuple(name for name in table.columns if name not in used and name not in table.clocks.values())
+    return Recognition(table, base, guesses, clocks, rows, other, tuple(doubts))
+
+
+def _time(table: Table, numbers: dict[str, Floats], given: Given | None, period: float | None) -> TimeBase:
+    if table.clocks and given is None and period is None:
+        # The motion's clock is the one that counts; it is the finest one.
+        name = max(table.clocks.values(), key=lambda clock: len(table.columns[clock]))
+        unit = _clock_unit(table, name)
+        seconds = table.numbers(name) * SECONDS[unit]
+        return TimeBase(Time(column=name, unit=unit), "the file has stamps for every signal", "", seconds, (unit,))
+    count = max((value.size for value in numbers.values()), default=0)
+    return find_time_base(table, numbers, given, count, period)
+
+
+def _clock_unit(table: Table, clock: str) -> Any:
+    unit = known_unit(table.units.get(clock, ""))
+    return unit if unit in SECONDS else "s"
+
+
+def _one_joint(columns: dict[str, _Column], named: set[str], doubts: list[str]) -> dict[str, _Column]:
+    """Return the columns of one joint, where a log has several: that which moves most, or that which the user names."""
+    by_joint: dict[str, list[_Column]] = {}
+    for one in columns.values():
+        if one.by_name.role in MOTION and one.parsed.index:
+            by_joint.setdefault(one.parsed.index, []).append(one)
+    roles = [(one.by_name.role, one.parsed.words) for some in by_joint.values() for one in some]
+    if len(by_joint) < 2 or len(set(roles)) == len(roles):
+        return columns
+    chosen = next((index for index, some in by_joint.items() if any(one.name in named for one in some)), None)
+    if chosen is None:
+        chosen = max(by_joint, key=lambda index: max(_travel(one.value) for one in by_joint[index]))
+        doubts.append(
+            f"the log has {len(by_joint)} joints ({listed(by_joint)}); joint {chosen}, which moves most, is taken:"
+            " for another, name its columns"
+        )
+    return {name: one for name, one in columns.items() if name in named or one.parsed.index in ("", chosen)}
+
+
+def _travel(value: Floats) -> float:
+    """Travel over range, of which a joint that rests has little."""
+    known = value[np.isfinite(value)]
+    span = float(np.ptp(known)) if known.size else 0.0
+    return 0.0 if span == 0.0 else span / max(white_noise(known), 1e-9 * span)
+
+
+def _given(table: Table, role: str, said: Given, numbers: dict[str, Floats]) -> Guess:
+    unit = said.unit
+    if said.column in numbers:
+        parsed = parse_column_name(said.column, table.units.get(said.column, ""))
+        return _with_unit(Guess(role, said.column, parsed.unit, "as given"), unit)
+    if said.column in table.columns:
+        raise InputError(f"{table.path}: column {said.column!r} holds no numbers; it cannot be the {role}")
+    if is_number(said.column):
+        return _with_unit(Guess(role, "", "", "as given", options={"value": float(said.column)}), unit)
+    formula = Expression(said.column)
+    missing = next((name for name in formula.columns if name not in numbers), None)
+    if missing is not None or not formula.columns:
+        raise InputError(
+            f"{table.path}: no column {said.column!r} for the {role}; it has"
+            f" {listed(numbers, 20)}{did_you_mean(said.column, numbers)}"
+        )
+    return _with_unit(Guess(role, said.column, "", "as given", options={"compute": said.column}), unit)
+
+
+def _with_unit(guess: Guess, unit: str) -> Guess:
+    """Return the guess with the unit that the user gives; ``counts/4096`` are counts of which a turn has 4096."""
+    if not unit:
+        return guess
+    head, slash, counts = unit.partition("/")
+    if slash and known_unit(head) == "counts" and is_number(counts) and float(counts) > 0.0:
+        options = {**guess.options, "scale": 2.0 * pi / float(counts)}
+        target = "rad/s" if "velocity" in guess.role else "rad"
+        return replace(guess, unit=target, options=options, reason=f"{guess.reason}; {counts} counts per turn as given")
+    if known_unit(unit) in ("", "counts", *SECONDS):
+        raise InputError(f"{guess.role}: unknown unit {unit!r}; of an encoder give =counts/N with N counts per turn")
+    return replace(guess, unit=known_unit(unit))
+
+
+def _computed(guess: Guess, numbers: dict[str, Floats]) -> dict[str, _Column]:
+    """Values of a guess that no column holds as such."""
+    if "compute" not in guess.options:
+        return {}
+    value = Expression(guess.column).evaluate(numbers)
+    return {guess.column: _Column(guess.column, ColumnName((), "", ""), RoleByName("", 0.0, ""), value)}
+
+
+def _by_name(role: str, columns: dict[str, _Column], chosen: dict[str, Guess], given: Map[str, Given]) -> Guess | None:
+    """Return the column whose name says that it has the role, of several the surest one."""
+    taken = {one.column for one in chosen.values()} | {one.column for one in given.values()}
+    free = [one for one in columns.values() if one.name not in taken and one.by_name.role == role]
+    moving = [one for one in free if one.moves]
+    if role in ("velocity", "reference", "reference velocity", "effort"):
+        free = moving
+    if not free:
+        return None
+    best = max(moving or free, key=lambda one: one.by_name.rank)
+    guess = Guess(role, best.name, best.parsed.unit, best.by_name.reason)
+    also = [one.name for one in moving if one is not best and one.by_name.rank > best.by_name.rank - 1.0]
+    if also and role in ("command", *MOTION):
+        guess = guess.with_doubt(f"{role}: {listed(also)} could be meant as well: --{role} COLUMN")
+    return _with_unit(guess, given.get(role, Given()).unit)
+
+
+def _by_data(columns: dict[str, _Column], chosen: dict[str, Guess], given: Map[str, Given]) -> None:
+    """Fill roles whose columns have names that say nothing: a command jumps, a motion is smooth."""
+    taken = {one.column for one in chosen.values()}
+    free = [one for one in columns.values() if one.name not in taken and one.moves and not one.by_name.role]
+    lacks_motion = not any(role in chosen for role in MOTION)
+    wanted = {role for role in ("position", "command") if given.get(role, Given()).column != NONE}
+    # Only a few columns can be told apart by their looks.
+    if not free or len(free) > 3:
+        return
+    free.sort(key=lambda one: _roughness(one.value))
+    if lacks_motion and "position" in wanted:
+        smoothest = free.pop(0)
+        if free and _same(smoothest.value, free[0].value):
+            # Of two that run together the one with less noise is the set-point.
+            chosen["reference"] = Guess(
+                "reference",
+                smoothest.name,
+                smoothest.parsed.unit,
+                f"it runs with {free[0].name!r} and has less noise",
+                f"{smoothest.name!r} is taken as the set-point of {free[0].name!r}: --reference COLUMN",
+            )
+            smoothest = free.pop(0)
+        driven = [one.value for one in columns.values() if one.name in taken or one in free]
+        role = "velocity" if any(_follows(smoothest.value, one) for one in driven) else "position"
+        chosen[role] = Guess(
+            role,
+            smoothest.name,
+            smoothest.parsed.unit,
+            "it is the smoothest of the columns that are left",
+            f"no name says what {smoothest.name!r} is, it is taken as the {role}: --position or --velocity COLUMN",
+        )
+    if "command" not in chosen and "command" in wanted and free:
+        roughest = free.pop()
+        chosen["command"] = Guess(
+            "command",
+            roughest.name,
+            roughest.parsed.unit,
+            "it jumps most of the columns that are left",
+            f"no name says what {roughest.name!r} is, it is taken as the command: --command COLUMN",
+        )
+
+
+def _same(one: Floats, other: Floats) -> bool:
+    """Whether two columns run together."""
+    if one.size != other.size:
+        return False
+    known = np.isfinite(one) & np.isfinite(other)
+    return float(np.std((one - other)[known])) < 0.1 * float(np.std(one[known]))
+
+
+def _follows(motion: Floats, command: Floats) -> bool:
+    """Whether a motion is large where the command is, as a velocity is, and a position is not."""
+    if motion.size != command.size:
+        return False
+    known = np.isfinite(motion) & np.isfinite(command)
+    return abs(float(np.corrcoef(motion[known], command[known])[0, 1])) > _FOLLOWS
+
+
+def _roughness(value: Floats) -> float:
+    known = value[np.isfinite(value)]
+    span = float(np.std(known))
+    return float(np.std(np.diff(known))) / span if span > 0.0 else 0.0
+
+
+def _no_command(table: Table, chosen: dict[str, Guess], given: Map[str, Given], doubts: list[str]) -> None:
+    """Find a command where no column is one: in the name of the file, or a measured force; else refuse."""
+    if "command" in chosen or given.get("command", Given()).column == NONE:
+        if "command" not in chosen:
+            doubts.append("without a command nothing can be fitted to this record")
+        return
+    effort = chosen.get("effort")
+    in_name = _in_file_name(table.path)
+    if in_name is not None:
+        pattern, number, unit = in_name
+        chosen["command"] = Guess(
+            "command",
+            "",
+            unit,
+            f"{number:g} in the name of the file",
+            "the command is taken from the name of the file: --command VALUE=UNIT, or --command COLUMN",
+            {"file_name": pattern},
+        )
+    elif effort is not None:
+        del chosen["effort"]
+        chosen["command"] = replace(effort, role="command").with_doubt(
+            f"no command was recorded; the measured {effort.column!r} acts as the input"
+        )
+    else:
+        reference = chosen.get("reference") or chosen.get("reference velocity")
+        loop = (
+            f" ({reference.column!r} is a set-point: record the current, torque or voltage of the drive as well)"
+            if reference is not None
+            else ""
+        )
+        raise InputError(
+            f"{table.path}: no column is a command (force, torque, current, voltage, duty cycle){loop}; name one with"
+            " --command COLUMN, give a constant with --command VALUE=UNIT, or leave it out with --command none"
+        )
+
+
+def _in_file_name(path: Path) -> tuple[str, float, str] | None:
+    """Return pattern, number and unit of a command in the name of a file: ``pwm_60.csv``, ``step_12V.csv``."""
+    for match in _NUMBER_IN_NAME.finditer(path.stem):
+        before, unit = match["before"].lower(), match["unit"]
+        if unit in _COMMAND_WORDS or before in {"pwm", "duty", "u", "volt", "voltage", "level", "cmd", "current"}:
+            head = re.escape(match["before"]) if not unit else ""
+            separator = r"[_\- ]?" if head else ""
+            pattern = rf"{head}{separator}(-?\d+(?:[.,]\d+)?){re.escape(unit)}"
+            return pattern, float(match["number"].replace(",", ".")), unit if unit in _COMMAND_WORDS else "-"
+    return None
+
+
+def _units(base: TimeBase, chosen: dict[str, Guess], columns: dict[str, _Column], given: Map[str, Given]) -> TimeBase:
+    """Set the units that no name says, and note which of them are uncertain."""
+    command = chosen.get("command")
+    if command is not None and command.unit in SECONDS:
+        chosen["command"] = command = _pulse_width(command)
+    elif command is not None and not command.unit:
+        chosen["command"] = command = _command_unit(command)
+    place, speed = chosen.get("position"), chosen.get("velocity")
+    words = {word for one in (place, speed) if one for word in parse_column_name(one.column).words}
+    linear = (
+        any(one.unit in _LINEAR_UNITS for one in (place, speed) if one)
+        or (command is not None and command.unit in _LINEAR_FORCES)
+        or bool(words & _LINEAR_WORDS)
+    )
+    if place is not None and place.unit == "counts":
+        chosen["position"] = place = _counts(place, columns[place.column].value)
+    if place is not None and speed is not None:
+        base = _related(base, chosen, columns, linear=linear, given=given)
+    elif place is not None and not place.unit:
+        chosen["position"] = _position_alone(place, columns[place.column].value, linear=linear)
+    elif speed is not None and not speed.unit:
+        unit = "m/s" if linear else "rad/s"
+        chosen["velocity"] = replace(speed, unit=unit).with_doubt(
+            f"the unit of the velocity is not written down and taken as {unit}: --velocity '{speed.column}=UNIT'"
+        )
+    elif speed is not None and speed.unit == "counts":
+        chosen["velocity"] = replace(speed, unit="rad/s").with_doubt(
+            f"the size of a count is not known; one is taken as 1 rad: --velocity '{speed.column}=counts/N'"
+        )
+    _reference_units(chosen)
+    return base
+
+
+def _command_unit(command: Guess) -> Guess:
+    words = set(parse_column_name(command.column).words)
+    letter = parse_column_name(command.column).letter
+    unit = next((unit for some, unit in _UNITS_OF_WORDS if words & some), "")
+    unit = {"V": "V", "U": "V", "I": "A", "F": "N", "T": "N·m"}.get(letter, unit)
+    if unit:
+        return replace(command, unit=unit).with_doubt(
+            f"the unit of the command is not written down and taken as {unit}: --command '{command.column}=UNIT'"
+        )
+    # A duty cycle has no unit, and of an unknown one only ratios of the parameters matter.
+    duty = bool(words & {"pwm", "duty", "dutycycle", "throttle", "motorpwm"})
+    text = "" if duty else f"the unit of the command is not known: --command '{command.column}=UNIT'"
+    found = replace(command, unit="-")
+    return found.with_doubt(text) if text else found
+
+
+def _pulse_width(command: Guess) -> Guess:
+    """Command of a hobby servo or speed controller: a pulse of 1 to 2 ms, with zero in the middle."""
+    scale = SECONDS[command.unit] / SECONDS["ms"]
+    found = replace(command, unit="-", options=command.options | {"scale": 2.0 * scale, "offset": -3.0})
+    return found.with_doubt(
+        "the command is a pulse width; 1.5 ms is taken as zero, 2 ms as full: edit `scale` and `offset` in the mapping"
+    )
+
+
+def _counts(place: Guess, value: Floats) -> Guess:
+    """Set the size of an encoder's count: by its wrap, or as unknown."""
+    whole = find_wrap(value, "counts")
+    if whole:
+        return replace(
+            place,
+            unit="rad",
+            options={**place.options, "scale": 2.0 * pi / whole, "wrap": 2.0 * pi},
+            reason=f"{place.reason}; starts again after {whole:g} counts",
+        ).with_doubt(f"{whole:g} counts are taken as one turn: --position '{place.column}=counts/N'")
+    return replace(place, unit="rad").with_doubt(
+        f"the size of a count is not known; one is taken as 1 rad: --position '{place.column}=counts/N'"
+    )
+
+
+def _position_alone(place: Guess, value: Floats, *, linear: bool) -> Guess:
+    for unit in () if linear else ("rad", "deg"):
+        if find_wrap(value, unit):
+            return replace(place, unit=unit, reason=f"{place.reason}; starts again after a turn in {unit}")
+    unit = "m" if linear else "rad"
+    return replace(place, unit=unit).with_doubt(
+        f"the unit of the position is not written down and taken as {unit}: --position '{place.column}=UNIT'"
+    )
+
+
+def _related(
+    base: TimeBase,
+    chosen: dict[str, Guess],
+    columns: dict[str, _Column],
+    *,
+    linear: bool,
+    given: Map[str, Given],
+) -> TimeBase:
+    """Set units of position and velocity by the slope of one against the other."""
+    place, speed = chosen["position"], chosen["velocity"]
+    value, rate = columns[place.column].value, columns[speed.column].value
+    if value.size != base.seconds.size or rate.size != base.seconds.size:
+        return _unrelated(base, chosen, linear=linear)
+    scale = place.options.get("scale", 1.0)
+    if wrap := find_wrap(value, place.unit if scale == 1.0 else "counts"):
+        value = np.unwrap(value, period=wrap)
+    run = max(base.runs or [slice(0, value.size)], key=lambda one: one.stop - one.start)
+    speed_unit = "" if speed.unit == "counts" else speed.unit
+    found = motion_units(
+        base.seconds[run],
+        value[run] * scale,
+        rate[run] * speed.options.get("scale", 1.0),
+        (place.unit, speed_unit),
+        base.units,
+        linear=linear,
+    )
+    if not found.agree:
+        return _unrelated(base, chosen, linear=linear)
+    times = f"it is the slope of the position in {found.position} and {found.velocity}"
+    options = dict(speed.options)
+    if found.slope < 0.0:
+        options["scale"] = -options.get("scale", 1.0)
+    turned = replace(speed, unit=found.velocity, options=options, reason=f"{speed.reason}; {times}")
+    if found.slope < 0.0:
+        turned = turned.with_doubt("position and velocity have opposite signs; that of the velocity is turned")
+    chosen["velocity"] = turned
+    if not place.unit:
+        chosen["position"] = replace(place, unit=found.position, reason=f"{place.reason}; {times}")
+        if not speed_unit:
+            chosen["position"] = chosen["position"].with_doubt(
+                f"no unit is written down; position in {found.position} and velocity in {found.velocity} agree:"
+                f" --position '{place.column}=UNIT'"
+            )
+    if found.time != base.units[0]:
+        factor = SECONDS[found.time] / SECONDS[base.units[0]]
+        reason = f"{base.reason}; but with {found.time} the velocity is the slope of the position"
+        base = replace(
+            base,
+            time=Time(column=base.time.column, unit=found.time),  # type: ignore[arg-type]
+            seconds=base.seconds * factor,
+            units=(found.time,),
+            reason=reason,
+            doubt="",
+        )
+    elif len(base.units) > 1:
+        base = replace(base, units=(found.time,), doubt="", reason=f"{base.reason}, and so says the velocity")
+    return base
+
+
+def _unrelated(base: TimeBase, chosen: dict[str, Guess], *, linear: bool) -> TimeBase:
+    for role, usual in (("position", "m" if linear else "rad"), ("velocity", "m/s" if linear else "rad/s")):
+        one = chosen[role]
+        if not one.unit or one.unit == "counts":
+            chosen[role] = replace(one, unit=usual).with_doubt(
+                f"the unit of the {role} is not written down and taken as {usual}: --{role} '{one.column}=UNIT'"
+            )
+    return base
+
+
+def _reference_units(chosen: dict[str, Guess]) -> None:
+    """A set-point has the unit of what it is set for."""
+    for role, motion in (("reference", "position"), ("reference velocity", "velocity")):
+        one, other = chosen.get(role), chosen.get(motion)
+        if one is None or (one.unit and one.unit != "counts"):
+            continue
+        if other is None:
+            del chosen[role]
+            continue
+        options = {key: other.options[key] for key in ("scale", "wrap") if key in other.options}
+        chosen[role] = replace(
+            one, unit=other.unit, options=one.options | options, reason=f"{one.reason}; unit of the {motion}"
+        )
+
+
+def _decode(chosen: dict[str, Guess], columns: dict[str, _Column], given: Map[str, Given]) -> None:
+    """Unwrap positions, and read negative numbers that were logged as unsigned ones."""
+    for role, guess in list(chosen.items()):
+        column = columns.get(guess.column)
+        if column is None or "decode" in guess.options or "wrap" in guess.options:
+            continue
+        options = dict(guess.options)
+        if role in ("position", "reference"):
+            scale = options.get("scale", 1.0)
+            if whole := find_wrap(column.value, guess.unit if scale == 1.0 else "counts"):
+                options["wrap"] = whole * scale
+                reason = f"{guess.reason}; starts again after {whole:g}"
+                chosen[role] = replace(guess, options=options, reason=reason)
+        elif role in ("command", "velocity", "effort") and (kind := find_decoding(column.value)):
+            options["decode"] = kind
+            chosen[role] = replace(guess, options=options).with_doubt(
+                f"{role}: values near {column.value.max():g} are read as negative ({kind})"
+            )
+
+
+def base_field(role: str) -> str:
+    """Field of JointState whose units a role may have."""
+    return {"command": "effort", "effort": "effort", "reference": "position", "reference velocity": "velocity"}.get(
+        role, role if role in MOTION else "condition"
+    )
+
+
+def base_unit_of(guess: Guess) -> str:
+    """Unit of the topics that a guess becomes."""
+    return base_unit(guess.unit, base_field(guess.role), guess.role)[0]

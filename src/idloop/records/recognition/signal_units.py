@@ -1,0 +1,129 @@
+"""Units that a log does not write down, by what the signals have to do with each other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.records.inspection.velocity_check import velocity_slope
+from idloop.records.recognition.time_base import SECONDS
+from idloop.records.tables.base_units import base_unit
+
+Floats = NDArray[np.float64]
+
+# Units of unwritten ones, the most usual first.
+_ROTARY, _ROTARY_SPEEDS = ("rad", "deg", "rev"), ("rad/s", "rpm", "deg/s", "rev/s")
+_LINEAR, _LINEAR_SPEEDS = ("m", "mm", "cm"), ("m/s", "mm/s", "cm/s")
+_AGREES = 0.04
+# Ranges after which positions start again: a turn in each unit, encoders of 8 to 24 bits.
+_TURNS = {"rad": 2.0 * pi, "deg": 360.0, "rev": 1.0}
+_COUNTS = tuple(float(2**bits) for bits in range(8, 25))
+_LARGEST_STEP = 0.25  # of the range, but for a wrap
+
+
+@dataclass(frozen=True)
+class MotionUnits:
+    """Units of position and velocity, and of time where that was open.
+
+    Attributes
+    ----------
+    position, velocity, time : str
+    slope : float
+        The velocity over the slope of the position, in these units; NaN where nothing can be said.
+    agree : bool
+        Whether it is one, up to the sign.
+    """
+
+    position: str
+    velocity: str
+    time: str
+    slope: float
+    agree: bool
+
+
+def motion_units(
+    time: Floats,
+    position: Floats,
+    velocity: Floats,
+    units: tuple[str, str],
+    times: tuple[str, ...],
+    *,
+    linear: bool,
+) -> MotionUnits:
+    """Find the units with which a velocity is the slope of a position.
+
+    Parameters
+    ----------
+    time : array, shape (n,)
+        Stamps in the first of the units `times`, in seconds.
+    position, velocity : array, shape (n,)
+        As the file has them.
+    units : (str, str)
+        Of both, where they are written down; empty where not.
+    times : tuple of str
+        Units of time that are possible, the most probable first.
+    linear : bool
+        Whether the axis is a linear one.
+    """
+    places = (units[0],) if units[0] else _LINEAR if linear else _ROTARY
+    speeds = (units[1],) if units[1] else _LINEAR_SPEEDS if linear else _ROTARY_SPEEDS
+    found = velocity_slope(time, position, velocity)
+    raw = float("nan") if found is None or found.unrelated else found.value
+    best = MotionUnits(places[0], speeds[0], times[0], raw * _ratio(places[0], speeds[0]), False)
+    if not np.isfinite(raw):
+        return best
+    for unit in times:
+        slower = SECONDS[unit] / SECONDS[times[0]] if unit in SECONDS else 1.0
+        for place in places:
+            for speed in speeds:
+                slope = raw * slower * _ratio(place, speed)
+                if abs(abs(slope) - 1.0) <= _AGREES:
+                    return MotionUnits(place, speed, unit, slope, agree=True)
+    return best
+
+
+def _ratio(place: str, speed: str) -> float:
+    if "counts" in (place, speed):
+        return 1.0
+    return base_unit(speed, "velocity", "")[1] / base_unit(place, "position", "")[1]
+
+
+def find_wrap(value: Floats, unit: str) -> float:
+    """Return the range after which a position starts again, in its unit; 0 where it does not."""
+    known = value[np.isfinite(value)]
+    if known.size < 3:
+        return 0.0
+    low, high = float(known.min()), float(known.max())
+    step = np.abs(np.diff(known))
+    span = high - low
+    # The most that an axis moves between two samples is far below a turn; a wrap is nearly a whole one.
+    ranges = (_TURNS[unit],) if unit in _TURNS else _COUNTS
+    if not unit or unit == "counts":
+        ranges = _COUNTS if unit else (*_TURNS.values(), *_COUNTS)
+    for whole in ranges:
+        if not 0.9 * whole < span <= 1.001 * whole:
+            continue
+        jumps = step > (1.0 - _LARGEST_STEP) * whole
+        others = step[~jumps]
+        if jumps.any() and others.size and float(others.max()) < _LARGEST_STEP * whole:
+            return whole
+    return 0.0
+
+
+def find_decoding(value: Floats) -> str:
+    """Return ``int16`` or ``int32`` where negative numbers were logged as large positive ones; else nothing."""
+    known = value[np.isfinite(value)]
+    if not known.size or known.min() < 0 or (known != np.round(known)).any():
+        return ""
+    for name, bits in (("int16", 16), ("int32", 32)):
+        whole = 2.0**bits
+        if known.max() >= whole:
+            continue
+        high = known >= 0.75 * whole
+        low = known < 0.25 * whole
+        if high.any() and low.any() and bool((high | low).all()):
+            return name
+    return ""

@@ -1,0 +1,219 @@
+"""The time column of a table, its unit, and the runs between which it starts again."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import InputError
+from idloop.records.recognition.column_name import parse_column_name
+from idloop.records.recognition.guess import Given
+from idloop.records.recognition.roles import role_by_name
+from idloop.records.tables.base_units import TIME_UNITS, known_unit
+from idloop.records.tables.mapping import Time
+from idloop.records.tables.table_files import Table
+
+Floats = NDArray[np.float64]
+
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+# Sampling periods of servo axes [s]: units that give others are improbable.
+_SHORTEST, _LONGEST = 4e-5, 0.12
+# A date in each unit: between the years 2000 and 2100.
+_DATES = (9.5e8, 4.1e9)
+_RISING = 0.5  # share of the steps of a named time column that are not negative: it may start again often
+_EVEN = 0.97  # share of the steps of a column without a name that are nearly equal
+# "Sampling period [ms];1", "sample rate: 1000 Hz" in the notes above a table.
+_PERIOD = re.compile(
+    r"(?:sampl\w*|tast\w*|cycle|abtast\w*|interval|dt)\b[^0-9]*?(?:\[(?P<before>[^\]]+)\][^0-9]*)?"
+    r"(?P<number>\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)\s*(?P<behind>[µa-zA-Z]+)?",
+    re.IGNORECASE,
+)
+_FEWEST_ROWS = 10
+
+
+@dataclass(frozen=True)
+class TimeBase:
+    """Where the stamps of a table come from.
+
+    Attributes
+    ----------
+    time : Time
+        As in a mapping.
+    reason, doubt : str
+    seconds : array, shape (n,)
+        Stamps [s].
+    units : tuple of str
+        Units that the column may be in, the most probable first; one where it is certain.
+    """
+
+    time: Time
+    reason: str
+    doubt: str
+    seconds: Floats
+    units: tuple[str, ...] = ("s",)
+
+    @property
+    def runs(self) -> list[slice]:
+        """Rows of each run, between which the time starts again; shorter ones than ten rows are left out."""
+        back = np.flatnonzero(np.diff(self.seconds) < 0) + 1
+        edges = [0, *back.tolist(), self.seconds.size]
+        pieces = [slice(a, b) for a, b in itertools.pairwise(edges)]
+        longest = max(one.stop - one.start for one in pieces)
+        return [one for one in pieces if one.stop - one.start >= min(_FEWEST_ROWS, longest)]
+
+
+def find_time_base(
+    table: Table, numbers: dict[str, Floats], given: Given | None, count: int, period: float | None
+) -> TimeBase:
+    """Find the stamps of a table.
+
+    Parameters
+    ----------
+    table : Table
+    numbers : dict of str to array, shape (n,)
+        Its columns of numbers.
+    given : Given or None
+        What the user says of the time column.
+    count : int
+        Rows.
+    period : float, optional
+        Sampling period [s] that the user gives.
+
+    Raises
+    ------
+    InputError
+        No column is a time, and nothing says the period.
+    """
+    if period is not None:
+        return TimeBase(Time(period=period), "as given", "", np.arange(count, dtype=np.float64) * period)
+    if given is not None and given.column:
+        return _of_column(table, numbers, given.column, given.unit, "as given")
+    ranked = []
+    for position, name in enumerate(table.columns):
+        parsed = parse_column_name(name, table.units.get(name, ""))
+        if role_by_name(parsed).role == "time" and _may_be_time(table, numbers, name):
+            # A column that starts again now and then is as good; a fine one is better.
+            ranked.append((-role_by_name(parsed).rank, -_levels(table, numbers, name), position, name))
+    unit = given.unit if given is not None else ""
+    if ranked:
+        name = min(ranked)[-1]
+        reason = role_by_name(parse_column_name(name, table.units.get(name, ""))).reason
+        return _of_column(table, numbers, name, unit, reason)
+    if found := _period_in_notes(table):
+        seconds, text = found
+        return TimeBase(
+            Time(period=seconds),
+            f"the notes above the table say {text!r}",
+            "",
+            np.arange(count, dtype=np.float64) * seconds,
+        )
+    steady = [name for name, value in numbers.items() if _is_clock(value)] or [
+        name for name, value in numbers.items() if value.size > _FEWEST_ROWS and (np.diff(value) > 0).all()
+    ]
+    if steady:
+        base = _of_column(table, numbers, steady[0], unit, "it rises from row to row")
+        return TimeBase(
+            base.time, base.reason, base.doubt or _doubt(steady[0], base.time.unit), base.seconds, base.units
+        )
+    raise InputError(
+        f"{table.path}: no column is a time; name it with --time COLUMN, or say how often a row was taken: --rate HZ or"
+        " --period S"
+    )
+
+
+def _may_be_time(table: Table, numbers: dict[str, Floats], name: str) -> bool:
+    if name not in numbers:
+        return _dates(table.raw(name)) is not None
+    value = numbers[name][np.isfinite(numbers[name])]
+    return value.size > 2 and float(np.ptp(value)) > 0.0 and float(np.mean(np.diff(value) >= 0)) >= _RISING
+
+
+def _levels(table: Table, numbers: dict[str, Floats], name: str) -> int:
+    return np.unique(numbers[name]).size if name in numbers else len(set(table.raw(name)))
+
+
+def _is_clock(value: Floats) -> bool:
+    """Whether a column rises in nearly equal steps."""
+    step = np.diff(value)
+    return bool(
+        value.size > _FEWEST_ROWS
+        and np.isfinite(step).all()
+        and np.median(step) > 0
+        and np.mean(np.abs(step / np.median(step) - 1.0) < 0.5) > _EVEN
+    )
+
+
+def _dates(cells: Sequence[Any]) -> Floats | None:
+    """Dates as ISO 8601 [s since 1970]; None where the cells are none."""
+    try:
+        stamps = np.array([str(cell).strip().removesuffix("Z") for cell in cells], dtype="datetime64[ns]")
+    except ValueError:
+        return None
+    return np.asarray(stamps.astype(np.int64) * 1e-9) if not np.isnat(stamps).any() else None
+
+
+def _of_column(table: Table, numbers: dict[str, Floats], name: str, unit: str, reason: str) -> TimeBase:
+    if name not in numbers:
+        dates = _dates(table.raw(name))
+        if dates is None:
+            raise InputError(
+                f"{table.path}: time column {name!r} holds neither numbers nor ISO 8601 times; name another with --time"
+            )
+        return TimeBase(Time(column=name, unit="iso8601"), f"{reason}; dates in ISO 8601", "", dates)
+    value = numbers[name]
+    if unit and known_unit(unit) not in TIME_UNITS:
+        raise InputError(f"{table.path}: --time {name}={unit}: not a unit of time; known are {', '.join(TIME_UNITS)}")
+    said = known_unit(unit) or parse_column_name(name, table.units.get(name, "")).unit
+    if said in TIME_UNITS:
+        units: tuple[str, ...] = (said,)
+        why, doubt = "as given" if unit else "by its name", ""
+    else:
+        units, why = _units_of_time(value)
+        doubt = _doubt(name, units[0]) if len(units) > 1 else ""
+    time = Time(column=name, unit=units[0])  # type: ignore[arg-type]
+    return TimeBase(time, f"{reason}; {units[0]} {why}", doubt, value * SECONDS[units[0]], units)
+
+
+def _doubt(name: str, unit: str) -> str:
+    return f"the unit of time is not written down and taken as {unit}: if it is not, --time '{name}=UNIT'"
+
+
+def _units_of_time(value: Floats) -> tuple[tuple[str, ...], str]:
+    """Units in which stamps may be, the most probable first, and why."""
+    known = value[np.isfinite(value)]
+    for unit, factor in SECONDS.items():
+        if _DATES[0] < float(known[0]) * factor < _DATES[1]:
+            return (unit,), "because they are dates then"
+    step = float(np.median(np.abs(np.diff(known))))
+    whole = bool((known == np.round(known)).all())
+    fitting = [unit for unit, factor in SECONDS.items() if _SHORTEST <= step * factor <= _LONGEST]
+    # Whole numbers count milliseconds or microseconds; a clock in seconds has decimals.
+    fitting = [unit for unit in fitting if whole or unit in ("s", "ms")]
+    if not fitting:
+        return ("s",) if not whole else ("s", "ms"), "as usual"
+    if not whole and fitting[0] == "s":
+        return ("s",), f"because a sample every {step:.3g} s is usual"
+    if len(fitting) == 1:
+        return tuple(fitting), f"because a sample every {step:g} {fitting[0]} is usual"
+    return tuple(fitting), f"because a sample every {step:g} {fitting[0]} is the most usual"
+
+
+def _period_in_notes(table: Table) -> tuple[float, str] | None:
+    """Sampling period that the notes above a table state [s], and the words."""
+    for line in [] if table.csv is None else table.csv.preamble:
+        match = _PERIOD.search(line)
+        if match is None:
+            continue
+        number, unit = float(match["number"].replace(",", ".")), match["before"] or match["behind"] or ""
+        scale = {"hz": 1.0, "khz": 1e3}.get(unit.lower())
+        if scale and number:
+            return 1.0 / (number * scale), match[0].strip()
+        if known_unit(unit) in TIME_UNITS and number:
+            return number * SECONDS[known_unit(unit)], match[0].strip()
+    return None
