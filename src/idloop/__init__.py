@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from idloop.api.identification import Identification, identify
     from idloop.api.ladder import Ladder, refine
     from idloop.api.monitor import Monitor
+    from idloop.api.start import Start, start
     from idloop.api.suggestion import Suggestion, suggest
     from idloop.errors import IdloopError, InputError
     from idloop.exporters import Exported
@@ -52,6 +53,7 @@ __all__ = [
     "Monitor",
     "Record",
     "Signal",
+    "Start",
     "Suggestion",
     "compare",
     "compensate",
@@ -66,6 +68,7 @@ __all__ = [
     "read_bags",
     "refine",
     "simulate",
+    "start",
     "suggest",
     "to_control",
 ]
@@ -85,6 +88,7 @@ _WHERE = {
     "Monitor": "api.monitor",
     "Record": "records.record",
     "Signal": "signals",
+    "Start": "api.start",
     "Suggestion": "api.suggestion",
     "compare": "api.comparison",
     "compensate": "api.compensation",
@@ -99,6 +103,7 @@ _WHERE = {
     "read_bags": "api.data",
     "refine": "api.ladder",
     "simulate": "api.data",
+    "start": "api.start",
     "suggest": "api.suggestion",
     "to_control": "api.export",
 }

@@ -32,6 +32,7 @@ class Verb(NamedTuple):
 
 VERBS: dict[str, Verb] = {
     "demo": Verb("idloop.cli.verbs.demo", "Run the loop from end to end on this machine and check it."),
+    "start": Verb("idloop.cli.verbs.start", "From a log of any form to bags, a model file and a first fit."),
     "launch": Verb("idloop.cli.verbs.launch", "Start a node graph without ros2 launch."),
     "model": Verb("idloop.cli.verbs.model", "Print a preset model, or check a model file and print it whole."),
     "import": Verb("idloop.cli.verbs.import_", "Turn CSV, MAT, NPZ, JSON or a foreign bag into a bag of our topics."),

@@ -1,0 +1,147 @@
+"""`idloop start`: from the files of a log to bags, a model file and a fit."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from idloop.cli._common import json_option, log, print_blocks, print_json
+from idloop.cli._places import OutputFolder
+from idloop.cli._progress import progress, quiet_option
+from idloop.errors import InputError
+
+if TYPE_CHECKING:
+    from idloop.api.start import Log
+
+SIGNALS = {
+    "time": "Column of the stamps.",
+    "command": "Column of the force, torque, current, voltage or duty cycle; a number is a constant.",
+    "position": "Column of the measured position; =counts/4096 is an encoder of 4096 counts per turn.",
+    "velocity": "Column of the measured velocity.",
+    "effort": "Column of a measured force or current beside the command.",
+    "reference": "Column of the set-point that a controller follows.",
+    "temperature": "Column of a temperature.",
+    "supply": "Column of the supply voltage.",
+}
+EXAMPLE = """\b
+Examples:
+  idloop start log.csv
+  idloop start run1.csv run2.csv --position 'enc=counts/4096' --command u=V
+  idloop start drive.csv encoder.csv --output my_axis    # one signal per file
+"""
+_PROMPT = "Enter to go on, SIGNAL=COLUMN[=UNIT] to change one (rate=HZ where there is no time), q to stop"
+
+
+@click.command(epilog=EXAMPLE)
+@click.argument("files", nargs=-1, required=True, metavar="FILE...", type=click.Path(path_type=Path))
+@click.option("--output", type=OutputFolder(new=True, parents=True), metavar="DIR", help="Folder to write.")
+@click.option("--rate", type=click.FloatRange(0, min_open=True), metavar="HZ", help="Rows per second without a time.")
+@click.option("--period", type=click.FloatRange(0, min_open=True), metavar="S", help="Seconds per row without a time.")
+@click.option("--joint", default="axis", show_default=True, metavar="NAME", help="Name of the joint.")
+@click.option("--delimiter", metavar="C", help="Character between the cells of a text file.")
+@click.option("--decimal", type=click.Choice([".", ","]), help="Decimal sign of a text file.")
+@click.option("--skip-rows", type=click.IntRange(0), metavar="N", help="Lines above the header of a text file.")
+@click.option("--no-header", is_flag=True, help="The first line of a text file is data.")
+@click.option("--no-fit", is_flag=True, help="Only write mapping, model and bags.")
+@click.option("--yes", is_flag=True, help="Ask nothing on a terminal.")
+@quiet_option
+@json_option
+def command(
+    files: tuple[Path, ...],
+    *,
+    output: Path | None,
+    rate: float | None,
+    period: float | None,
+    joint: str,
+    delimiter: str | None,
+    decimal: str | None,
+    skip_rows: int | None,
+    no_header: bool,
+    no_fit: bool,
+    yes: bool,
+    as_json: bool,
+    **signals: str | None,
+) -> None:
+    """Find out what the columns of FILE... are, import them, inspect them and fit a first model.
+
+    Every guess is shown with its reason, and what is uncertain is marked with "check:". On a terminal you are asked
+    before anything is written. Files with the same columns are records of one axis; files with different columns are
+    one record with a signal or more in each. A column is given as COLUMN, COLUMN=UNIT, =UNIT, or as a formula such as
+    'theta + alpha'; "none" leaves the signal out.
+    """
+    if rate is not None and period is not None:
+        raise InputError("--rate and --period say the same: give one")
+    csv = {
+        key: value
+        for key, value in (("delimiter", delimiter), ("decimal", decimal), ("skip_rows", skip_rows))
+        if value is not None
+    }
+    csv |= {"header": False} if no_header else {}
+    given = {name: text for name, text in signals.items() if text is not None}
+    period = 1.0 / rate if rate else period
+    if not (yes or as_json) and sys.stdin.isatty() and sys.stdout.isatty():
+        found = _ask(files, given, period, csv)
+    else:
+        from idloop.api.start import recognise
+
+        found = recognise(files, given, period=period, csv=csv)
+    from idloop.api.start import begin
+
+    with progress("starting") as update:
+        begun = begin(found, output, csv=csv, joint=joint, fitted=not no_fit, progress=update)
+    if as_json:
+        print_json(begun.to_dict())
+    else:
+        print_blocks(begun.blocks())
+    if begun.fit is None and not no_fit and found.recognition.of("command") is not None:
+        raise click.exceptions.Exit(1)
+
+
+for name, text in reversed(SIGNALS.items()):
+    command = click.option(f"--{name}", metavar="COLUMN[=UNIT]", help=text)(command)
+
+
+def _ask(files: tuple[Path, ...], given: dict[str, str], period: float | None, csv: dict[str, Any]) -> Log:
+    """Show what was recognised until the user accepts it."""
+    from idloop.api.start import recognise
+
+    while True:
+        try:
+            found = recognise(files, given, period=period, csv=csv)
+        except InputError as error:
+            log(str(error))
+        else:
+            print_blocks(found.blocks())
+            log(f"picture: {_picture(found)}")
+        answer = click.prompt(_PROMPT, default="", show_default=False).strip()
+        if answer == "q":
+            raise click.exceptions.Exit(0)
+        if not answer:
+            return found
+        role, equals, text = answer.partition("=")
+        if role == "rate" and equals:
+            period = 1.0 / float(text) if _is_positive(text) else period
+        elif equals:
+            given[role.strip()] = text
+        else:
+            log(f"not understood: {answer!r}")
+
+
+def _is_positive(text: str) -> bool:
+    try:
+        return float(text) > 0.0
+    except ValueError:
+        return False
+
+
+def _picture(found: Log) -> Path:
+    from idloop.drawing import save
+    from idloop.reporting.plots.recognition import plot_recognition
+
+    path = Path(tempfile.mkdtemp(prefix="idloop_")) / "log.png"
+    save(plot_recognition(found.recognition), path)
+    return path
