@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from idloop.records.from_model import record_from_model
     from idloop.records.gaps import cut_at_gaps
     from idloop.records.inspection.checks import check_commands, check_identifiable, check_record
-    from idloop.records.inspection.inspection import Inspection, inspect_bag
+    from idloop.records.inspection.inspection import Inspection, compare_inspections, inspect_bag
     from idloop.records.record import Record
 
 __all__ = [
@@ -25,6 +25,7 @@ __all__ = [
     "check_commands",
     "check_identifiable",
     "check_record",
+    "compare_inspections",
     "cut_at_gaps",
     "inspect_bag",
     "make_stream",
@@ -45,7 +46,7 @@ _MODULES = {
     "from_model": ("record_from_model",),
     "gaps": ("cut_at_gaps",),
     "inspection.checks": ("check_commands", "check_identifiable", "check_record"),
-    "inspection.inspection": ("Inspection", "inspect_bag"),
+    "inspection.inspection": ("Inspection", "compare_inspections", "inspect_bag"),
     "record": ("Record",),
 }
 _WHERE = {name: module for module, names in _MODULES.items() for name in names}

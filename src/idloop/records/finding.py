@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from typing import Literal
 
 
@@ -24,6 +25,14 @@ class Finding:
         Topic, column or file.
     level : {"note", "warning"}
         ``warning`` when a fit may be wrong because of it.
+    evidence : mapping of str to float
+        The numbers that show it.
+    cure : str
+        What to do; part of `text` as well.
+    spoils : tuple of str
+        What cannot be identified because of it; empty where it only lowers the accuracy.
+    places : tuple of (float, float)
+        Beginning and end of the places that show it [s from the first stamp of the recording].
     """
 
     kind: str
@@ -31,6 +40,10 @@ class Finding:
     count: int = 1
     where: str = ""
     level: Literal["note", "warning"] = "note"
+    evidence: Mapping[str, float] = field(default_factory=dict, hash=False)
+    cure: str = ""
+    spoils: tuple[str, ...] = ()
+    places: tuple[tuple[float, float], ...] = ()
 
     def to_dict(self) -> dict[str, object]:
         """Return the finding as plain values for JSON."""

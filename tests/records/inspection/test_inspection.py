@@ -30,7 +30,10 @@ def test_good_record(bag):
 
 def test_two_level_command_hides_the_dead_zone(make_bag):
     found = inspect_bag(make_bag(command=np.where(np.arange(200) // 7 % 2, 1.0, -1.0)))
-    assert _said(found, "two levels", "dead zone")
+    (fault,) = (one for one in found.faults if one.kind == "two_levels")
+    assert fault.spoils == ("dead zone", "saturation")
+    assert found.verdict == "usable"
+    assert found.grade.startswith("not usable for dead zone")
 
 
 def test_motion_one_way(make_bag):

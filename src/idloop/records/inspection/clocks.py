@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.records.bags.stamp_clock import share_no_clock
 from idloop.records.bags.stream import JointStream
 from idloop.records.finding import Finding
 
@@ -247,11 +248,24 @@ def clock_finding(command: JointStream, measured: JointStream) -> Finding | None
             f"{one.topic} is stamped {one.stamp_ns[0] * 1e-9:.3f} to {one.stamp_ns[-1] * 1e-9:.3f} s"
             for one in (command, measured)
         )
-        kind, text = "two_clocks", f"two clocks: {', '.join(spans)}, they do not overlap{advice}"
+        if share_no_clock(command, measured):
+            advice = "; set `use_sim_time` alike for all nodes, with stamps in every message, and record again"
+            why = "simulated time against the clock of the recorder"
+        else:
+            why = "they do not overlap"
+        kind, text = "two_clocks", f"two clocks: {', '.join(spans)}, {why}{advice}"
     elif drift > _DRIFT_CERTAIN and drifted > _DRIFTED_CERTAIN:
         kind, text = "two_clocks", f"two clocks: {text}{advice}"
     elif drift > _DRIFT_NOTED and drifted > _DRIFTED_NOTED:
-        kind, text = "clock_drift", f"perhaps two clocks: {text}"
+        kind, text = "clock_drift", f"perhaps two clocks: {text}{advice}"
     else:
         return None
-    return Finding(kind, text, where=f"{command.topic}, {measured.topic}", level="warning")
+    return Finding(
+        kind,
+        text,
+        where=f"{command.topic}, {measured.topic}",
+        level="warning",
+        evidence={"overlap": clocks.overlap, "drift": clocks.drift},
+        cure=advice.removeprefix("; "),
+        spoils=("identification",) if kind == "two_clocks" else ("delays",),
+    )

@@ -12,10 +12,8 @@ from idloop.records.inspection.excitation import Excitation
 from idloop.records.inspection.motion import Motion
 
 _TURN = 2 * np.pi
-_LIMIT_SHARE = 0.05  # of the time at a limit: the command saturates
 _NEAR_NYQUIST = 0.4  # of the sample rate
 _ONE_WAY = 0.05  # largest speed in one direction over that in the other
-_COARSE = 0.01  # of the range
 
 
 @dataclass(frozen=True)
@@ -129,20 +127,10 @@ def _about_command(command: Excitation, evidence: Evidence) -> list[str]:
         text = "The command is constant: gain, inertia and friction cannot be separated and nothing can be identified"
         return [f"{text}, unless together with records of other commands."]
     found = []
-    if command.levels == 2:
-        found.append(
-            "The command has two levels: a dead zone, a saturation or a curved input characteristic looks like a gain"
-            " and an offset. Use more levels to see them."
-        )
-    elif command.levels == 3:
+    if command.levels == 3:
         found.append(
             "The command has three levels: a dead zone and a saturation of the input cannot be separated from a gain."
             " Use more levels to see them."
-        )
-    elif command.limit_share > _LIMIT_SHARE:
-        found.append(
-            f"The command is at its limits {100 * command.limit_share:.0f} % of the time: a limit inside the drive may"
-            " be visible."
         )
     if command.sign_changes == 0:
         found.append(
@@ -189,13 +177,6 @@ def _about_motion(evidence: Evidence) -> list[str]:
             found.append(
                 f"{name} covers {np.degrees(span):.3g} degrees{unless}, less than a turn: imbalance and cogging look"
                 " like an offset or a spring."
-            )
-    for name, motion in {**positions, **velocities}.items():
-        span = motion.maximum - motion.minimum
-        if motion.resolution > _COARSE * span:
-            found.append(
-                f"{name} is coarse, steps of {motion.resolution:.3g} over a range of {span:.3g}: quantisation is a"
-                " large part of its noise."
             )
     if positions and not velocities:
         found.append("Only position is measured: the velocity is estimated by the model, not by differences.")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -24,21 +24,17 @@ from idloop.records.bags.topics import (
     resolve_topic,
 )
 from idloop.records.finding import Finding
-from idloop.records.inspection.clocks import (
-    StampStatistics,
-    clock_finding,
-    stamp_findings,
-    stamp_statistics,
-    while_measured,
-)
-from idloop.records.inspection.differenced import differenced_columns
+from idloop.records.inspection.axes import axes_of, once_per_stamp
+from idloop.records.inspection.axis import Axis
+from idloop.records.inspection.between import between_records
+from idloop.records.inspection.clocks import StampStatistics, stamp_findings, stamp_statistics, while_measured
 from idloop.records.inspection.excitation import Excitation, analyse_command
+from idloop.records.inspection.faults.checks import inspect_axis
+from idloop.records.inspection.grade import grade
 from idloop.records.inspection.insight import Evidence, insights, verdict
-from idloop.records.inspection.measured_input import measured_input
 from idloop.records.inspection.motion import Motion, analyse_motion, beginning
 from idloop.records.inspection.values import missing_values, unusable_magnitude
 from idloop.records.inspection.velocity_check import KIND as WRONG_VELOCITY
-from idloop.records.inspection.velocity_check import wrong_velocities
 from idloop.records.measured_conditions import TOPIC as CONDITIONS
 from idloop.records.measured_conditions import ConditionSources
 from idloop.spelling import listed
@@ -104,6 +100,26 @@ class ConditionReport:
 
 
 @dataclass(frozen=True)
+class JointReport:
+    """One joint that moves.
+
+    Attributes
+    ----------
+    command : str
+        Its command, ``joint.field``; "" where none was found.
+    grade, reason : str
+        As those of the recording.
+    faults : tuple of str
+        Kinds of its faults.
+    """
+
+    command: str
+    grade: str
+    reason: str
+    faults: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Inspection:
     """What `inspect_bag` found.
 
@@ -125,10 +141,16 @@ class Inspection:
     verdict : str
         ``usable``, ``short``, ``too_short``, ``contradictory``, ``several_runs``, ``not_excited``, ``no_command`` or
         ``unreadable``.
+    grade, grade_reason : str
+        ``usable``, ``usable with care``, or ``not usable for`` what the faults spoil; and why.
+    joints : dict of str to JointReport
+        The joints that move.
     left_out : tuple of str
         Velocities that fits leave out, because they are not the derivatives of the recorded positions.
     streams : dict of str to JointStream
         The data itself, for plots.
+    axes : tuple of Axis
+        The joints that move, for comparisons with other records.
     command_topic : str
         "" when none was found.
     """
@@ -146,6 +168,15 @@ class Inspection:
     left_out: tuple[str, ...] = ()
     imported: dict[str, Any] = field(default_factory=dict)
     streams: dict[str, JointStream] = field(default_factory=dict, repr=False)
+    grade: str = ""
+    grade_reason: str = ""
+    joints: dict[str, JointReport] = field(default_factory=dict)
+    axes: tuple[Axis, ...] = field(default=(), repr=False)
+
+    @property
+    def faults(self) -> tuple[Finding, ...]:
+        """The findings that lower the grade."""
+        return tuple(one for one in self.findings if one.level == "warning")
 
     def to_dict(self) -> dict[str, object]:
         """Return plain values, schema ``idloop/inspect/1``."""
@@ -153,6 +184,9 @@ class Inspection:
             "schema": "idloop/inspect/1",
             "bag": str(self.path),
             "verdict": self.verdict,
+            "grade": self.grade,
+            "grade_reason": self.grade_reason,
+            "joints": {name: asdict(joint) for name, joint in self.joints.items()},
             "left_out": list(self.left_out),
             "insights": list(self.insights),
             "topics": [asdict(topic) for topic in self.topics],
@@ -164,6 +198,7 @@ class Inspection:
             },
             "conditions": {name: asdict(condition) for name, condition in self.conditions.items()},
             "units": self.units,
+            "faults": [finding.to_dict() for finding in self.faults],
             "findings": [finding.to_dict() for finding in self.findings],
             "imported": self.imported,
         }
@@ -222,22 +257,29 @@ def inspect_bag(
         findings += _topic_findings(report, stream, known=topic.type not in unknown, held=topic.name == command_topic)
     signals = {name: found for name, stream in measured.items() if (found := _motions(stream))}
     findings += _value_findings(signals)
-    left_out: list[str] = []
-    for stream in measured.values():
-        remarks = _velocity_findings(stream, units)
-        left_out += [one.where for one in remarks if one.kind == WRONG_VELOCITY]
-        findings += remarks
     findings += _missing(measured, command=False)
     findings += applied_command_findings(requested, command_topic)
     commands = _commands(sent) if sent is not None else {}
+    closed_loop = any(topic.rsplit("/", 1)[-1] == "reference" for topic in streams)
     if sent is not None:
         findings += _missing({command_topic: sent}, command=True)
-        findings += [one for stream in measured.values() if (one := clock_finding(sent, stream))]
-        findings += _measured_input(sent, commands, measured)
+    axes = axes_of(
+        measured,
+        signals,
+        sent,
+        commands,
+        units,
+        start_ns=min((int(stream.stamp_ns.min()) for stream in streams.values()), default=0),
+        has_reference=closed_loop,
+    )
+    own = {axis.joint: inspect_axis(axis) for axis in axes}
+    findings += dict.fromkeys(one for found in own.values() for one in found)
+    left_out = [one.where for one in findings if one.kind == WRONG_VELOCITY]
     motions = {name: motion for found in signals.values() for name, motion in found.items() if name not in left_out}
-    closed_loop = any(topic.rsplit("/", 1)[-1] == "reference" for topic in streams)
     evidence = _evidence(sent, commands, {topic: measured[topic] for topic in signals}, motions, units, closed_loop)
     ours = next((name for name in streams if name.endswith(f"/{CONDITIONS}")), "")
+    answer = verdict(evidence)
+    graded, reason = grade(answer, findings)
     conditions, _ = ConditionSources((), ours).read(streams, condition_units(metadata), 0, np.iinfo(np.int64).max)
     return Inspection(
         path=path,
@@ -247,7 +289,17 @@ def inspect_bag(
         units=units,
         findings=tuple(findings),
         insights=tuple(insights(evidence)),
-        verdict=verdict(evidence),
+        verdict=answer,
+        grade=graded,
+        grade_reason=reason,
+        joints={
+            axis.joint: JointReport(
+                axis.command_name,
+                *grade("usable" if axis.command_name or not commands else "no_command", own[axis.joint]),
+                tuple(one.kind for one in own[axis.joint] if one.level == "warning"),
+            )
+            for axis in axes
+        },
         left_out=tuple(left_out),
         command_topic=command_topic,
         conditions={
@@ -256,7 +308,19 @@ def inspect_bag(
         },
         imported=import_metadata(metadata),
         streams=streams,
+        axes=tuple(axes),
     )
+
+
+def compare_inspections(inspections: Iterable[Inspection]) -> list[Finding]:
+    """Return the faults between recordings: other joints, units, sample times or gains.
+
+    Parameters
+    ----------
+    inspections : iterable of Inspection
+        One for each recording.
+    """
+    return between_records({str(one.path): one.axes for one in inspections})
 
 
 @functools.cache
@@ -327,27 +391,13 @@ def _delay(stream: JointStream) -> dict[str, float]:
     return {"p50": float(p50), "p99": float(p99), "max": float(delay.max())}
 
 
-def _once_per_stamp(stream: JointStream) -> tuple[Floats, dict[str, Floats]]:
-    """Time from the first stamp on [s], and columns; of two messages with one stamp the first counts."""
-    stamp, first = np.unique(stream.stamp_ns, return_index=True)
-    return (stamp - stamp[0]) * 1e-9, {name: column[first] for name, column in stream.columns().items()}
-
-
-def _velocity_findings(stream: JointStream, units: Mapping[str, str]) -> list[Finding]:
-    """Findings on velocities that are not the derivative of their position, and on those computed from it."""
-    wrong = wrong_velocities(*_once_per_stamp(stream), units)
-    names = {one.where for one in wrong}
-    good = {name: column for name, column in stream.columns().items() if name not in names}
-    return [*wrong, *differenced_columns((stream.stamp_ns - stream.stamp_ns[0]) * 1e-9, good)]
-
-
 def _motions(stream: JointStream) -> dict[str, Motion]:
     found = {name: analyse_motion(one, velocity=name.endswith(".velocity")) for name, one in stream.columns().items()}
     return {name: motion for name, motion in found.items() if motion is not None}
 
 
 def _commands(stream: JointStream) -> dict[str, Excitation]:
-    time, columns = _once_per_stamp(stream)
+    time, columns = once_per_stamp(stream)
     known = {name: np.isfinite(value) for name, value in columns.items()}
     return {
         name: analyse_command(time[known[name]], value[known[name]])
@@ -378,23 +428,6 @@ def _missing(streams: Mapping[str, JointStream], *, command: bool) -> list[Findi
             held = command and len(columns) == 1
             found += missing_values(f"{topic} {name}", stream.stamp_ns, column, topic, command=held)
     return found
-
-
-def _measured_input(
-    command: JointStream, commands: Mapping[str, Excitation], measured: Mapping[str, JointStream]
-) -> list[Finding]:
-    """Say that the strongest command was measured, where the motion of its joint shows it."""
-    if not commands:
-        return []
-    name = max(commands, key=lambda key: commands[key].rms)
-    joint = name.rpartition(".")[0]
-    for stream in measured.values():
-        start = min(command.stamp_ns[0], stream.stamp_ns[0])
-        motions = {key: value for key, value in stream.columns().items() if key.rpartition(".")[0] == joint}
-        input_time, time = (1e-9 * (one.stamp_ns - start) for one in (command, stream))
-        if found := measured_input(name, input_time, command.columns()[name], time, motions):
-            return found
-    return []
 
 
 def _evidence(

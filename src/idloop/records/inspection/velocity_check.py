@@ -220,37 +220,44 @@ def _slopes(
 
 
 def _finding(name: str, slope: Slope, columns: Mapping[str, Floats], units: Mapping[str, str]) -> Finding:
-    text = _explanation(name, slope, columns, units.get(name) or "rad/s")
-    return Finding(KIND, f"{text}; fits leave {name} out", where=name, level="warning")
+    seen, cure = _explanation(name, slope, columns, units.get(name) or "rad/s")
+    return Finding(
+        KIND,
+        f"{seen}; {cure}; fits leave {name} out",
+        where=name,
+        level="warning",
+        evidence={"slope": slope.value, "error": slope.error},
+        cure=f"{cure}; fits leave {name} out",
+    )
 
 
-def _explanation(name: str, slope: Slope, columns: Mapping[str, Floats], unit: str) -> str:
-    """Return what is wrong with a velocity, the evidence, and how to correct it."""
+def _explanation(name: str, slope: Slope, columns: Mapping[str, Floats], unit: str) -> tuple[str, str]:
+    """Return what is wrong with a velocity and the evidence, and how to correct it."""
     joint = name.rpartition(".")[0]
     place, velocity = f"{joint}.position", columns[name]
     low, high = float(np.nanmin(velocity)), float(np.nanmax(velocity))
     if low == high:
         ends = f"from {np.nanmin(columns[place]):.4g} to {np.nanmax(columns[place]):.4g}"
         return (
-            f"{name} stays at {low:g} while {place} runs {ends}: it is not measured; take it out of the mapping and of"
-            " the model file"
+            f"{name} stays at {low:g} while {place} runs {ends}: it is not measured",
+            "take it out of the mapping and of the model file",
         )
     value, least = slope.value, _ERRORS * slope.error
     if slope.unrelated or abs(value) <= max(least, _NONE):
         return (
-            f"{name} is unrelated to the slope of {place} ({value:.2g} ± {slope.error:.2g} times it, not 1): the column"
-            " is another signal or noise; correct the mapping, or take it out of the model file"
+            f"{name} is unrelated to the slope of {place} ({value:.2g} ± {slope.error:.2g}, not 1): another signal",
+            "correct the mapping, or take it out of the model file",
         )
     times = f"{name} is {value:.4g} times the slope of {place}"
     if abs(value + 1.0) <= max(least, _UNIT):
-        return f"{times}: one of the two has the wrong sign; set `scale: -1` for it in the mapping"
+        return f"{times}: one of the two has the wrong sign", "set `scale: -1` for it in the mapping"
     taken = _taken_for(value, unit)
     if taken is not None:
         right, wrong = taken
-        return f"{times}: it is probably in {right} and was read as {wrong}; set `unit: {right}` in the mapping"
+        return f"{times}: it is probably in {right} and was read as {wrong}", f"set `unit: {right}` in the mapping"
     return (
-        f"{times}: one of the two has the wrong scale, or the column is another signal; set its `unit:` or `scale:` in"
-        " the mapping"
+        f"{times}: a wrong scale, the other side of a gear, or another signal",
+        "set its `unit:` or `scale:` in the mapping",
     )
 
 

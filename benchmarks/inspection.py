@@ -1,0 +1,428 @@
+"""How often the checks of a recording find a fault that is there, and how often one that is not.
+
+Simulates axes (DC motor, axis with Coulomb friction, lead screw, torsion rig; with friction, cogging, backlash
+and compliance; open loop and PD control; 100 Hz to 2 kHz; noise and quantisation), records them cleanly and with each
+fault, and inspects recordings of public sets below the folder IDLOOP_DATA. Prints a row for each check.
+
+    .venv/bin/python benchmarks/inspection.py [--runs 40] [--jobs 1] [--measured]
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from multiprocessing import Pool
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.physics import load_model
+from idloop.physics.plant import Plant
+from idloop.records import make_stream
+from idloop.records.inspection.axis import Axis
+from idloop.records.inspection.faults.checks import inspect_axis
+from idloop.signals import build_signal
+
+Floats = NDArray[np.float64]
+Random = np.random.Generator
+Plant_ = Callable[[Random, "Recorded"], "Recorded"]
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A machine to simulate: preset, body whose motion is measured, size of the command, and what else acts on it.
+
+    `inertia`, `gain` and `viscous` are those of all bodies together, for the controller; `lag` is the time [s] in which
+    the speed settles.
+    """
+
+    model: str
+    body: int
+    command: float
+    inertia: float
+    gain: float
+    viscous: float
+    effects: tuple[str, ...] = ()
+    driven: float = 1.0
+
+    @property
+    def lag(self) -> float:
+        """Time constant of the speed [s]."""
+        return self.inertia / self.viscous
+
+
+MACHINES = (
+    Machine("dc_motor", 0, 3.0, 1.0, 8.255, 2.306),
+    Machine("dc_motor", 0, 3.0, 1.0, 8.255, 2.306, ("coulomb_friction@motor(level=3.0)", "dead_zone@input(width=0.2)")),
+    Machine("axis", 0, 0.5, 0.01, 1.0, 0.05, ("coulomb_friction@axis(level=0.08)",)),
+    Machine(
+        "axis",
+        0,
+        0.5,
+        0.01,
+        1.0,
+        0.05,
+        ("cogging@axis(amplitude=0.04, harmonic=7)", "stribeck_friction@axis(coulomb=0.05, static=0.08, velocity=0.3)"),
+    ),
+    Machine("axis", 0, 0.5, 0.01, 1.0, 0.05, ("gravity@axis(moment=0.1)", "coulomb_friction@axis(level=0.04)")),
+    Machine("lead_screw", 0, 6.0, 2.45e-4, 0.05, 2.65e-3, ("coulomb_friction@stage(level=0.03)",)),
+    Machine("torsion", 0, 0.3, 1.67e-3, 0.0742, 3.5e-3, driven=0.0186),
+    Machine(
+        "torsion",
+        0,
+        0.3,
+        1.67e-3,
+        0.0742,
+        3.5e-3,
+        ("backlash@motor-load1(gap=0.02)", "coulomb_friction@motor(level=0.002)"),
+        0.0186,
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A recording of one joint as the checks get it, and what made it."""
+
+    axis: Axis
+    rate: float
+    closed: bool
+    machine: Machine
+    true_velocity: Floats
+
+
+def record(
+    seed: int,
+    *,
+    machine: Machine | None = None,
+    closed: bool | None = None,
+    clip: float | None = None,
+    levels: str | None = None,
+    scale: float = 1.0,
+    one_sided: bool = False,
+) -> Recorded:
+    """Simulate one clean recording."""
+    random = np.random.default_rng(seed)
+    machine = machine or MACHINES[int(random.integers(len(MACHINES)))]
+    rate = float(random.choice([100.0, 200.0, 500.0, 1000.0, 2000.0]))
+    duration = max(2500.0 / rate, 12.0 * machine.lag)
+    duration *= min(1.0, 12_000.0 / (duration * rate))
+    closed = bool(random.uniform() < 0.4) if closed is None else closed
+    kind = levels or str(random.choice(["multilevel", "multisine", "chirp", "smooth"]))
+    amplitude = machine.command * scale
+    signal = excitation(random, kind, rate, duration, amplitude, machine.lag)
+    plant = Plant(load_model(machine.model).with_effects(list(machine.effects)), seed, noise=False)
+    count = signal.size
+    bandwidth = min(2.0 * np.pi * float(random.uniform(1.5, 4.0)), 0.1 * rate, 0.2 * machine.driven * rate)
+    stiffness = bandwidth**2 * machine.inertia / machine.gain
+    damping = max(1.4 * bandwidth * machine.inertia - machine.viscous, 0.0) / machine.gain
+    reference = signal / max(float(np.max(np.abs(signal))), 1e-12) * amplitude / stiffness * 2.0
+    steps = 10.0 ** random.uniform(3.0, 5.0)
+    noise = 10.0 ** random.uniform(-5.0, -3.5)
+    span = (
+        2.0 * float(np.max(np.abs(reference))) if closed else machine.gain * amplitude / machine.viscous * machine.lag
+    )
+    quantised = bool(random.uniform() < 0.5)
+    position, velocity, command = np.empty(count), np.empty(count), np.empty(count)
+    true_velocity = np.empty(count)
+    top = machine.gain * amplitude / machine.viscous
+    speed_noise = top * 10.0 ** random.uniform(-3.0, -1.7)
+    for k in range(count):
+        p, v = float(plant.position[machine.body]), float(plant.velocity[machine.body])
+        true_velocity[k] = v
+        position[k] = span / steps * np.round(p * steps / span) if quantised else p + noise * span * random.normal()
+        velocity[k] = v + speed_noise * random.normal()
+        command[k] = stiffness * (reference[k] - position[k]) - damping * velocity[k] if closed else signal[k]
+        if clip is not None:
+            command[k] = float(np.clip(command[k], -clip * amplitude, clip * amplitude))
+        plant.step(float(command[k]), (k + 1) / rate)
+    time = np.arange(count) / rate
+    with_velocity = bool(random.uniform() < 0.6)
+    axis = Axis(
+        "j",
+        time,
+        position,
+        velocity if with_velocity else None,
+        time.copy(),
+        command,
+        "j.effort",
+        {"j.position": "rad", "j.velocity": "rad/s", "j.effort": "V"},
+        has_reference=closed,
+    )
+    return Recorded(axis, rate, closed, machine, true_velocity)
+
+
+def excitation(random: Random, kind: str, rate: float, duration: float, amplitude: float, lag: float) -> Floats:
+    """A command, or a reference, for an axis of that time constant [s]."""
+    seed, common = (
+        int(random.integers(1 << 30)),
+        {"sample_time": 1.0 / rate, "duration": duration, "amplitude": amplitude},
+    )
+    if kind == "multilevel":
+        signal = build_signal("multilevel", seed=seed, hold_min=0.2 * lag, hold_max=2.0 * lag, **common)
+    elif kind == "multisine":
+        signal = build_signal(
+            "multisine",
+            seed=seed,
+            period=0.5 * duration,
+            frequency_min=0.05 / lag,
+            frequency_max=min(1.5 / lag, 0.1 * rate),
+            **common,
+        )
+    elif kind == "chirp":
+        signal = build_signal(
+            "chirp", frequency_start=0.05 / lag, frequency_end=min(2.0 / lag, 0.1 * rate), sweep_time=duration, **common
+        )
+    elif kind == "two levels":
+        signal = build_signal("prbs", seed=seed, band_hz=1.0 / lag, **common)
+        return np.asarray(np.where(signal.value >= 0.0, amplitude, -amplitude))
+    elif kind == "slow":
+        # The inertia makes a thousandth of the force.
+        signal = build_signal(
+            "multisine", seed=seed, period=duration, frequency_min=0.0, frequency_max=3.0 / duration, **common
+        )
+    else:
+        time = np.arange(round(duration * rate)) / rate
+        turn = random.uniform(0.3, 1.2, size=3) / lag
+        return np.asarray(amplitude / 3.0 * np.sum([np.sin(w * time + k) for k, w in enumerate(turn)], axis=0))
+    return np.asarray(signal.value)
+
+
+def _with(recorded: Recorded, **changes: object) -> Recorded:
+    return replace(recorded, axis=replace(recorded.axis, **changes))
+
+
+def _velocity(random: Random, recorded: Recorded) -> Floats:
+    """The velocity on record, or where there is none the true one with 1 % noise."""
+    if recorded.axis.velocity is not None:
+        return recorded.axis.velocity
+    true = recorded.true_velocity
+    return np.asarray(true + 0.01 * np.std(true) * random.normal(size=true.size))
+
+
+def rpm(random: Random, recorded: Recorded) -> Recorded:
+    """A velocity in rpm, read as rad/s."""
+    return _with(recorded, velocity=30.0 / np.pi * _velocity(random, recorded))
+
+
+def turned_velocity(random: Random, recorded: Recorded) -> Recorded:
+    """The sign of the velocity turned."""
+    return _with(recorded, velocity=-_velocity(random, recorded))
+
+
+def dead_velocity(random: Random, recorded: Recorded) -> Recorded:
+    """A column of zeros."""
+    return _with(recorded, velocity=np.zeros(recorded.axis.time.size))
+
+
+def gear(random: Random, recorded: Recorded) -> Recorded:
+    """The velocity of the other side of a gear."""
+    return _with(recorded, velocity=float(random.choice([3.0, 5.0, 30.0, 100.0])) * _velocity(random, recorded))
+
+
+def filtered_velocity(random: Random, recorded: Recorded) -> Recorded:
+    """A first-order low pass whose delay is a tenth of the time constant, at least three samples."""
+    from scipy.signal import lfilter
+
+    late = max(0.1 * recorded.machine.lag, 3.0 / recorded.rate)
+    decay = float(np.exp(-1.0 / (recorded.rate * late)))
+    return _with(recorded, velocity=np.asarray(lfilter([1.0 - decay], [1.0, -decay], _velocity(random, recorded))))
+
+
+def sign_lost(random: Random, recorded: Recorded) -> Recorded:
+    """The size of the command without its sign."""
+    return _with(recorded, command=np.abs(recorded.axis.command))
+
+
+def turned_command(random: Random, recorded: Recorded) -> Recorded:
+    """The sign of the command turned."""
+    return _with(recorded, command=-recorded.axis.command)
+
+
+def two_clocks(random: Random, recorded: Recorded) -> Recorded:
+    """Simulated time against the clock of the recorder."""
+    axis = recorded.axis
+    receive = (1.7e18 + 1e9 * axis.time).astype(np.int64)
+    simulated = (12e9 + 1e9 * axis.time).astype(np.int64)
+    columns = {"j": {"position": axis.position}}
+    return _with(
+        recorded,
+        measured_stream=make_stream("joint_states", simulated, columns, receive),
+        command_stream=make_stream("joint_command", receive, {"j": {"effort": axis.command}}, receive),
+    )
+
+
+def receive_times(random: Random, recorded: Recorded) -> Recorded:
+    """Delays of the network of a fifth of a period on average."""
+    axis = recorded.axis
+    late = np.minimum(random.exponential(0.2, size=axis.time.size), 0.95) / recorded.rate
+    return _with(recorded, time=axis.time + late)
+
+
+def repeated(random: Random, recorded: Recorded) -> Recorded:
+    """One of twenty values is sent again."""
+    return _with(recorded, **_held(recorded, random.uniform(size=recorded.axis.time.size) < 0.05))
+
+
+def fast_log(random: Random, recorded: Recorded) -> Recorded:
+    """The log is three times as fast as the sensor."""
+    return _with(recorded, **_held(recorded, np.arange(recorded.axis.time.size) % 3 != 0))
+
+
+def _held(recorded: Recorded, old: NDArray[np.bool_]) -> dict[str, Floats]:
+    fresh = np.maximum.accumulate(np.where(old, 0, np.arange(old.size)))
+    axis = recorded.axis
+    return {
+        name: value[fresh]
+        for name, value in (("position", axis.position), ("velocity", axis.velocity))
+        if value is not None
+    }
+
+
+def pulses(random: Random, recorded: Recorded) -> Recorded:
+    """Ten times some pulses are missed, as far as the axis moves in three samples."""
+    axis = recorded.axis
+    step = np.gradient(axis.position)
+    fast = np.flatnonzero(np.abs(step) > 0.3 * np.max(np.abs(step)))
+    rows = random.choice(fast, 10, replace=False)
+    shift = np.zeros(step.size)
+    shift[rows] = -3.0 * step[rows] * random.choice([1.0, -1.0], size=10)
+    return _with(recorded, position=axis.position + np.cumsum(shift))
+
+
+def spikes(random: Random, recorded: Recorded) -> Recorded:
+    """Five positions off by 5 % of the range."""
+    position = recorded.axis.position.copy()
+    rows = random.integers(10, position.size - 10, size=5)
+    position[rows] += 0.05 * np.ptp(position) * random.choice([1.0, -1.0], size=5)
+    return _with(recorded, position=position)
+
+
+def coarse(random: Random, recorded: Recorded) -> Recorded:
+    """Forty steps over the range."""
+    position = recorded.axis.position
+    step = np.ptp(position) / 40.0
+    return _with(recorded, position=step * np.round(position / step))
+
+
+def inner_position(random: Random, recorded: Recorded) -> Recorded:
+    """The command is a set-point that the position follows."""
+    return _set_point(recorded, recorded.axis.position, "position")
+
+
+def inner_velocity(random: Random, recorded: Recorded) -> Recorded:
+    """The command is a set-point of the velocity, without a unit."""
+    return _set_point(recorded, recorded.true_velocity, "velocity")
+
+
+def _set_point(recorded: Recorded, motion: Floats, field: str) -> Recorded:
+    early = np.concatenate([motion[3:], np.full(3, motion[-1])])
+    units = {"j.position": "rad", "j.velocity": "rad/s"}
+    return _with(recorded, command=early, units=units, command_name="j.effort", has_reference=True)
+
+
+def no_reference(random: Random, recorded: Recorded) -> Recorded:
+    """A closed loop without its reference on record."""
+    return _with(recorded, has_reference=False)
+
+
+def wrapped(random: Random, recorded: Recorded) -> Recorded:
+    """A range of a third of the motion."""
+    position = recorded.axis.position
+    span = np.ptp(position) / 3.0
+    return _with(recorded, position=np.mod(position, span))
+
+
+def measured(random: Random, recorded: Recorded) -> Recorded:
+    """The mean of the held command around each stamp, as a filter before the converter of a current gives."""
+    axis = recorded.axis
+    mean = 0.5 * (axis.command + np.concatenate([axis.command[:1], axis.command[:-1]]))
+    return _with(recorded, command=mean)
+
+
+def same(random: Random, recorded: Recorded) -> Recorded:
+    """Nothing: the fault is in the way the record is made."""
+    return recorded
+
+
+@dataclass(frozen=True)
+class Case:
+    """A planted fault: kinds of findings that name it, how it is planted, and how the record is made."""
+
+    title: str
+    kinds: tuple[str, ...]
+    plant: Plant_
+    options: dict[str, object]
+
+
+CASES = (
+    Case("velocity in rpm", ("wrong_velocity",), rpm, {}),
+    Case("velocity with its sign turned", ("wrong_velocity",), turned_velocity, {}),
+    Case("velocity constant", ("wrong_velocity",), dead_velocity, {}),
+    Case("velocity of the other side of a gear", ("wrong_velocity",), gear, {}),
+    Case("velocity behind a filter, 0.1 time constants", ("late_velocity",), filtered_velocity, {}),
+    Case("command without its sign", ("sign_lost",), sign_lost, {}),
+    Case("command turned against the motion", ("turned_command",), turned_command, {}),
+    Case("simulated time against receive time", ("two_clocks",), two_clocks, {}),
+    Case("receive times as stamps, 0.2 periods", ("wrong_stamps",), receive_times, {}),
+    Case("5 % of the samples repeated", ("repeated_samples",), repeated, {}),
+    Case("log three times as fast as the sensor", ("repeated_samples",), fast_log, {}),
+    Case("position wraps", ("wrapped_position",), wrapped, {}),
+    Case("encoder pulses missed, 10 times", ("missed_pulses",), pulses, {}),
+    Case("5 single bad readings of 5 %", ("spikes",), spikes, {}),
+    Case("40 steps over the range", ("coarse",), coarse, {}),
+    Case("command cut off at 60 %", ("saturated_command",), same, {"levels": "smooth", "closed": False, "clip": 0.6}),
+    Case("command is a set-point of the position", ("inner_loop",), inner_position, {}),
+    Case("command is a set-point of the velocity", ("inner_loop",), inner_velocity, {}),
+    Case("loop closed, no reference", ("unrecorded_reference",), no_reference, {"closed": True}),
+    Case("two levels only", ("two_levels",), same, {"levels": "two levels", "closed": False}),
+)
+
+
+def kinds(recorded: Recorded) -> set[str]:
+    """Kinds of the warnings on one recording."""
+    return {one.kind for one in inspect_axis(recorded.axis) if one.level == "warning"}
+
+
+def clean(seed: int) -> set[str]:
+    """Warnings on a clean recording."""
+    return kinds(record(seed))
+
+
+def planted(job: tuple[int, int]) -> bool:
+    """Whether the fault of a case is named."""
+    number, seed = job
+    case = CASES[number]
+    recorded = record(10_000 + seed, **case.options)  # type: ignore[arg-type]
+    return bool(kinds(case.plant(np.random.default_rng(seed), recorded)) & set(case.kinds))
+
+
+def main() -> None:
+    """Print the counts."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--runs", type=int, default=40, help="recordings of each fault; five times as many clean ones")
+    parser.add_argument("--jobs", type=int, default=1, help="processes")
+    arguments = parser.parse_args()
+    runs, many = arguments.runs, 5 * arguments.runs
+    with Pool(arguments.jobs) as pool:
+        alarms = Counter(kind for found in pool.imap(clean, range(many), chunksize=8) for kind in found)
+        jobs = [(number, seed) for number in range(len(CASES)) for seed in range(runs)]
+        hits = Counter(
+            number for (number, _), hit in zip(jobs, pool.imap(planted, jobs, chunksize=8), strict=True) if hit
+        )
+    print(f"{'fault':46s}{'check':24s}{'hits':>10s}{'false, simulated':>18s}")
+    for number, case in enumerate(CASES):
+        false = sum(alarms[kind] for kind in case.kinds)
+        print(f"{case.title:46s}{case.kinds[0]:24s}{hits[number]:>6d}/{runs}{false:>14d}/{many}")
+    known = {kind for case in CASES for kind in case.kinds}
+    for kind in sorted(set(alarms) - known):
+        print(f"{'':46s}{kind:24s}{'':>10s}{alarms[kind]:>14d}/{many}")
+
+
+if __name__ == "__main__":
+    main()

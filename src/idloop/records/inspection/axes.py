@@ -1,0 +1,112 @@
+"""The joints of a recording, each with its command."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.records.bags.publishers import Publishers, find_publishers
+from idloop.records.bags.stream import JointStream
+from idloop.records.inspection.axis import Axis
+from idloop.records.inspection.clocks import stamp_statistics
+from idloop.records.inspection.excitation import Excitation
+from idloop.records.inspection.motion import Motion
+from idloop.records.inspection.values import unusable_magnitude
+
+Floats = NDArray[np.float64]
+
+_MOTIONS = ("position", "velocity")
+
+
+def once_per_stamp(stream: JointStream, start_ns: int | None = None) -> tuple[Floats, dict[str, Floats]]:
+    """Time [s] from `start_ns` on, by default the first stamp, and columns; of two with one stamp the first counts."""
+    stamp, first = np.unique(stream.stamp_ns, return_index=True)
+    start = stamp[0] if start_ns is None else start_ns
+    return (stamp - start) * 1e-9, {name: column[first] for name, column in stream.columns().items()}
+
+
+def axes_of(
+    measured: Mapping[str, JointStream],
+    motions: Mapping[str, Mapping[str, Motion]],
+    command: JointStream | None,
+    commands: Mapping[str, Excitation],
+    units: Mapping[str, str],
+    *,
+    start_ns: int,
+    has_reference: bool,
+) -> list[Axis]:
+    """Return the joints that move, of streams whose clock runs forward.
+
+    Parameters
+    ----------
+    measured : mapping of str to JointStream
+        By topic.
+    motions : mapping of str to mapping of str to Motion
+        Of their signals, by topic and ``joint.field``.
+    command : JointStream or None
+    commands : mapping of str to Excitation
+        Of its signals.
+    units : mapping of str to str
+        By ``joint.field``.
+    start_ns : int
+        Zero of the times.
+    has_reference : bool
+    """
+    found: dict[str, Axis] = {}
+    two = {topic: find_publishers(stream) for topic, stream in measured.items()}
+    two_commands = None if command is None else find_publishers(command)
+    sent = None if command is None else _forward(_main(command, two_commands), start_ns)
+    for topic, stream in measured.items():
+        signals = motions.get(topic, {})
+        good = {name for name, one in signals.items() if not unusable_magnitude(name, one.minimum, one.maximum)}
+        moving = {name for name, one in signals.items() if name in good and one.moves and name.endswith(_MOTIONS)}
+        joints = list(dict.fromkeys(name.rpartition(".")[0] for name in signals if name in moving))
+        read = _forward(_main(stream, two[topic]), start_ns) if joints else None
+        if read is None:
+            continue
+        time, columns = read
+        for joint in [one for one in joints if one not in found]:
+            names = {field: f"{joint}.{field}" for field in _MOTIONS}
+            own = {field: _finite(columns[name]) if name in good else None for field, name in names.items()}
+            name = _command_of(joint, len(joints), commands)
+            given = {} if sent is None or not name else {"input_time": sent[0], "command": _finite(sent[1][name])}
+            axis = Axis(
+                joint,
+                time,
+                own["position"],
+                own["velocity"],
+                **given,  # type: ignore[arg-type]
+                command_name=name if given else "",
+                units=units,
+                has_reference=has_reference,
+                measured_stream=stream,
+                command_stream=command,
+                publishers=tuple(one for one in (two_commands, two[topic]) if one is not None),
+            )
+            found[joint] = axis
+    return list(found.values())
+
+
+def _main(stream: JointStream, publishers: Publishers | None) -> JointStream:
+    """Messages of the more frequent publisher."""
+    return stream if publishers is None else stream.take(np.flatnonzero(~publishers.second))
+
+
+def _forward(stream: JointStream, start_ns: int) -> tuple[Floats, dict[str, Floats]] | None:
+    """Time and columns; None where the clock was set back."""
+    return None if stamp_statistics(stream.stamp_ns).resets else once_per_stamp(stream, start_ns)
+
+
+def _finite(value: Floats) -> Floats:
+    return np.where(np.isfinite(value), value, np.nan)
+
+
+def _command_of(joint: str, joints: int, commands: Mapping[str, Excitation]) -> str:
+    """Return the command of a joint: that of its name, the force first, or the only one where only one joint moves."""
+    own = [name for name in commands if name.rpartition(".")[0] == joint]
+    if own:
+        return max(own, key=lambda name: (name.endswith(".effort"), commands[name].rms))
+    varying = [name for name, one in commands.items() if one.levels > 1] or list(commands)
+    return varying[0] if joints == 1 and len(varying) == 1 else ""

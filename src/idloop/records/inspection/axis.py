@@ -1,0 +1,230 @@
+"""One joint of a recording: its command, its position and its velocity, on their own stamps and on an even grid."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.records.bags.publishers import Publishers
+from idloop.records.bags.stream import JointStream
+from idloop.records.inspection.motion import analyse_motion, white_noise
+from idloop.records.inspection.wraps import Wraps, find_wraps
+
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+# Samples on the grid at most: longer records are averaged in blocks, which changes no balance of forces.
+_MOST = 20_000
+# An interval of more than this many periods is a hole.
+_HOLE = 5.0
+# Share of a record within usual intervals, below which the mean interval is the period.
+_COVERED = 0.75
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Signals of an axis at even instants, shape (n,); NaN in holes.
+
+    Attributes
+    ----------
+    period : float
+        [s].
+    time, position, velocity, command : array, shape (n,)
+        The command is the mean of the held one around each instant. All NaN where not recorded.
+    speed : array, shape (n,)
+        Velocity, where the record has a true one, else the slope of the position.
+    noise : float
+        Standard deviation of the noise of `speed`.
+    """
+
+    period: float
+    time: Floats
+    position: Floats
+    velocity: Floats
+    command: Floats
+    speed: Floats
+    noise: float
+
+
+@dataclass(frozen=True, eq=False)
+class Axis:
+    """The streams of one joint.
+
+    Attributes
+    ----------
+    joint : str
+    time : array, shape (n,)
+        Stamps of the measurements [s from the first stamp of the recording], increasing.
+    position, velocity : array, shape (n,), or None
+        NaN where not measured; None where not recorded.
+    input_time, command : array, shape (m,)
+        Stamps [s] and values of the held command; empty where not recorded.
+    command_name : str
+        ``joint.field``, "" without a command.
+    units : mapping of str to str
+        By ``joint.field``, where known.
+    has_reference : bool
+        Whether a reference was recorded.
+    measured_stream, command_stream : JointStream or None
+        Where they come from.
+    publishers : tuple of Publishers
+        Topics with two publishers; the joint has the messages of the more frequent one.
+    trusts_velocity : bool
+        Whether the velocity is that of the position.
+    """
+
+    joint: str
+    time: Floats
+    position: Floats | None
+    velocity: Floats | None
+    input_time: Floats = field(default_factory=lambda: np.zeros(0))
+    command: Floats = field(default_factory=lambda: np.zeros(0))
+    command_name: str = ""
+    units: Mapping[str, str] = field(default_factory=dict)
+    has_reference: bool = False
+    measured_stream: JointStream | None = None
+    command_stream: JointStream | None = None
+    publishers: tuple[Publishers, ...] = ()
+    trusts_velocity: bool = True
+
+    def name(self, signal: str) -> str:
+        """``joint.signal``."""
+        return f"{self.joint}.{signal}"
+
+    def unit(self, signal: str) -> str:
+        """Unit of a signal of this joint, or of the command; those of the topics where none is given."""
+        if signal == "command":
+            return self.units.get(self.command_name) or "command units"
+        return self.units.get(self.name(signal)) or {"position": "rad", "velocity": "rad/s"}[signal]
+
+    @property
+    def columns(self) -> dict[str, Floats]:
+        """Position and velocity (n,) by ``joint.field``, as recorded."""
+        found = {"position": self.position, "velocity": self.velocity}
+        return {self.name(key): value for key, value in found.items() if value is not None}
+
+    @cached_property
+    def wraps(self) -> Wraps | None:
+        """Where the position jumps by the range of its encoder, None where it does not."""
+        return None if self.position is None else find_wraps(self.position)
+
+    @cached_property
+    def place(self) -> Floats | None:
+        """Position (n,) without the jumps of its encoder."""
+        return self.position if self.wraps is None else self.wraps.unwrapped
+
+    @cached_property
+    def resolution(self) -> dict[str, float]:
+        """Step of position and velocity that their sensors make."""
+        signals = {"position": self.place, "velocity": self.velocity}
+        return {name: 0.0 if value is None else sensor_step(value) for name, value in signals.items()}
+
+    @cached_property
+    def period(self) -> float:
+        """Usual interval of the measurements [s]; NaN below two."""
+        step = np.diff(self.time)
+        if not step.size:
+            return float("nan")
+        usual = float(np.median(step))
+        covered = float(np.sum(step[step < _HOLE * usual])) / float(np.sum(step))
+        return usual if covered > _COVERED else float(np.mean(step))
+
+    @cached_property
+    def grid(self) -> Grid | None:
+        """Signals at even instants; None below 30 samples."""
+        if self.time.size < 30 or not np.isfinite(self.period) or self.period <= 0.0:
+            return None
+        count = int((self.time[-1] - self.time[0]) / self.period) + 1
+        block = -(-count // _MOST)
+        count = count // block * block
+        even = self.time[0] + self.period * np.arange(count)
+        edges = self.time[0] + self.period * (np.arange(count + 1) - 0.5)
+        period = block * self.period
+        time, place, velocity, command = (
+            _averaged(one, block)
+            for one in (
+                even,
+                _at(even, self.time, self.place, self.period),
+                _at(even, self.time, self.velocity, self.period),
+                _held_mean(edges, self.input_time, self.command),
+            )
+        )
+        speed = velocity if self.trusts_velocity and np.isfinite(velocity).any() else _slope(place, period, self)
+        known = speed[np.isfinite(speed)]
+        noise = max(white_noise(known), 0.3 * sensor_step(known)) if known.size > 30 else 0.0
+        return Grid(period, time, place, velocity, command, speed, noise)
+
+    @cached_property
+    def command_noise(self) -> float:
+        """Standard deviation of the white noise of the command."""
+        known = self.command[np.isfinite(self.command)]
+        return white_noise(known) if known.size > 30 else 0.0
+
+
+def _at(even: Floats, time: Floats, value: Floats | None, period: float) -> Floats:
+    if value is None:
+        return np.full(even.size, np.nan)
+    known = np.isfinite(value)
+    if known.sum() < 2:
+        return np.full(even.size, np.nan)
+    time, value = time[known], value[known]
+    period = max(period, float(np.median(np.diff(time))))
+    # Rounding must not put an instant beyond the sample that it is of.
+    after = np.clip(np.searchsorted(time, even - 1e-6 * period), 1, time.size - 1)
+    held = np.interp(even, time, value, left=np.nan, right=np.nan)
+    held[time[after] - time[after - 1] > _HOLE * period] = np.nan
+    return held
+
+
+def _held_mean(edges: Floats, time: Floats, value: Floats) -> Floats:
+    """Mean of a held signal between consecutive edges (n + 1,) -> (n,); NaN before its first value."""
+    known = np.isfinite(value)
+    time, value = time[known], value[known]
+    if time.size < 2:
+        return np.full(edges.size - 1, np.nan)
+    area = np.concatenate([[0.0], np.cumsum(value[:-1] * np.diff(time))])
+    index = np.searchsorted(time, edges, side="right") - 1
+    safe = np.maximum(index, 0)
+    total = area[safe] + value[safe] * (edges - time[safe])
+    total[index < 0] = np.nan
+    return np.asarray(np.diff(total) / np.diff(edges))
+
+
+def _averaged(value: Floats, block: int) -> Floats:
+    return value if block == 1 else np.asarray(value.reshape(-1, block).mean(axis=1))
+
+
+def _slope(place: Floats, period: float, axis: Axis) -> Floats:
+    """Slope of a position over the shortest window in which its steps and its noise are small."""
+    known = place[np.isfinite(place)]
+    if known.size < 60:
+        return np.full(place.size, np.nan)
+    noise = max(white_noise(known), 0.3 * axis.resolution["position"])
+    for half in (1, 2, 4, 8, 16):
+        slope = np.full(place.size, np.nan)
+        slope[half:-half] = (place[2 * half :] - place[: -2 * half]) / (2.0 * half * period)
+        if np.nanstd(slope) > 10.0 * noise / (half * period):
+            break
+    return slope
+
+
+def sensor_step(value: Floats) -> float:
+    """Step between values of a quantised signal (n,); the smallest of all where most are no multiples of one step.
+
+    A few odd values, such as those of a decoder that counts four edges and loses one, do not count.
+    """
+    known = value[np.isfinite(value)]
+    change = np.abs(np.diff(known))
+    change = change[change > 1e-12 * float(np.ptp(known))] if known.size else change
+    if not change.size:
+        return 0.0
+    step = float(np.percentile(change, 2.0))
+    near = np.abs(change / step - np.round(change / step)) < 0.01 * np.maximum(change / step, 1.0)
+    if change.size > 20 and np.mean(near) > 0.9:
+        return step
+    motion = analyse_motion(value)
+    return 0.0 if motion is None else motion.resolution

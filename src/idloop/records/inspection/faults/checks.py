@@ -1,0 +1,69 @@
+"""All checks of one joint, in the order in which they are reported."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from idloop.records.finding import Finding
+from idloop.records.inspection.axis import Axis
+from idloop.records.inspection.faults import (
+    clocks,
+    command_direction,
+    command_sign,
+    excitation,
+    feedback,
+    inner_loop,
+    late_velocity,
+    measured_command,
+    missed_pulses,
+    not_followed,
+    publishers,
+    quantisation,
+    repeated_samples,
+    saturation,
+    spikes,
+    stamps,
+    wrap,
+    wrong_velocity,
+)
+from idloop.records.inspection.faults.fault import Check
+from idloop.records.inspection.velocity_check import KIND as WRONG_VELOCITY
+
+# Checks of the signals; those of the response need a command and a motion that are what they say.
+_SIGNALS: tuple[Check, ...] = (
+    publishers.check,
+    clocks.check,
+    stamps.check,
+    repeated_samples.check,
+    wrap.check,
+    missed_pulses.check,
+    spikes.check,
+    quantisation.check,
+    saturation.check,
+    command_sign.check,
+)
+_RESPONSE: tuple[Check, ...] = (
+    command_direction.check,
+    late_velocity.check,
+    measured_command.check,
+    not_followed.check,
+    excitation.check,
+)
+# Faults after which the response of the axis means nothing.
+_CONFUSES = {"sign_lost", "two_clocks", "two_publishers", "inner_loop"}
+
+
+def inspect_axis(axis: Axis) -> list[Finding]:
+    """Return the faults of one joint; of one cause only the first is reported."""
+    found = wrong_velocity.check(axis)
+    wrong = any(one.kind == WRONG_VELOCITY for one in found)
+    axis = replace(axis, trusts_velocity=not wrong)
+    for check in _SIGNALS:
+        found += check(axis)
+    if not any(one.kind in _CONFUSES for one in found):
+        found += inner_loop.check(axis)
+        found += feedback.check(axis)
+    if not any(one.kind in _CONFUSES for one in found):
+        for check in _RESPONSE:
+            found += check(axis)
+    return found

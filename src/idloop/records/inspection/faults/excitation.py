@@ -1,0 +1,126 @@
+"""An excitation with two levels, too small, or too slow to show the inertia."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from idloop.records.finding import Finding
+from idloop.records.inspection.axis import Axis
+from idloop.records.inspection.faults.fault import fault
+from idloop.records.inspection.motion import white_noise
+from idloop.records.inspection.response import response
+
+# The axis moves by at least so many times its noise or its steps.
+_SMALL = 20.0
+# Share of the time under a command in which the axis stands still.
+_STILL = 0.85
+# Standard errors of the gain below which the command shows no effect, and share of the command that friction and
+# position explain where it is too slow.
+_ERRORS, _SLOW = 3.0, 0.8
+
+
+def check(axis: Axis) -> list[Finding]:
+    """Look at levels, size and speed of the excitation."""
+    known = axis.command[np.isfinite(axis.command)]
+    if known.size < 2 or known.min() == known.max():
+        return []
+    return [*_levels(axis, known), *(_small(axis) or _still(axis) or _slow(axis))]
+
+
+def _levels(axis: Axis, command: np.ndarray[tuple[int], np.dtype[np.float64]]) -> list[Finding]:
+    levels = np.unique(command)
+    if levels.size > 2:
+        return []
+    name, unit = axis.command_name, axis.unit("command")
+    return [
+        fault(
+            "two_levels",
+            name,
+            f"{name} has two levels only ({levels[0]:.4g} and {levels[1]:.4g} {unit}): a dead zone, a saturation or a"
+            " curved input characteristic looks like a gain and an offset",
+            "use more levels to see them",
+            evidence={"low": float(levels[0]), "high": float(levels[1])},
+            spoils=("dead zone", "saturation"),
+        )
+    ]
+
+
+def _small(axis: Axis) -> list[Finding]:
+    """Motion that hardly exceeds the noise and the steps of its sensor."""
+    found = []
+    for signal, value in (("position", axis.place), ("velocity", axis.velocity)):
+        if value is None or (values := value[np.isfinite(value)]).size < 30:
+            continue
+        low, high = np.percentile(values, [1.0, 99.0])
+        noise = white_noise(values)
+        unit = "steps of the sensor" if axis.resolution[signal] > noise else "standard deviations of the noise"
+        found.append((float(high - low) / max(noise, axis.resolution[signal], 1e-300), signal, unit))
+    if not found or max(found)[0] >= _SMALL:
+        return []
+    ratio, signal, unit = max(found)
+    largest = float(np.nanmax(np.abs(axis.command)))
+    return [
+        fault(
+            "small_motion",
+            axis.name(signal),
+            f"{axis.name(signal)} moves by only {ratio:.2g} {unit} under {axis.command_name} up to {largest:.3g}"
+            f" {axis.unit('command')}: friction or the size of the command keeps the axis at rest",
+            "command a larger motion",
+            evidence={"ratio": ratio, "command": largest},
+            spoils=("identification",),
+        )
+    ]
+
+
+def _still(axis: Axis) -> list[Finding]:
+    """An axis that friction holds most of the time, although a command acts."""
+    grid = axis.grid
+    if grid is None:
+        return []
+    speed, command = np.abs(grid.speed), np.abs(grid.command)
+    known = np.isfinite(speed) & np.isfinite(command)
+    acts = known & (command > 0.05 * np.max(command[known], initial=0.0))
+    still = speed < max(3.0 * grid.noise, 0.01 * float(np.max(speed[known], initial=0.0)))
+    share = float(np.mean(still[acts])) if acts.any() else 0.0
+    if share < _STILL:
+        return []
+    return [
+        fault(
+            "standstill",
+            axis.joint,
+            f"{axis.joint} stands still in {100 * share:.0f} % of the time in which {axis.command_name} acts: friction"
+            " holds it",
+            "command a larger or a longer motion",
+            evidence={"share": share},
+        )
+    ]
+
+
+def _slow(axis: Axis) -> list[Finding]:
+    """A command that shows no effect on the acceleration."""
+    found = response(axis)
+    if found is None or abs(found.certainty) > _ERRORS:
+        return []
+    name = axis.command_name
+    if found.motion_share > _SLOW:
+        why = (
+            f"{100 * found.motion_share:.0f} % of {name} follow from speed, friction and position: the motion is so"
+            " slow that the inertia does not show"
+        )
+        cure = "accelerate harder: faster changes of the command, or steps"
+    else:
+        why = (
+            f"{name} has no visible effect on the acceleration ({found.certainty:.2g} standard errors): noise, or other"
+            " forces, are larger"
+        )
+        cure = "command more, record longer, or check that command and motion are of the same joint"
+    return [
+        fault(
+            "weak_excitation",
+            name,
+            why,
+            cure,
+            evidence={"certainty": found.certainty, "motion_share": found.motion_share},
+            spoils=("inertia",),
+        )
+    ]

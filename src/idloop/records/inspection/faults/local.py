@@ -1,0 +1,77 @@
+"""Samples that lie far off a smooth course, judged by their neighbours."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+# Samples of a block whose median deviation is the scatter there.
+_BLOCK = 32
+# A sample lies off by this many scatters, and off the courses before and after it alike.
+_FAR, _ALIKE = 10.0, 0.5
+# ... and by this many times the largest bend beside it: a start of a motion bends over several samples.
+_BENDS, _BESIDE = 4.0, 4
+# Off by so many steps of the signal: fewer are its rounding.
+_STEPS = 4.0
+
+
+def isolated(value: Floats, resolution: float, usual: NDArray[np.bool_] | None = None) -> NDArray[np.int64]:
+    """Return the samples that lie off the straight courses of their neighbours on both sides.
+
+    A jump or a kink of a signal lies on the course of one side, a single wrong value on that of none, and both courses
+    meet where it should be.
+
+    Parameters
+    ----------
+    value : array, shape (n,)
+        Evenly sampled.
+    resolution : float
+        Smallest step of the signal.
+    usual : array of bool, shape (n,), optional
+        Samples that may be judged.
+    """
+    if value.size < 2 * _BLOCK:
+        return np.zeros(0, dtype=np.int64)
+    left, right = np.full(value.size, np.nan), np.full(value.size, np.nan)
+    left[2:] = 2.0 * value[1:-1] - value[:-2]
+    right[:-2] = 2.0 * value[1:-1] - value[2:]
+    off_left, off_right = value - left, value - right
+    off = np.minimum(np.abs(off_left), np.abs(off_right))
+    with np.errstate(invalid="ignore"):
+        far = (off > _FAR * scatter(off_left)) & (off > _STEPS * resolution)
+        far &= off > _BENDS * _bends(value)
+        far &= (np.abs(left - right) < _ALIKE * off) & (off_left * off_right > 0.0)
+    if usual is not None:
+        far &= usual
+    return np.flatnonzero(far)
+
+
+def _bends(value: Floats) -> Floats:
+    """Largest second difference of the samples beside each one that does not contain it, shape (n,)."""
+    bend = np.zeros(value.size)
+    bend[1:-1] = np.abs(np.diff(value, 2))
+    padded = np.pad(np.nan_to_num(bend), _BESIDE + 1)
+    largest = np.lib.stride_tricks.sliding_window_view(padded, _BESIDE).max(axis=1)
+    # A window starts so many samples before the one it is for, or two after it.
+    return np.asarray(np.maximum(largest[: value.size], largest[_BESIDE + 3 : _BESIDE + 3 + value.size]))
+
+
+def scatter(value: Floats) -> Floats:
+    """Standard deviation of most of a signal (n,) around each sample, by medians of blocks; the largest of three."""
+    count = -(-value.size // _BLOCK)
+    padded = np.full(count * _BLOCK, np.nan)
+    padded[: value.size] = np.abs(value)
+    with np.errstate(all="ignore"):
+        middle = np.nan_to_num(_medians(padded.reshape(count, _BLOCK)))
+    wide = np.maximum(middle, np.maximum(np.append(middle[1:], 0.0), np.insert(middle[:-1], 0, 0.0)))
+    return np.asarray(1.4826 * np.repeat(wide, _BLOCK)[: value.size])
+
+
+def _medians(blocks: Floats) -> Floats:
+    """Median of the known values of each row, 0 where there is none."""
+    filled = np.sort(np.where(np.isfinite(blocks), blocks, np.inf), axis=1)
+    known = np.isfinite(filled).sum(axis=1)
+    middle = filled[np.arange(len(filled)), np.maximum(known - 1, 0) // 2]
+    return np.where(known > 0, middle, 0.0)

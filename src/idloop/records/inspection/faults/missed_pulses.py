@@ -1,0 +1,98 @@
+"""Pulses of an encoder that were missed or counted twice.
+
+A few at a time: the position jumps by some pulses for one sample and does not come back. All above some speed: under a
+constant command the counted speed rises, and then falls to a part of it, which no drive does.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.records.finding import Finding
+from idloop.records.inspection.axis import Axis
+from idloop.records.inspection.faults.fault import around, fault
+from idloop.records.inspection.faults.local import isolated
+from idloop.records.inspection.faults.spikes import driven
+
+Floats = NDArray[np.float64]
+
+# Jumps needed; uneven intervals are left out.
+_FEWEST, _UNEVEN = 3, 0.2
+# Under a constant command the speed falls to between these shares of its peak and stays within the scatter there.
+_FALLS, _STAYS, _SCATTER = 0.5, 0.03, 0.25
+_WINDOWS, _SHARE = 24, 0.25
+
+
+def check(axis: Axis) -> list[Finding]:
+    """Look for jumps of the position that stay, and for a speed that falls under a constant command."""
+    if axis.place is None:
+        return []
+    known = np.isfinite(axis.place)
+    time, place = axis.time[known], axis.place[known]
+    if time.size < 200:
+        return []
+    return _jumps(axis, time, place) or _collapse(axis, time, place)
+
+
+def _jumps(axis: Axis, time: Floats, place: Floats) -> list[Finding]:
+    step, period = np.diff(place), np.diff(time)
+    even = np.abs(period / axis.period - 1.0) < _UNEVEN
+    rows = isolated(step, axis.resolution["position"], even)
+    rows = rows[(rows > 1) & (rows < step.size - 2)]
+    rows = rows[~np.isin(rows, driven(axis))]
+    if rows.size < _FEWEST or rows.size > 0.02 * step.size:
+        return []
+    off = step[rows] - 0.5 * (step[rows - 1] + step[rows + 1])
+    forward = np.sign(step[rows - 1] + step[rows + 1])
+    missed = int(np.sum(off * forward < 0.0))
+    size = float(np.median(np.abs(off)))
+    name, unit = axis.name("position"), axis.unit("position")
+    return [
+        fault(
+            "missed_pulses",
+            name,
+            f"{name} jumps {rows.size} times by {size:.3g} {unit} for one sample and does not come back ({missed} times"
+            f" too short, {rows.size - missed} times too far): pulses of the encoder were missed or counted twice",
+            "count the pulses in hardware, shield the encoder, or drive slower",
+            evidence={"jumps": float(rows.size), "size": size, "missed": float(missed)},
+            spoils=("compliance", "backlash"),
+            count=int(rows.size),
+            places=around(time, rows + 1),
+        )
+    ]
+
+
+def _collapse(axis: Axis, time: Floats, place: Floats) -> list[Finding]:
+    command_time, command = axis.input_time, axis.command
+    if command.size < 2:
+        return []
+    change = np.flatnonzero(np.diff(command) != 0.0) + 1
+    edges = np.concatenate([[command_time[0]], command_time[change], [max(command_time[-1], time[-1])]])
+    values = command[np.concatenate([[0], change])]
+    for start, stop, value in zip(edges[:-1], edges[1:], values, strict=True):
+        if value == 0.0 or stop - start < _SHARE * (time[-1] - time[0]):
+            continue
+        grid = np.linspace(max(start, time[0]), min(stop, time[-1]), _WINDOWS + 1)
+        if grid[-1] <= grid[0] or np.count_nonzero((time >= grid[0]) & (time <= grid[-1])) < 8 * _WINDOWS:
+            continue
+        speed = np.diff(np.interp(grid, time, place)) / np.diff(grid)
+        top = int(np.argmax(np.abs(speed)))
+        peak, end = float(speed[top]), speed[-(_WINDOWS // 6) :]
+        left = float(np.median(end)) / peak if peak else 0.0
+        if top < 2 or not _STAYS < left < _FALLS or np.ptp(end) > _SCATTER * abs(float(np.median(end))):
+            continue
+        name, unit = axis.name("position"), axis.unit("position")
+        return [
+            fault(
+                "missed_pulses",
+                name,
+                f"under a constant {axis.command_name} of {value:.4g} the speed of {name} rises to {peak:.4g} {unit}/s"
+                f" and then falls to {left * peak:.4g} {unit}/s: above some speed pulses of the encoder are missed",
+                "count the pulses in hardware, or drive slower",
+                evidence={"peak": peak, "end": left * peak},
+                spoils=("identification",),
+                places=[(float(grid[top]), float(grid[-1]))],
+            )
+        ]
+    return []

@@ -1,0 +1,166 @@
+"""How the acceleration of an axis follows its command, beside friction, springs and constant forces.
+
+The balance of forces is taken in weak form: multiplied by smooth test functions and integrated, so that no
+acceleration is computed (Messenger and Bortz 2021). Its errors come from a jackknife over parts of the record, which
+coloured noise and forces that the balance lacks widen. The width of the test functions is the one with the most certain
+gain.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.records.inspection.axis import Axis, Grid
+
+Floats = NDArray[np.float64]
+
+# Widths of the test functions [samples], and rows needed; rows overlap by three quarters.
+_WIDTHS = (9, 17, 33, 65, 129, 257, 513)
+_FEWEST, _OVERLAP = 48, 4
+# Parts of a record for the jackknife.
+PARTS = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Projection:
+    """Projection of signals on an even grid onto smooth test functions of one width."""
+
+    width: int
+    period: float
+
+    def _kernels(self) -> tuple[Floats, Floats, Floats]:
+        x = (np.arange(self.width) - 0.5 * (self.width - 1)) * self.period
+        s = x / (0.5 * self.width * self.period)
+        plain = (1.0 - s**2) ** 3
+        plain /= np.sum(plain)
+        first = s * (1.0 - s**2) ** 2
+        first /= np.sum(first * x)
+        second = -6.0 * (1.0 - s**2) ** 2 + 24.0 * s**2 * (1.0 - s**2)
+        second -= np.mean(second)
+        second *= 2.0 / np.sum(second * x**2)
+        return np.asarray(plain), np.asarray(first), np.asarray(second)
+
+    def project(self, value: Floats, derivative: int = 0) -> Floats:
+        """Mean of a derivative of a signal (n,) over each test function, shape (rows,)."""
+        windows = np.lib.stride_tricks.sliding_window_view(value, self.width)[:: max(self.width // _OVERLAP, 1)]
+        return np.asarray(windows @ self._kernels()[derivative])
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """The weak balance ``acceleration = gain command + friction + spring + constant``.
+
+    Attributes
+    ----------
+    gain, error : float
+        Acceleration per command, and its standard error.
+    share : float
+        Share of the power of the acceleration, beside the other terms, that the command explains.
+    motion_share : float
+        Share of the power of the command that follows from speed, friction and position: all of it where the
+        excitation is slow.
+    functions : Projection
+    acceleration, command : array, shape (rows,)
+    others : array, shape (rows, k)
+        Speed, its sign, position where recorded, constant.
+    known : array of bool
+        Rows without a hole.
+    """
+
+    gain: float
+    error: float
+    share: float
+    motion_share: float
+    functions: Projection
+    acceleration: Floats
+    command: Floats
+    others: Floats
+    known: NDArray[np.bool_]
+
+    @property
+    def certainty(self) -> float:
+        """Gain in standard errors."""
+        return self.gain / self.error if self.error > 0.0 else 0.0
+
+
+def dry(grid: Grid) -> Floats:
+    """Sign of the speed, smooth where it is lost in noise."""
+    width = max(3.0 * grid.noise, 0.02 * float(np.nanstd(grid.speed)), 1e-300)
+    return np.asarray(np.tanh(grid.speed / width))
+
+
+def regress(target: Floats, table: Floats) -> tuple[Floats, Floats, float]:
+    """Least squares with jackknife errors over parts of the rows.
+
+    Returns
+    -------
+    values, errors : array, shape (k,)
+    left : float
+        Mean square of the residuals.
+    """
+    size = np.maximum(np.sqrt(np.mean(table**2, axis=0)), 1e-300)
+    scaled = table / size
+    parts = np.array_split(np.arange(target.size), PARTS)
+    squares = np.array([scaled[part].T @ scaled[part] for part in parts])
+    products = np.array([scaled[part].T @ target[part] for part in parts])
+    whole, product = squares.sum(axis=0), products.sum(axis=0)
+    values = np.linalg.pinv(whole, rcond=1e-10, hermitian=True) @ product
+    others = np.linalg.pinv(whole - squares, rcond=1e-10, hermitian=True) @ (product - products)[:, :, None]
+    errors = np.sqrt((PARTS - 1.0) * np.var(others[:, :, 0], axis=0))
+    left = float(np.mean((target - scaled @ values) ** 2))
+    return values / size, errors / size, left
+
+
+def responses(axis: Axis) -> list[Response]:
+    """Return the balance over test functions of every width, for each measured signal."""
+    grid = axis.grid
+    if grid is None or not np.isfinite(grid.command).any() or np.nanstd(grid.command) == 0.0:
+        return []
+    found = []
+    sources = [(grid.position, 2)]
+    if axis.trusts_velocity:
+        sources.append((grid.velocity, 1))
+    for width in _WIDTHS:
+        functions = Projection(width, grid.period)
+        if grid.time.size < width + _FEWEST * max(width // _OVERLAP, 1):
+            break
+        command = functions.project(grid.command)
+        place = functions.project(grid.position)
+        others = [functions.project(grid.speed), functions.project(dry(grid)), np.ones(command.size)]
+        if np.isfinite(place).any():
+            others.append(place - np.nanmean(place))
+        table = np.column_stack([command, *others])
+        for source, order in sources:
+            acceleration = functions.project(source, order)
+            known = np.isfinite(acceleration) & np.isfinite(table).all(axis=1)
+            if known.sum() >= _FEWEST and (one := _response(acceleration, table, known, functions)) is not None:
+                found.append(one)
+    return found
+
+
+def response(axis: Axis) -> Response | None:
+    """Return the balance with the most certain gain; None without a command that changes, or too few samples."""
+    return max(responses(axis), key=lambda one: abs(one.certainty), default=None)
+
+
+def _response(acceleration: Floats, table: Floats, known: NDArray[np.bool_], functions: Projection) -> Response | None:
+    target, rows = acceleration[known], table[known]
+    if np.std(target) == 0.0 or np.std(rows[:, 0]) == 0.0:
+        return None
+    values, errors, left = regress(target, rows)
+    alone = regress(target, rows[:, 1:])[2]
+    unexplained = regress(rows[:, 0], rows[:, 1:])[2]
+    return Response(
+        gain=float(values[0]),
+        error=float(errors[0]),
+        share=1.0 - left / alone if alone > 0.0 else 0.0,
+        motion_share=1.0 - unexplained / float(np.var(rows[:, 0])),
+        functions=functions,
+        acceleration=acceleration,
+        command=table[:, 0],
+        others=table[:, 1:],
+        known=known,
+    )

@@ -1,0 +1,69 @@
+"""Jumps of a position by the range of its encoder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+# A wrap crosses this share of the range between two samples, from one end to the other: both within the second share.
+_ACROSS, _END = 0.6, 0.25
+# It is this many times as large as the step before and after it, and all wraps are equal to this accuracy.
+_LARGER, _EQUAL = 5.0, 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Wraps:
+    """Where a position jumps by the range of its encoder.
+
+    Attributes
+    ----------
+    rows : array of int
+        Samples after the jumps.
+    span : float
+        Range of the encoder.
+    unwrapped : array, shape (n,)
+        Position without the jumps.
+    """
+
+    rows: NDArray[np.int64]
+    span: float
+    unwrapped: Floats
+
+
+def find_wraps(position: Floats) -> Wraps | None:
+    """Find the jumps of a position (n,) by the range of its encoder; None where there is none.
+
+    A jump counts where the position goes from one end of its range to the other and the motion before and after is
+    small and goes the other way, or stands still.
+    """
+    known = np.flatnonzero(np.isfinite(position))
+    x = position[known]
+    if x.size < 20:
+        return None
+    low, high = float(np.min(x)), float(np.max(x))
+    span, step = high - low, np.diff(x)
+    large = np.flatnonzero(np.abs(step) > _ACROSS * span) if span > 0.0 else np.zeros(0, dtype=np.int64)
+    large = large[(large >= 1) & (large < step.size - 1)]
+    before, after, jump = step[large - 1], step[large + 1], step[large]
+    beside = np.maximum(np.abs(before), np.abs(after))
+    rising = jump > 0.0
+    ends = np.where(rising, x[large] - low, high - x[large]) < _END * span
+    ends &= np.where(rising, high - x[large + 1], x[large + 1] - low) < _END * span
+    # The motion goes on over the wrap: on the circle it goes against the jump, or both steps are small by far.
+    good = ends & (beside * _LARGER < np.abs(jump)) & (before * jump <= 0.0) & (after * jump <= 0.0)
+    rows = large[good]
+    if not rows.size:
+        return None
+    sizes = np.abs(step[rows]) + 0.5 * (np.abs(step[rows - 1]) + np.abs(step[rows + 1]))
+    size = float(np.median(sizes))
+    if np.any(np.abs(sizes - size) > _EQUAL * size):
+        return None
+    unwrapped = position.copy()
+    turns = np.zeros(x.size)
+    turns[rows + 1] = -np.sign(step[rows])
+    unwrapped[known] = x + size * np.cumsum(turns)
+    return Wraps(known[rows + 1], size, unwrapped)
