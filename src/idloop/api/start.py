@@ -191,7 +191,7 @@ def recognise(
     options = {"skip_text": True, **(csv or {})}
     tables = [read_table(path, options=options) for path in paths]
     said = _given(given or {}, [name for table in tables for name in table.columns])
-    if len(tables) > 1 and any(list(one.columns) != list(tables[0].columns) for one in tables):
+    if any(set(one.columns) != set(tables[0].columns) for one in tables):
         return Log(paths, (_joined(tables, said, period),), joined=True)
     return Log(paths, tuple(recognise_table(table, said, period=period) for table in tables))
 
@@ -390,4 +390,4 @@ def _time_unit(found: Recognition) -> str:
 
 
 def _constant(options: Mapping[str, Any]) -> str:
-    return str(options.get("value", options.get("file_name", options.get("compute", "-"))))
+    return f"{options['value']:g}" if "value" in options else "name of the file"

@@ -166,6 +166,7 @@ def recognise_table(
             chosen[role] = guess
             columns |= _computed(guess, numbers)
     _by_data(columns, chosen, given)
+    _set_point(columns, chosen, given)
     _no_command(table, chosen, given, doubts)
     if not any(role in chosen for role in MOTION):
         raise InputError(
@@ -299,17 +300,11 @@ def _by_data(columns: dict[str, _Column], chosen: dict[str, Guess], given: Map[s
     if lacks_motion and "position" in wanted:
         smoothest = free.pop(0)
         if free and _same(smoothest.value, free[0].value):
-            # Of two that run together the one with less noise is the set-point.
-            chosen["reference"] = Guess(
-                "reference",
-                smoothest.name,
-                smoothest.parsed.unit,
-                f"it runs with {free[0].name!r} and has less noise",
-                f"{smoothest.name!r} is taken as the set-point of {free[0].name!r}: --reference COLUMN",
-            )
+            # Of two that run together the one with less noise is the set-point, which is found below.
             smoothest = free.pop(0)
         driven = [one.value for one in columns.values() if one.name in taken or one in free]
-        role = "velocity" if any(_follows(smoothest.value, one) for one in driven) else "position"
+        may_be = given.get("velocity", Given()).column != NONE
+        role = "velocity" if may_be and any(_follows(smoothest.value, one) for one in driven) else "position"
         chosen[role] = Guess(
             role,
             smoothest.name,
@@ -326,6 +321,29 @@ def _by_data(columns: dict[str, _Column], chosen: dict[str, Guess], given: Map[s
             "it jumps most of the columns that are left",
             f"no name says what {roughest.name!r} is, it is taken as the command: --command COLUMN",
         )
+
+
+def _set_point(columns: dict[str, _Column], chosen: dict[str, Guess], given: Map[str, Given]) -> None:
+    """Find the set-point of the position among the columns whose names say nothing: it runs with it."""
+    place = chosen.get("position")
+    if place is None or "reference" in chosen or given.get("reference", Given()).column == NONE:
+        return
+    taken = {one.column for one in chosen.values()}
+    for one in columns.values():
+        if (
+            one.name not in taken
+            and one.moves
+            and not one.by_name.role
+            and _same(columns[place.column].value, one.value)
+        ):
+            chosen["reference"] = Guess(
+                "reference",
+                one.name,
+                one.parsed.unit,
+                f"it runs with {place.column!r}",
+                f"{one.name!r} is taken as the set-point of {place.column!r}: --reference COLUMN",
+            )
+            return
 
 
 def _same(one: Floats, other: Floats) -> bool:
@@ -405,6 +423,10 @@ def _units(base: TimeBase, chosen: dict[str, Guess], columns: dict[str, _Column]
         chosen["command"] = command = _pulse_width(command)
     elif command is not None and not command.unit:
         chosen["command"] = command = _command_unit(command)
+    effort = chosen.get("effort")
+    if effort is not None and not effort.unit:
+        unit = _command_unit(effort).unit
+        chosen["effort"] = replace(effort, unit=unit if unit != "-" or command is None else command.unit)
     place, speed = chosen.get("position"), chosen.get("velocity")
     words = {word for one in (place, speed) if one for word in parse_column_name(one.column).words}
     linear = (

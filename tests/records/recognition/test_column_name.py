@@ -1,0 +1,46 @@
+"""Words, units and indices of column names as logs write them."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from idloop.records.recognition.column_name import parse_column_name
+
+NAMES = {
+    "time_ms": (("time",), "ms", ""),
+    "Time [ms]": (("time",), "ms", ""),
+    "Motor Optical Speed (RPM)": (("motor", "optical", "speed"), "rpm", ""),
+    "Servo 3 (µs)": (("servo",), "us", "3"),
+    "motorSpeed_rad_s": (("motor", "speed"), "rad/s", ""),
+    "target pos (1)": (("target", "pos"), "", "1"),
+    "Drehzahl in 1/min": (("drehzahl",), "rpm", ""),
+    "n / rpm": (("n",), "rpm", ""),
+    "/joint_states/shoulder/position": (("shoulder", "position"), "", ""),
+    "log.y[0]": (("log", "y"), "", "0"),
+    "Position actual value [inc]": (("position", "actual", "value"), "counts", ""),
+    "u [V]": (("u",), "V", ""),
+    "current_mA": (("current",), "mA", ""),
+    "iq_setpoint": (("iq", "setpoint"), "", ""),
+    "rps": (("rps",), "rev/s", ""),
+    "theta_dot": (("theta", "dot"), "", ""),
+}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_names(name):
+    parsed = parse_column_name(name)
+    assert (parsed.words, parsed.unit, parsed.index) == NAMES[name]
+
+
+def test_a_unit_below_the_header_counts_and_case_tells_letters_apart():
+    assert parse_column_name("speed", "[RPM]").unit == "rpm"
+    assert (parse_column_name("V").letter, parse_column_name("v").letter) == ("V", "v")
+    assert parse_column_name("v").unit == ""
+
+
+@given(st.text(max_size=40), st.text(max_size=10))
+def test_any_name_is_taken_apart(name, unit):
+    parsed = parse_column_name(name, unit)
+    assert all(word == word.lower() for word in parsed.words)

@@ -1,0 +1,173 @@
+"""What the columns of logs are, from their names, their units and their values."""
+
+from __future__ import annotations
+
+from math import pi
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from idloop.errors import InputError
+from idloop.records.recognition.guess import Given
+from idloop.records.recognition.recognise import recognise_table
+from idloop.records.tables.table_files import Table
+
+T = np.arange(3000) * 0.005
+U = np.sign(np.sin(3.0 * T)) * (1.0 + (T % 5.0 > 2.5))
+
+
+def _motion():
+    """Angle and speed of an axis with inertia and friction under the command."""
+    speed = np.zeros(T.size)
+    for k in range(T.size - 1):
+        speed[k + 1] = speed[k] + 0.005 * (20.0 * U[k] - 4.0 * speed[k])
+    return np.cumsum(speed) * 0.005, speed
+
+
+ANGLE, SPEED = _motion()
+NOISE = np.random.default_rng(1).normal(size=(2, T.size)) * 1e-3
+
+
+def _roles(columns, **options):
+    found = recognise_table(Table(Path("log.csv"), columns), **options)
+    return {one.role: (one.column, one.unit) for one in found.guesses}, found
+
+
+LOGS = {
+    "letters": (
+        {"t": T, "tau": U, "q": ANGLE, "qd": SPEED},
+        {"command": ("tau", "N·m"), "position": ("q", "rad"), "velocity": ("qd", "rad/s")},
+    ),
+    "v beside V": (
+        {"t": T, "V": U, "x": ANGLE, "v": SPEED},
+        {"command": ("V", "V"), "position": ("x", "m"), "velocity": ("v", "m/s")},
+    ),
+    "units in brackets": (
+        {
+            "Time [ms]": 1e3 * T,
+            "Current [mA]": 1e3 * U,
+            "Angle [deg]": np.degrees(ANGLE),
+            "Speed [rpm]": SPEED * 30 / pi,
+        },
+        {"command": ("Current [mA]", "mA"), "position": ("Angle [deg]", "deg"), "velocity": ("Speed [rpm]", "rpm")},
+    ),
+    "rpm without a unit": (
+        {"t": T, "pwm": 100 * U, "angle_deg": np.degrees(ANGLE), "speed": SPEED * 30 / pi},
+        {"command": ("pwm", "-"), "position": ("angle_deg", "deg"), "velocity": ("speed", "rpm")},
+    ),
+    "set-points beside measurements": (
+        {"t": T, "target_position": ANGLE + 0.1, "position": ANGLE, "current_setpoint": U, "current_measured": 0.9 * U},
+        {
+            "command": ("current_setpoint", "A"),
+            "position": ("position", "rad"),
+            "effort": ("current_measured", "A"),
+            "reference": ("target_position", "rad"),
+        },
+    ),
+    "an encoder that starts again": (
+        {"t": T, "u": U, "enc": np.round(np.mod(ANGLE * 4096 / 2 / pi, 4096))},
+        {"command": ("u", "-"), "position": ("enc", "rad")},
+    ),
+    "no names at all": (
+        {"0": T, "1": U, "2": ANGLE},
+        {"command": ("1", "-"), "position": ("2", "rad")},
+    ),
+    "a measured force alone": (
+        {"t": T, "torque actual value": U, "velocity actual value": SPEED},
+        {"command": ("torque actual value", "N·m"), "velocity": ("velocity actual value", "rad/s")},
+    ),
+    "temperature and supply": (
+        {"t": T, "duty": U, "angle": ANGLE, "motor_temp": 20 + T, "vbus": 12 + 0 * T, "error": 0 * T},
+        {
+            "command": ("duty", "-"),
+            "position": ("angle", "rad"),
+            "temperature": ("motor_temp", ""),
+            "supply": ("vbus", ""),
+        },
+    ),
+}
+
+
+@pytest.mark.parametrize("name", LOGS)
+def test_roles_and_units(name):
+    columns, expected = LOGS[name]
+    roles, found = _roles(columns)
+    assert roles == expected
+    assert all(one.reason for one in found.guesses)
+
+
+def test_what_no_header_says_is_marked():
+    _, found = _roles({"t": T, "u": U, "y": ANGLE})
+    doubts = " ".join(found.all_doubts())
+    assert "the unit of the command is not known" in doubts
+    assert "the unit of the position is not written down and taken as rad" in doubts
+    _, sure = _roles({"t [s]": T, "u [V]": U, "y [rad]": ANGLE})
+    assert sure.all_doubts() == []
+
+
+def test_a_velocity_of_the_wrong_sign_is_turned_and_said():
+    _, found = _roles({"t": T, "u [V]": U, "angle [rad]": ANGLE, "speed [rad/s]": -SPEED})
+    assert found.of("velocity").options == {"scale": -1.0}
+    assert any("opposite signs" in one for one in found.all_doubts())
+
+
+def test_a_velocity_that_never_moves_is_left_out():
+    roles, found = _roles({"t": T, "u": U, "angle": ANGLE, "speed": 0 * T})
+    assert "velocity" not in roles
+    assert found.other == ("speed",)
+
+
+def test_a_wrap_of_an_encoder_gives_the_size_of_a_count():
+    _, found = _roles({"t": T, "u": U, "enc [counts]": np.round(np.mod(ANGLE * 4096 / 2 / pi, 4096))})
+    assert found.of("position").options == {"scale": 2 * pi / 4096, "wrap": 2 * pi}
+    assert any("4096 counts are taken as one turn" in one for one in found.all_doubts())
+
+
+def test_of_several_joints_the_one_that_moves_is_taken():
+    still = 1e-5 * NOISE[0]
+    columns = {"t": T}
+    for k, (angle, command) in enumerate([(still, 0 * U), (ANGLE, U), (still, 0 * U)], 1):
+        columns |= {f"q{k}": angle, f"tau{k}": command}
+    roles, found = _roles(columns)
+    assert roles["position"][0] == "q2"
+    assert roles["command"][0] == "tau2"
+    assert any("3 joints" in one for one in found.all_doubts())
+    assert _roles(columns, given={"position": Given("q3")})[0]["position"][0] == "q3"
+
+
+def test_what_is_given_counts_before_any_guess():
+    columns = {"t": T, "a": ANGLE, "b": 0.5 * ANGLE, "u": U}
+    roles, found = _roles(columns, given={"position": Given("a + b", "deg"), "command": Given("u", "mA")})
+    assert roles["position"] == ("a + b", "deg")
+    assert found.of("position").options["compute"] == "a + b"
+    assert roles["command"] == ("u", "mA")
+    _, found = _roles(columns, given={"position": Given("a", "counts/4096")})
+    assert found.of("position").options["scale"] == pytest.approx(2 * pi / 4096)
+    roles, _ = _roles(columns | {"omega": SPEED}, given={"velocity": Given("none")})
+    assert "velocity" not in roles
+
+
+def test_a_command_in_the_name_of_the_file():
+    found = recognise_table(Table(Path("runs/pwm_60.csv"), {"t": T, "rpm": SPEED}))
+    assert found.of("command").options["file_name"] == r"pwm[_\- ]?(-?\d+(?:[.,]\d+)?)"
+    found = recognise_table(Table(Path("step_12V.csv"), {"t": T, "rpm": SPEED}))
+    assert found.of("command").unit == "V"
+
+
+BAD = {
+    "no command": ({"t": T, "angle": ANGLE}, {}, "no column is a command"),
+    "a set-point alone": ({"t": T, "target_position": ANGLE, "position": ANGLE}, {}, "is a set-point"),
+    "no motion": ({"t": T, "u": U, "motor_temp": T}, {}, "no column is a position or a velocity"),
+    "a column that is not there": ({"t": T, "u": U, "y": ANGLE}, {"position": Given("angel")}, "no column 'angel'"),
+    "an unknown unit": ({"t": T, "u": U, "y": ANGLE}, {"position": Given("y", "parsec")}, "unknown unit 'parsec'"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_what_cannot_be_told_is_one_line(name):
+    columns, given, words = BAD[name]
+    with pytest.raises(InputError) as caught:
+        _roles(columns, given=given)
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)

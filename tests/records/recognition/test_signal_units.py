@@ -1,0 +1,57 @@
+"""Units and signs by the slope of the position, wraps and unsigned numbers."""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+import pytest
+
+from idloop.records.recognition.signal_units import find_decoding, find_wrap, motion_units
+
+T = np.arange(4000) * 0.005
+ANGLE = 3.0 * np.sin(2.0 * T) + np.sin(7.0 * T)
+SPEED = 6.0 * np.cos(2.0 * T) + 7.0 * np.cos(7.0 * T)
+PLACES = {"rad": 1.0, "deg": 180.0 / pi, "rev": 0.5 / pi}
+SPEEDS = {"rad/s": 1.0, "rpm": 30.0 / pi, "deg/s": 180.0 / pi, "rev/s": 0.5 / pi}
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("speed", SPEEDS)
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_one_unit_that_is_known_tells_the_other(place, speed, sign):
+    position, velocity = ANGLE * PLACES[place], sign * SPEED * SPEEDS[speed]
+    for units in ((place, ""), ("", speed), (place, speed)):
+        found = motion_units(T, position, velocity, units, ("s",), linear=False)
+        assert found.agree
+        # Degrees with degrees per second are as good as radians with radians per second.
+        assert (found.position, found.velocity) == (place, speed)
+        assert found.slope == pytest.approx(sign, abs=0.02)
+
+
+def test_time_in_microseconds_is_told_by_the_velocity():
+    found = motion_units(T, ANGLE, SPEED * 1e3, ("rad", "rad/s"), ("ms", "us"), linear=False)
+    assert (found.time, found.agree) == ("us", True)
+
+
+def test_another_signal_is_no_velocity():
+    assert not motion_units(
+        T, ANGLE, np.random.default_rng(1).normal(size=T.size), ("rad", ""), ("s",), linear=False
+    ).agree
+
+
+@pytest.mark.parametrize(("whole", "unit"), [(2 * pi, "rad"), (360.0, "deg"), (4096.0, "counts"), (65536.0, "counts")])
+def test_wraps(whole, unit):
+    wrapped = np.mod(ANGLE * whole / 3.0, whole)
+    assert find_wrap(wrapped, unit) == pytest.approx(whole)
+    assert find_wrap(wrapped - whole / 2, unit) == pytest.approx(whole)
+    assert find_wrap(ANGLE * whole / 3.0, unit) == 0.0
+
+
+def test_unsigned_numbers():
+    signed = np.round(300 * np.sin(T))
+    assert find_decoding(np.mod(signed, 65536)) == "int16"
+    assert find_decoding(np.mod(signed, 2.0**32)) == "int32"
+    assert find_decoding(signed) == ""
+    assert find_decoding(np.abs(signed)) == ""
+    assert find_decoding(np.abs(signed) * 200.0) == "", "a signal that takes all values is no unsigned one"

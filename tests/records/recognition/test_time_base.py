@@ -1,0 +1,95 @@
+"""The stamps of a table: column, unit, period from the notes, runs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from idloop.errors import InputError
+from idloop.records.recognition.guess import Given
+from idloop.records.recognition.recognise import numbers_of
+from idloop.records.recognition.time_base import find_time_base
+from idloop.records.tables.table_files import Table, read_table
+
+K = np.arange(200.0)
+
+
+def _base(columns, given=None, period=None, **table):
+    held = Table("log.csv", {name: np.asarray(value) for name, value in columns.items()}, **table)
+    return find_time_base(held, numbers_of(held), given, 200, period)
+
+
+UNITS = {
+    "decimals": (K * 0.005, "s", False),
+    "whole numbers every 20": (20 * K, "ms", False),
+    "whole numbers every 5": (5 * K, "ms", False),
+    "whole numbers every 400": (400 * K, "us", False),
+    "whole numbers every 60": (60 * K, "ms", True),
+    "seconds since 1970": (1.7e9 + 0.01 * K, "s", False),
+    "milliseconds since 1970": (1.7e12 + 10 * K, "ms", False),
+    "nanoseconds since 1970": (1.7e18 + 1e7 * K, "ns", False),
+}
+
+
+@pytest.mark.parametrize("name", UNITS)
+def test_units_that_are_not_written_down(name):
+    value, unit, doubtful = UNITS[name]
+    base = _base({"t": value, "u": np.sin(K)})
+    assert base.time.column == "t"
+    assert base.time.unit == unit
+    assert bool(base.doubt) == doubtful
+
+
+@pytest.mark.parametrize(("column", "unit"), [("time_ms", "ms"), ("Time [us]", "us"), ("elapsed (s)", "s")])
+def test_a_unit_that_is_written_down_is_sure(column, unit):
+    base = _base({column: 60 * K})
+    assert (base.time.column, base.time.unit, base.doubt) == (column, unit, "")
+
+
+def test_what_is_given_counts():
+    assert _base({"a": K, "b": 3 * K}, Given("b", "us")).time.unit == "us"
+    assert _base({"u": np.sin(K)}, period=0.002).time.period == 0.002
+    with pytest.raises(InputError, match="not a unit of time"):
+        _base({"a": K}, Given("a", "rad"))
+
+
+def test_a_column_without_a_name_that_rises_evenly_is_a_doubtful_time():
+    base = _base({"0": np.sin(K), "1": 0.01 * K})
+    assert base.time.column == "1"
+    assert base.doubt
+
+
+def test_dates_and_runs(tmp_path):
+    path = tmp_path / "a.csv"
+    rows = [f"2025-11-12T10:03:{second:02d}.5Z,{second}" for second in range(30)]
+    path.write_text("when,u\n" + "\n".join(rows))
+    table = read_table(path)
+    base = find_time_base(table, numbers_of(table), Given("when"), 30, None)
+    assert base.time.unit == "iso8601"
+    assert np.diff(base.seconds) == pytest.approx(1.0)
+    twice = np.concatenate([K[:120], K[:80], K[:3]])
+    runs = find_time_base(t := Table(path, {"t": twice}), numbers_of(t), None, 203, None).runs
+    assert [(one.start, one.stop) for one in runs] == [(0, 120), (120, 200)], "three rows are no run"
+
+
+@pytest.mark.parametrize(
+    ("line", "period"),
+    [
+        ("Sampling period [ms];1", 1e-3),
+        ("sample rate: 2 kHz", 5e-4),
+        ("dt = 0.004 s", 4e-3),
+        ("Abtastzeit [us]: 250", 2.5e-4),
+        ("Cycle time 62,5 us", 6.25e-5),
+    ],
+)
+def test_a_period_that_the_notes_state(tmp_path, line, period):
+    path = tmp_path / "a.csv"
+    path.write_text(f"log of a drive\n{line}\nposition;current\n" + "".join(f"{k % 7};{k % 3}\n" for k in range(20)))
+    table = read_table(path)
+    base = find_time_base(table, numbers_of(table), None, 20, None)
+    assert base.time.period == pytest.approx(period)
+
+
+def test_without_any_time_the_user_is_asked():
+    with pytest.raises(InputError, match="--rate HZ or --period S"):
+        _base({"u": np.sin(K), "y": np.cos(K)})
