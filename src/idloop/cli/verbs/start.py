@@ -83,7 +83,7 @@ def command(
     csv |= {"header": False} if no_header else {}
     given = {name: text for name, text in signals.items() if text is not None}
     period = 1.0 / rate if rate else period
-    if not (yes or as_json) and sys.stdin.isatty() and sys.stdout.isatty():
+    if not (yes or as_json) and _on_terminal():
         found = _ask(files, given, period, csv)
     else:
         from idloop.api.start import recognise
@@ -103,6 +103,10 @@ def command(
 
 for name, text in reversed(SIGNALS.items()):
     command = click.option(f"--{name}", metavar="COLUMN[=UNIT]", help=text)(command)
+
+
+def _on_terminal() -> bool:
+    return sys.stdin.isatty() and sys.stdout.isatty()
 
 
 def _ask(files: tuple[Path, ...], given: dict[str, str], period: float | None, csv: dict[str, Any]) -> Log:

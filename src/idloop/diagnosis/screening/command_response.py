@@ -87,7 +87,10 @@ def missing_response(estimation: EstimationProblem, fit: Refit, start: Model, se
     """How the motion follows the command where a fitted model does not respond to it."""
     if responds_to_reversed_command(estimation, fit, start):
         return CommandResponse.REVERSED
-    return CommandResponse.OTHERWISE if granger_causes(estimation.records, seed) else CommandResponse.UNMOVED
+    # A command that is constant in every record precedes nothing: steps show their effect from record to record.
+    if all(np.ptp(one.input) == 0.0 for one in estimation.records) or granger_causes(estimation.records, seed):
+        return CommandResponse.OTHERWISE
+    return CommandResponse.UNMOVED
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
