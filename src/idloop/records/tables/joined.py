@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from idloop.records.tables.table_files import Table
+from idloop.records.tables.table import Table
 
 
 def joined_tables(folder: Path, tables: Sequence[Table]) -> Table:

@@ -243,7 +243,13 @@ class Mapping(Signals):
     name: Name
     description: str = ""
     cite: str = ""
-    format: Literal["csv", "mat", "npz", "json", "bag"] | None = None
+    format: (
+        Literal[
+            "csv", "mat", "hdf5", "parquet", "feather", "npz", "npy", "torch", "wpilog", "codesys", "sysid", "jsonl",
+            "json", "blocks", "bag",
+        ]
+        | None
+    ) = None  # fmt: skip
     csv: Csv = Csv()
     entries: str | None = None
     files: Annotated[list[Name], Field(max_length=_MOST_CHANNELS)] = []

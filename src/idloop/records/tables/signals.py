@@ -15,13 +15,14 @@ from idloop.errors import InputError
 from idloop.records.bags.bag import Bag
 from idloop.records.bags.read import read_streams
 from idloop.records.bags.topics import resolve_topic, topics_named
+from idloop.records.formats.clock_names import known_clock_unit
 from idloop.records.measured_conditions import FIELD, bag_column
 from idloop.records.measured_conditions import TOPIC as CONDITIONS
 from idloop.records.tables.base_units import base_unit
 from idloop.records.tables.csv_layout import is_number
 from idloop.records.tables.expression import Expression
 from idloop.records.tables.mapping import Channel, Mapping, Signals, SignBit, Time
-from idloop.records.tables.table_files import Table
+from idloop.records.tables.table import Table
 from idloop.records.unwrapping import unwrap
 
 Floats = NDArray[np.float64]
@@ -113,7 +114,15 @@ def _clock(table: Table, signals: Signals, channel: Channel) -> Time | None:
     name = channel.column if isinstance(channel.column, str) else None
     if name is None and channel.compute is not None:
         name = next(iter(Expression(channel.compute).columns), None)
-    return Time(column=table.clocks[name]) if name in table.clocks else None
+    if name not in table.clocks:
+        return None
+    clock = table.clocks[name]
+    unit = known_clock_unit(table.units.get(clock, "s"))
+    if not unit:
+        raise InputError(
+            f"{table.path}: {clock!r} is in {table.units[clock]!r}; give `time:` with its unit in the mapping"
+        )
+    return Time(column=clock, unit=unit)
 
 
 def _values(table: Table, channel: Channel, rows: slice) -> Floats:

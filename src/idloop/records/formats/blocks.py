@@ -1,0 +1,138 @@
+"""Text files with one block for each signal: a title, then rows of a stamp and a value."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from idloop.documents import MOST_COLUMNS, MOST_TABLE
+from idloop.errors import InputError
+from idloop.records.formats.clock_names import clock_unit
+from idloop.records.formats.form import Form, Options, text_of
+from idloop.records.tables.table import Table
+
+_SPLIT = re.compile(r"\s*[;,\t]\s*|\s+")
+_LONGEST_LINE = 1 << 16
+# Rows that a block has at least in the beginning of a file that is recognised as of this form.
+_LEAST_ROWS = 3
+
+
+@dataclass
+class _Block:
+    """Lines of text, and the rows of numbers below them."""
+
+    titles: list[str] = field(default_factory=list)
+    rows: list[list[float]] = field(default_factory=list)
+
+    @property
+    def name(self) -> str:
+        """First line that is no header of the columns."""
+        return next((one for one in self.titles if _header(one) is None), "")
+
+    @property
+    def clock_unit(self) -> str:
+        """Unit of the stamps, where a header says it."""
+        return next((unit for one in self.titles if (unit := _header(one))), "")
+
+
+def read_blocks(path: Path, _: Options) -> Table:
+    """Read the signals of a file, each with its own stamps.
+
+    Raises
+    ------
+    InputError
+        A block without a title or with rows of another width, or too many of them.
+    """
+    if path.stat().st_size > MOST_TABLE // 8:
+        raise InputError(f"{path}: the file has more than {MOST_TABLE >> 23} MiB; keep fewer rows")
+    table = Table(path, {})
+    with path.open(encoding="utf-8-sig", errors="replace", newline=None) as stream:
+        for block in _blocks(iter(lambda: stream.readline(_LONGEST_LINE), "")):
+            name = block.name
+            if not block.rows:
+                continue
+            if not name or name in table.columns:
+                raise InputError(
+                    f"{path}: a block of {len(block.rows)} rows has {'the title of another' if name else 'no title'};"
+                    " give each block a line with its name"
+                )
+            widths = {len(row) for row in block.rows}
+            if widths != {2}:
+                raise InputError(f"{path}: {name[:40]!r} has rows of other than a stamp and a value; correct the file")
+            values = np.array(block.rows)
+            clock = f"{name}.time"
+            table.columns |= {name: values[:, 1], clock: values[:, 0]}
+            table.clocks[name] = clock
+            if block.clock_unit:
+                table.units[clock] = block.clock_unit
+            if len(table.columns) > MOST_COLUMNS:
+                raise InputError(f"{path}: more than {MOST_COLUMNS:,} columns; check that this is the data file")
+    return table
+
+
+def _blocks(lines: Iterable[str]) -> Iterator[_Block]:
+    block = _Block()
+    for line in lines:
+        text = line.strip()
+        if not text:
+            continue
+        row = _numbers(text)
+        if row is None:
+            if block.rows:
+                yield block
+                block = _Block()
+            block.titles.append(text.lstrip("#% ").rstrip(":").strip('"[] '))
+        else:
+            block.rows.append(row)
+    yield block
+
+
+def _numbers(text: str) -> list[float] | None:
+    commas = ";" in text or "\t" in text
+    try:
+        return [float(cell.replace(",", ".") if commas else cell) for cell in
+                (re.split(r"\s*[;\t]\s*", text) if commas else _SPLIT.split(text))]  # fmt: skip
+    except ValueError:
+        return None
+
+
+def _header(title: str) -> str | None:
+    """Unit of the stamps where a line is the header of two columns, the first of stamps; None where it is no header."""
+    cells = [cell for cell in re.split(r"\s*[;,\t]\s*", title) if cell]
+    if len(cells) == 1:
+        cells = title.split()
+    return clock_unit(cells[0]) if len(cells) in (2, 3) else None
+
+
+def _is_blocks(head: bytes) -> bool:
+    """Whether a text is two blocks or more, each with a title of its own and stamps that begin anew."""
+    text = text_of(head)
+    if not text:
+        return False
+    found = list(_blocks(text.splitlines()[:-1]))
+    whole = [block for block in found if block.rows]
+    if len(whole) < 2 or any(len(block.rows) < _LEAST_ROWS for block in whole[:-1]):
+        return False
+    names = [block.name for block in whole]
+    if (
+        not all(names)
+        or len(set(names)) < len(names)
+        or any({len(row) for row in block.rows} != {2} for block in whole)
+    ):
+        return False
+    return all(after.rows[0][0] <= before.rows[-1][0] for before, after in pairwise(whole))
+
+
+FORM = Form(
+    "blocks",
+    (),
+    "text with one block for each signal",
+    "a title, then rows of a stamp and a value; columns by the titles, each with its own stamps in `title.time`",
+    _is_blocks,
+    read_blocks,
+)

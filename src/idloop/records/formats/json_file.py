@@ -1,0 +1,174 @@
+"""JSON files, and files with one JSON object in each line."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from idloop.documents import MOST_COLUMNS, MOST_JSON_TABLE, read_json, read_text
+from idloop.errors import InputError
+from idloop.records.formats.form import Form, Options, text_of
+from idloop.records.formats.tree import table_of_tree
+from idloop.records.tables.table import Table
+from idloop.spelling import did_you_mean, listed
+
+# Entries of a list within a sample that become columns of their own.
+_MOST_ENTRIES = 64
+_JSON = re.compile(r'\s*(\{\s*["}]|\[\s*[\[\]{"\d-])')
+
+
+def read_json_table(path: Path, options: Options) -> Table:
+    """Read a list of samples, or lists by name.
+
+    Parameters
+    ----------
+    path : Path
+    options : mapping
+        ``entries``: key that holds them.
+
+    Raises
+    ------
+    InputError
+        Not JSON, too large, or no samples.
+    """
+    return table_of_content(path, read_json(read_text(path, MOST_JSON_TABLE), str(path), MOST_JSON_TABLE), options)
+
+
+def read_json_lines(path: Path, _: Options) -> Table:
+    """Read one sample from each line; a last line that is cut off is left out.
+
+    Raises
+    ------
+    InputError
+        A line is no JSON object, or the file is too large.
+    """
+    lines = read_text(path, MOST_JSON_TABLE).split("\n")
+    last = max((k for k, line in enumerate(lines) if line.strip()), default=-1)
+    samples: list[dict[str, Any]] = []
+    notes: list[str] = []
+    for number, line in enumerate(lines[: last + 1]):
+        if not line.strip():
+            continue
+        try:
+            sample = read_json(line, f"{path}: line {number + 1}", MOST_JSON_TABLE)
+        except InputError:
+            if number < last or not samples:
+                raise
+            notes.append("the last line is cut off and left out")
+            break
+        if not isinstance(sample, dict):
+            raise InputError(f"{path}: line {number + 1} is no JSON object with the values of a sample by name")
+        samples.append(sample)
+    table = _of_samples(path, samples, {})
+    table.notes += notes
+    return table
+
+
+def table_of_content(path: Path, content: Any, options: Options) -> Table:
+    """Return the table of a list of samples, or of columns by name.
+
+    Parameters
+    ----------
+    path : Path
+    content : object
+        Lists and mappings of numbers, texts and arrays.
+    options : mapping
+        ``entries``: key of the mapping that holds them.
+
+    Raises
+    ------
+    InputError
+        There are neither samples nor columns.
+    """
+    attributes: dict[str, float | str] = {}
+    entries = content
+    if isinstance(content, dict):
+        attributes = {name: value for name, value in content.items() if isinstance(value, int | float | str)}
+    key = options.get("entries")
+    if key is not None:
+        if not isinstance(content, dict) or key not in content:
+            have = list(content) if isinstance(content, dict) else []
+            raise InputError(f"{path}: no key {key!r} with the samples; it has {listed(have)}{did_you_mean(key, have)}")
+        entries = content[key]
+    if isinstance(entries, list) and entries and all(isinstance(entry, dict) for entry in entries):
+        return _of_samples(path, entries, attributes)
+    if isinstance(entries, dict):
+        table = table_of_tree(path, entries)
+        table.attributes = attributes | table.attributes
+        return table
+    if hasattr(entries, "ndim"):
+        return table_of_tree(path, {"": entries})
+    raise InputError(
+        f"{path}: neither a list of samples nor columns; name the key that holds them as `entries:` in the mapping"
+    )
+
+
+def _of_samples(path: Path, samples: list[dict[str, Any]], attributes: dict[str, float | str]) -> Table:
+    """One column for each value that a sample has, those within it as ``a.b`` and ``a[0]``."""
+    columns: dict[str, list[Any]] = {}
+    for number, sample in enumerate(samples):
+        for name, value in _values(sample, ""):
+            column = columns.get(name)
+            if column is None:
+                if len(columns) >= MOST_COLUMNS:
+                    raise InputError(
+                        f"{path}: more than {MOST_COLUMNS:,} values in a sample; check that this is the data file"
+                    )
+                column = columns[name] = []
+            column.extend([None] * (number - len(column)))
+            if len(column) == number:
+                column.append(value)
+        if number % 1000 == 0 and number * len(columns) > MOST_JSON_TABLE:
+            raise InputError(f"{path}: its columns take too much memory; cut the file")
+    for column in columns.values():
+        column.extend([None] * (len(samples) - len(column)))
+    return Table(path, columns, attributes)
+
+
+def _values(sample: Mapping[str, Any], prefix: str) -> list[tuple[str, Any]]:
+    found: list[tuple[str, Any]] = []
+    for name, value in sample.items():
+        full = f"{prefix}{name}"
+        if isinstance(value, Mapping):
+            found += _values(value, f"{full}.")
+        elif isinstance(value, list | tuple):
+            if 0 < len(value) <= _MOST_ENTRIES:
+                found += _values({f"{name}[{place}]": one for place, one in enumerate(value)}, prefix)
+        else:
+            found.append((full, value))
+    return found
+
+
+def _first_lines(head: bytes) -> list[str]:
+    return [line.strip() for line in text_of(head).split("\n") if line.strip()][:2]
+
+
+def _is_json_lines(head: bytes) -> bool:
+    lines = _first_lines(head)
+    if len(lines) < 2 or not lines[1].startswith("{"):
+        return False
+    try:
+        return isinstance(json.loads(lines[0]), dict)
+    except (ValueError, RecursionError):
+        return False
+
+
+LINES = Form(
+    "jsonl",
+    (".jsonl", ".ndjson"),
+    "JSON, one object in each line",
+    "values of the samples by name; those of an object or a list within a sample are `a.b` and `a[0]`",
+    _is_json_lines,
+    read_json_lines,
+)
+FORM = Form(
+    "json",
+    (".json",),
+    "JSON",
+    "a list of samples `[{t: 0, u: 1}, ...]`, or lists by name; `entries` names the key that holds either",
+    lambda head: _JSON.match(text_of(head)) is not None,
+    read_json_table,
+)

@@ -1,0 +1,93 @@
+"""MATLAB files of version 7.3, which are HDF5 files with conventions of MATLAB's.
+
+Arrays lie transposed, texts as numbers of their characters, cells and structure arrays as references to data sets.
+Source: the attributes ``MATLAB_class`` and ``MATLAB_empty`` that MATLAB R2006b and later write.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from idloop.documents import MOST_DEPTH
+from idloop.errors import InputError
+from idloop.records.formats.hdf5 import Hdf5Reader, opened
+
+_NUMBERS = {"double", "single", "logical"} | {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)}
+# Entries of cells and structure arrays; a longer one is no log.
+_MOST_ENTRIES = 100_000
+
+
+def read_mat_hdf5(path: Path) -> tuple[dict[str, Any], list[str]]:
+    """Return the variables of a file as nested arrays, and the names of those that are objects.
+
+    Raises
+    ------
+    InputError
+        Damaged, too large, or the library is not installed.
+    """
+    with opened(path) as file:
+        reader = _Reader(path, file)
+        tree = {
+            name: reader.value(item, name, 0) for name, item in reader.data.entries(file) if not name.startswith("#")
+        }
+    return {name: value for name, value in tree.items() if value is not None}, reader.objects
+
+
+class _Reader:
+    """Turns data sets into what `scipy.io.loadmat` makes of those of older versions."""
+
+    def __init__(self, path: Path, file: Any) -> None:
+        self.data = Hdf5Reader(path)
+        self.objects: list[str] = []
+        self._path, self._file, self._followed = path, file, 0
+
+    def value(self, item: Any, name: str, depth: int) -> Any:
+        if depth > MOST_DEPTH:
+            raise InputError(f"{self._path}: structures more than {MOST_DEPTH} deep; check that this is the file")
+        kind = item.attrs.get("MATLAB_class", b"")
+        kind = kind.decode("utf-8", "replace") if isinstance(kind, bytes) else str(kind)
+        if "MATLAB_object_decode" in item.attrs:
+            self.objects.append(name)
+            return None
+        if not hasattr(item, "shape"):
+            return self._structure(item, name, depth) if hasattr(item, "keys") else None
+        if "MATLAB_empty" in item.attrs:
+            return "" if kind == "char" else None
+        if item.dtype.hasobject:
+            entries = self._referred(item, name, depth)
+            return entries[0] if kind != "cell" and len(entries) == 1 else entries
+        values = self.data.values(item)
+        if kind == "char":
+            return "".join(map(chr, np.asarray(values).ravel().tolist())) if values is not None else None
+        if values is None or (kind and kind not in _NUMBERS):
+            return None
+        return np.squeeze(np.asarray(values).T)
+
+    def _structure(self, group: Any, name: str, depth: int) -> Any:
+        fields = {key: self.value(item, f"{name}.{key}", depth + 1) for key, item in self.data.entries(group)}
+        arrays = [key for key, item in self.data.entries(group) if getattr(item, "dtype", None) is not None
+                  and item.dtype.hasobject and "MATLAB_class" not in item.attrs]  # fmt: skip
+        lengths = {len(fields[key]) for key in arrays if isinstance(fields[key], list)}
+        # A structure array has one data set of references for each of its fields.
+        if arrays and len(arrays) == len(fields) and len(lengths) == 1:
+            (count,) = lengths
+            return [{key: fields[key][place] for key in arrays} for place in range(count)]
+        return fields
+
+    def _referred(self, item: Any, name: str, depth: int) -> list[Any]:
+        import h5py
+
+        references = self.data.values(item) if h5py.check_string_dtype(item.dtype) else None
+        if references is not None or h5py.check_ref_dtype(item.dtype) is None:
+            return []
+        self._followed += item.size
+        if self._followed > _MOST_ENTRIES:
+            raise InputError(f"{self._path}: more than {_MOST_ENTRIES:,} entries of cells; save plain arrays")
+        several = np.asarray(item[()]).T.ravel(order="F")
+        return [
+            self.value(self._file[one], f"{name}[{place}]", depth + 1) if one else None
+            for place, one in enumerate(several)
+        ]

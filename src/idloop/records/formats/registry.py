@@ -1,0 +1,94 @@
+"""The forms of log files that are read, and which of them a file is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from idloop.errors import InputError
+from idloop.records.formats import (
+    arrow,
+    blocks,
+    codesys,
+    hdf5,
+    json_file,
+    mat,
+    numpy_arrays,
+    sysid_json,
+    text_table,
+    torch_file,
+    wpilog,
+)
+from idloop.records.formats.form import Form
+from idloop.spelling import did_you_mean, listed
+
+# In the order in which a file is held against them: what begins with a sign of its own first.
+FORMS: tuple[Form, ...] = (
+    mat.FORM, hdf5.FORM, arrow.PARQUET, arrow.FEATHER, numpy_arrays.FORM, numpy_arrays.ONE, torch_file.FORM,
+    wpilog.FORM, codesys.FORM, sysid_json.FORM, json_file.LINES, json_file.FORM, blocks.FORM,
+)  # fmt: skip
+# What almost any text may be, so that a suffix says more.
+TEXT = text_table.FORM
+HEAD = 1 << 16
+# What other files begin with, and what to do with them.
+_OTHERS = (
+    (b"\x1f\x8b", "a gzip archive; unpack it with gunzip"),
+    (b"\xfd7zXZ\0", "an xz archive; unpack it with unxz"),
+    (b"BZh", "a bzip2 archive; unpack it with bunzip2"),
+    (b"\x28\xb5\x2f\xfd", "a zstd archive; unpack it with unzstd"),
+    (b"7z\xbc\xaf\x27\x1c", "a 7z archive; unpack it"),
+    (b"\xd0\xcf\x11\xe0", "a workbook of Excel; save its sheet as CSV"),
+    (b"SQLite format 3\0", "an SQLite file; a rosbag2 recording of it is read with its suffix .db3"),
+    (b"\x89MCAP", "a recording; give it the suffix .mcap"),
+)
+
+
+def form_of(path: Path, kind: str | None = None) -> Form:
+    """Return the form of a file: by its first bytes, else by its suffix.
+
+    Parameters
+    ----------
+    path : Path
+    kind : str, optional
+        The form where it is known.
+
+    Raises
+    ------
+    InputError
+        It is none of those that are read.
+    """
+    known = {form.kind: form for form in (*FORMS, TEXT)}
+    if kind is not None:
+        if kind not in known:
+            raise InputError(
+                f"{path}: unknown format {kind!r}{did_you_mean(kind, known)}; known are {listed(known, 20)}"
+            )
+        return known[kind]
+    with path.open("rb") as stream:
+        head = stream.read(HEAD)
+    for form in FORMS:
+        if form.sniff(head):
+            return form
+    if head.startswith(b"PK\x03\x04") and b"xl/" in head:
+        raise InputError(f"{path}: a workbook of Excel; save its sheet as CSV")
+    for begin, advice in _OTHERS:
+        if head.startswith(begin):
+            raise InputError(f"{path}: {advice}")
+    name = path.name.lower()
+    by_suffix = [(len(suffix), form) for form in known.values() for suffix in form.suffixes if name.endswith(suffix)]
+    if by_suffix:
+        return max(by_suffix, key=lambda one: one[0])[1]
+    if TEXT.sniff(head):
+        return TEXT
+    raise InputError(
+        f"{path}: unknown format {path.suffix!r}; known are {listed(suffixes(), 40)}, or set `format:` in the mapping"
+    )
+
+
+def suffixes() -> list[str]:
+    """Return the suffixes of all forms."""
+    return [suffix for form in (TEXT, *FORMS) for suffix in form.suffixes]
+
+
+def kinds() -> list[str]:
+    """Return the names of all forms."""
+    return [form.kind for form in (TEXT, *FORMS)]

@@ -1,0 +1,48 @@
+"""Text files with a table: read by `idloop.records.tables.csv_file`, whose layout is found out."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from idloop.records.formats.form import Form, Options, text_of
+from idloop.records.tables.csv_file import read_csv
+from idloop.records.tables.table import Table
+
+_ROW = re.compile(r"\s*[-+]?[\d.,]+(?:e[-+]?\d+)?(?:[\s;,|]+[-+]?[\d.,]+(?:e[-+]?\d+)?)*[\s;,]*", re.IGNORECASE)
+
+
+def read_text_table(path: Path, options: Options) -> Table:
+    """Read a table of text.
+
+    Parameters
+    ----------
+    path : Path
+    options : mapping
+        ``delimiter``, ``header``, ``skip_rows``, ``decimal``, ``skip_text``, ``rows`` (slice of the rows of data that
+        are looked at).
+
+    Raises
+    ------
+    InputError
+        It is no such table, or too large.
+    """
+    rows = options.get("rows") or slice(0, None)
+    read = read_csv(path, dict(options), rows)
+    return Table(path, read.columns, notes=read.notes, units=read.units, first_row=rows.start or 0, csv=read)
+
+
+def _is_table(head: bytes) -> bool:
+    """Whether a text has rows of numbers."""
+    lines = text_of(head)[:20_000].splitlines()
+    return sum(len(line) < 1_000 and _ROW.fullmatch(line) is not None for line in lines) >= 2
+
+
+FORM = Form(
+    "csv",
+    (".csv", ".txt", ".tsv", ".dat", ".log", ".asc", ".prn"),
+    "a table of text",
+    'by the header, or `"0"`, `"1"`, ... without one',
+    _is_table,
+    read_text_table,
+)

@@ -1,0 +1,179 @@
+"""Columns of nested arrays, and the stamps that belong to them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from idloop.documents import MOST_COLUMNS, MOST_DEPTH
+from idloop.errors import InputError
+from idloop.records.formats.clock_names import clock_unit, known_clock_unit
+from idloop.records.tables.table import Table
+
+# Entries of a structure or cell array that become columns of their own; a longer one is a list of samples.
+_MOST_PARTS = 256
+# What a series with gaps holds.
+_CELL = (int, float, type(None))
+
+
+def table_of_tree(path: Path, tree: Mapping[str, Any], *, separator: str = ".", clocks: bool = False) -> Table:
+    """Flatten nested arrays into columns named ``a.b``, ``a[0]`` and ``a[0].b``, single values into attributes.
+
+    A series called time in a structure holds the stamps of the other series of its length there, deeper ones included.
+
+    Parameters
+    ----------
+    path : Path
+    tree : mapping
+        Arrays, numbers, texts, lists and mappings of these.
+    separator : str
+        Between the names of a structure and its entry.
+    clocks : bool
+        Whether a series called time at the top belongs to the other series there, too.
+
+    Raises
+    ------
+    InputError
+        More than `MOST_COLUMNS` columns, or nested more than `MOST_DEPTH` deep.
+    """
+    table = Table(path, {})
+    _Flattener(table, separator).add(_named(tree), "", 0, clocks=clocks)
+    return table
+
+
+class _Flattener:
+    """Fills a table from a tree."""
+
+    def __init__(self, table: Table, separator: str) -> None:
+        self._table, self._separator = table, separator
+
+    def add(self, tree: Mapping[str, Any], prefix: str, depth: int, *, clocks: bool = True) -> None:
+        if depth > MOST_DEPTH:
+            raise InputError(f"{self._table.path}: structures more than {MOST_DEPTH} deep; check that this is the file")
+        before = len(self._table.columns)
+        own = []
+        for name, value in tree.items():
+            own += self._entry(str(name), value, prefix, depth)
+            if len(self._table.columns) + len(self._table.attributes) > MOST_COLUMNS:
+                raise InputError(
+                    f"{self._table.path}: more than {MOST_COLUMNS:,} series and values; check that this is the file"
+                )
+        self._note_unit(tree, prefix)
+        inner = list(self._table.columns)[before:]
+        if clocks or self._table.clocks.keys() & inner:
+            self._set_clock([(full, short) for full, short in own if full in self._table.columns], inner)
+
+    def _entry(self, name: str, value: Any, prefix: str, depth: int) -> list[tuple[str, str]]:
+        """Add one entry; return the names of its columns, whole and within its structure."""
+        table, full = self._table, prefix + name
+        if isinstance(value, np.ndarray) and value.dtype.names:
+            value = {field: value[field] for field in value.dtype.names}
+        if isinstance(value, Mapping):
+            self.add(_named(value), full + self._separator, depth + 1)
+            return []
+        if (parts := _parts(value)) is not None:
+            self.add({f"{name}[{place}]": part for place, part in enumerate(parts)}, prefix, depth + 1, clocks=False)
+            return []
+        if isinstance(value, str):
+            table.attributes[full] = value
+            return []
+        if isinstance(value, list | tuple) and value and all(isinstance(one, str) for one in value):
+            table.columns[full] = list(value)
+            return [(full, name)]
+        if isinstance(value, list) and all(isinstance(one, _CELL) for one in value) and None in value:
+            table.columns[full] = value
+            return [(full, name)]
+        try:
+            array = np.asarray(value)
+        except (ValueError, OverflowError, TypeError):
+            return []
+        if array.dtype.kind not in "biufU":
+            return []
+        array = np.squeeze(array) if array.ndim > 1 else array
+        if array.ndim == 0:
+            table.attributes[full] = str(array) if array.dtype.kind == "U" else float(array)
+            return []
+        if array.ndim == 1:
+            table.columns[full] = array
+            return [(full, name)]
+        if array.ndim > 2 or min(array.shape) > MOST_COLUMNS:
+            return []
+        # The longer axis is that of the samples.
+        tall = array if array.shape[0] >= array.shape[1] else array.T
+        table.columns |= {f"{full}[{index}]": tall[:, index] for index in range(tall.shape[1])}
+        return [(f"{full}[{index}]", name) for index in range(tall.shape[1])]
+
+    def _set_clock(self, own: list[tuple[str, str]], inner: list[str]) -> None:
+        table = self._table
+        clock = next(((full, unit) for full, short in own if (unit := clock_unit(short)) is not None), None)
+        if clock is None:
+            return
+        name, unit = clock
+        if unit and not known_clock_unit(table.units.get(name, "")):
+            table.units[name] = unit
+        length = len(table.columns[name])
+        used = set(table.clocks.values())
+        for column in inner:
+            if column != name and column not in used and len(table.columns[column]) == length:
+                table.clocks.setdefault(column, name)
+
+    def _note_unit(self, tree: Mapping[str, Any], prefix: str) -> None:
+        """Keep the units that a structure of a MATLAB series says of its Data."""
+        info = tree.get("DataInfo")
+        unit = info.get("Units") if isinstance(info, Mapping) else None
+        if isinstance(unit, str) and unit:
+            for name in self._table.columns:
+                if name == f"{prefix}Data" or name.startswith(f"{prefix}Data["):
+                    self._table.units[name] = unit
+
+
+def _named(tree: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Name the signals of Simulink by their labels, those of a data set by their names."""
+    signals = tree.get("signals")
+    if "time" in tree and signals is not None:
+        several = signals if isinstance(signals, list | tuple | np.ndarray) else [signals]
+        if all(isinstance(one, Mapping) and "values" in one for one in several):
+            labels = [one.get("label") for one in several]
+            distinct = len(set(map(str, labels))) == len(labels)
+            found = {
+                label if isinstance(label, str) and label and distinct else f"signals[{place}]": one["values"]
+                for place, (label, one) in enumerate(zip(labels, several, strict=True))
+            }
+            if len(several) == 1 and "signals[0]" in found:
+                found = {"signals": found["signals[0]"]}
+            return {"time": tree["time"], **found, **{k: v for k, v in tree.items() if k not in ("time", "signals")}}
+    return {key: _by_name(value) for key, value in tree.items()}
+
+
+def _by_name(value: Any) -> Any:
+    """Return elements of a data set by name, where each has a name and a series of values; else the value itself."""
+    if isinstance(value, np.ndarray) and (value.dtype.kind != "O" or value.ndim != 1):
+        return value
+    several = [value] if isinstance(value, Mapping) else value
+    if not isinstance(several, list | tuple | np.ndarray) or not 0 < len(several) <= _MOST_PARTS:
+        return value
+    if not all(isinstance(one, Mapping) and isinstance(one.get("Values"), Mapping) for one in several):
+        return value
+    names = [one.get("Name") for one in several]
+    if all(isinstance(name, str) and name for name in names) and len(set(names)) == len(names):
+        return {name: one["Values"] for name, one in zip(names, several, strict=True)}
+    return value
+
+
+def _parts(value: Any) -> list[Any] | None:
+    """Entries of a structure array, or of a cell array of series of several lengths; None for anything else."""
+    if isinstance(value, np.ndarray) and (value.dtype.kind != "O" or value.ndim != 1):
+        return None
+    if not isinstance(value, list | tuple | np.ndarray) or not 0 < len(value) <= _MOST_PARTS:
+        return None
+    if all(isinstance(part, Mapping) for part in value):
+        return list(value)
+    several = all(isinstance(part, list | np.ndarray) and not any(map(_has_entries, part)) for part in value)
+    return list(value) if several and len({len(part) for part in value}) > 1 else None
+
+
+def _has_entries(value: Any) -> bool:
+    return isinstance(value, list | tuple | Mapping | np.ndarray)

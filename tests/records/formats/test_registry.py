@@ -1,0 +1,58 @@
+"""A file is recognised by what is in it, then by its suffix."""
+
+from __future__ import annotations
+
+import gzip
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from idloop.errors import InputError
+from idloop.records.formats.registry import form_of, kinds
+from idloop.records.tables.mapping import Mapping
+from idloop.records.tables.table_files import read_table
+
+
+def _form(tmp_path, name, content):
+    (tmp_path / name).write_bytes(content if isinstance(content, bytes) else content.encode())
+    return form_of(tmp_path / name).kind
+
+
+def test_a_mapping_may_name_each_form():
+    (named,) = (one for one in get_args(Mapping.model_fields["format"].annotation) if one is not type(None))
+    assert set(get_args(named)) == {*kinds(), "bag"}
+
+
+def test_the_content_says_more_than_the_suffix(tmp_path):
+    np.savez(tmp_path / "a.npz", u=np.arange(3.0))
+    assert _form(tmp_path, "log.csv", (tmp_path / "a.npz").read_bytes()) == "npz"
+    assert _form(tmp_path, "log.dat", '{"t": [0, 1]}') == "json"
+    assert _form(tmp_path, "log", "t u\n0 1\n1 2\n") == "csv"
+    assert _form(tmp_path, "log.json", "broken") == "json"
+    assert _form(tmp_path, "log.csv", "[s],[V]\n0,1\n") == "csv"
+    assert _form(tmp_path, "log.log", "start\n0,1\n1,2\n") == "csv"
+
+
+def test_a_form_that_is_named_is_taken(tmp_path):
+    (tmp_path / "log.txt").write_text('{"t": [0, 1], "u": [1, 2]}')
+    np.testing.assert_array_equal(read_table(tmp_path / "log.txt", "json").numbers("u"), [1, 2])
+    with pytest.raises(InputError, match=r"unknown format 'josn' .did you mean 'json'"):
+        read_table(tmp_path / "log.txt", "josn")
+
+
+OTHERS = {
+    "a workbook": ("a.xlsx", b"PK\x03\x04" + b"[Content_Types].xml xl/workbook.xml", "save its sheet as CSV"),
+    "an archive": ("a.csv.gz", gzip.compress(b"t,u\n"), "unpack it with gunzip"),
+    "a database": ("a.db", b"SQLite format 3\0", "SQLite"),
+    "a program": ("a.bin", b"\x7fELF\x00\x01", "unknown format '.bin'; known are .csv, .txt"),
+    "a text": ("a.md", b"# Title\n\nNo numbers here.\n", "unknown format '.md'"),
+}
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_other_files_are_one_line(tmp_path, name):
+    file, content, words = OTHERS[name]
+    (tmp_path / file).write_bytes(content)
+    with pytest.raises(InputError, match=words):
+        read_table(tmp_path / file)
