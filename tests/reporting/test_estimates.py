@@ -14,16 +14,10 @@ from idloop.diagnosis import Candidate, Ladder, Step
 from idloop.diagnosis.candidate import effect_parameters
 from idloop.diagnosis.screening.proposals import proposals
 from idloop.physics import load_model
-from idloop.reporting.estimates import (
-    figure_text,
-    fit_text,
-    held_parameters,
-    percent_text,
-    read_off_parameters,
-    with_interval,
-)
+from idloop.reporting.estimates import held_parameters, parameter_rows, read_off_parameters, with_interval
 from idloop.reporting.page.page_words import page_words
 from idloop.reporting.text.ladder import ladder_blocks, parameter_blocks
+from idloop.validation.words import figure_text, fit_text, force_text
 
 
 @pytest.mark.parametrize(
@@ -108,9 +102,29 @@ def test_a_resolution_that_was_read_off_is_told_by_itself(capsys):
     assert f"read off the readings: {name}.resolution 0.000314159 rad\n" in capsys.readouterr().out
 
 
-def test_a_percentage_has_no_power_of_ten() -> None:
-    assert fit_text(-4583.2, 3) == "−4583"
-    assert percent_text(1234.5) == "1234"
-    assert percent_text(217.04) == "217"
-    assert percent_text(0.01234) == "0.0123"
-    assert percent_text(None) == "–"
+def test_a_percentage_has_no_power_of_ten_and_a_large_one_is_a_factor_in_words() -> None:
+    assert fit_text(-983.2, 3, " %") == "−983 %"
+    assert fit_text(-4583.2, 3, " %") == "worse than a constant by a factor 47"
+    assert fit_text(-4.58e5) == "worse than a constant by a factor 4581"
+    assert force_text(2.1704, 3, " %") == "217 %"
+    assert force_text(12.345) == "12 times the commanded force"
+    assert force_text(0.0001234) == "0.0123"
+    assert force_text(None, 3, " %") == fit_text(None, 3, " %") == "–"
+
+
+@given(st.floats(-1e9, 100.0))
+def test_no_fit_is_written_with_a_power_of_ten(fit) -> None:
+    assert "10" + "⁰" not in fit_text(fit)
+    assert len(fit_text(fit, 3)) < 60
+    if fit < -1000.0:
+        assert "%" not in fit_text(fit, 3, " %")
+
+
+def test_a_row_of_the_parameters_has_interval_unit_and_bounds() -> None:
+    start = load_model("dc_motor").with_effects(["dead_zone@input(width=0.3)"])
+    rows = {row["key"]: row for row in parameter_rows(start, ["dead_zone@input.width"])}
+    assert rows["motor.inertia"]["kind"] == "known"
+    assert rows["drive.gain"]["kind"] == "free, not fitted yet"
+    assert rows["drive.gain"]["bounds"] == ""
+    assert rows["motor.viscous_friction"]["bounds"] == "at least 0"
+    assert rows["dead_zone@input.width"]["unit"] == "V"

@@ -12,6 +12,8 @@ from dataclasses import asdict, dataclass
 from itertools import pairwise
 from typing import Any
 
+from idloop.validation.words import fit_text
+
 
 @dataclass(frozen=True)
 class Worsened:
@@ -27,9 +29,10 @@ class Worsened:
     def text(self) -> str:
         """Finding for the user."""
         data = "data that no fit saw" if self.unseen else "the fitted data"
+        before, after = (fit_text(100.0 * (1.0 - error), 3, " %") for error in (self.before, self.after))
         return (
-            f"{self.name} makes the free run of {self.output} on {data} worse, an error of {100.0 * self.after:.3g} %"
-            f" after {100.0 * self.before:.3g} % of the motion: it reduces the prediction errors"
+            f"{self.name} makes the free run of {self.output} on {data} worse, FIT {after} after {before}: it reduces"
+            " the prediction errors"
             " only. Something else may be missing; remove it, or check where the model fails"
         )
 

@@ -84,12 +84,13 @@ def legend_entry(maps: Sequence[tuple[str, ErrorMap]], index: int) -> str:
     return f"{label} (rms {short(one.rms)} {one.unit})"
 
 
-def finding(breakdown: Breakdown) -> str:
-    """What a reader sees along a variable: the part that stands out, and a curve; empty where there is neither."""
-    found = [breakdown.worst.text] if breakdown.stands_out else []
-    if _is_curve(breakdown):
-        found.append(f"a curve over {TITLES[breakdown.variable]} makes up {percent(breakdown.follows)} of the error")
-    return "; ".join(found)
+def along_text(breakdown: Breakdown) -> str:
+    """What a figure over a variable shows: where the error is largest for its time, and what a curve makes up of it."""
+    if not math.isfinite(breakdown.follows):
+        return breakdown.worst.text
+    return (
+        f"{breakdown.worst.text}; a curve over {TITLES[breakdown.variable]} makes up {percent(breakdown.follows)} of it"
+    )
 
 
 def shown_first(maps: Sequence[ErrorMap]) -> tuple[str, str] | None:
@@ -103,12 +104,12 @@ def shown_first(maps: Sequence[ErrorMap]) -> tuple[str, str] | None:
     Returns
     -------
     tuple of (str, str), or None
-        Name of the error and the variable; one that has a `finding` where there is any. None without a breakdown.
+        Name of the error and the variable; a notable one where there is any. None without a breakdown.
     """
-    # The force is free of the drift of a free run, which follows whatever moves slowly.
-    considered = [one for one in maps if one.basis == "force"] or list(maps)
+    # The force is free of the drift of a free run, which follows whatever moves slowly; a reason against it is noise.
+    considered = [one for one in maps if one.basis == "force" and not one.why] or list(maps)
     ranked = [
-        (_is_notable(b), b.variable in _PHYSICAL, float(np.nan_to_num(b.follows)), one.name, b.variable)
+        (is_notable(b), b.variable in _PHYSICAL, float(np.nan_to_num(b.follows)), one.name, b.variable)
         for one in considered
         for b in one.breakdowns
     ]
@@ -120,9 +121,6 @@ def shown_first(maps: Sequence[ErrorMap]) -> tuple[str, str] | None:
     return name, variable if notable or one.along("velocity") is None else "velocity"
 
 
-def _is_curve(breakdown: Breakdown) -> bool:
-    return math.isfinite(breakdown.follows) and breakdown.follows >= _CURVE
-
-
-def _is_notable(breakdown: Breakdown) -> bool:
-    return breakdown.stands_out or _is_curve(breakdown)
+def is_notable(breakdown: Breakdown) -> bool:
+    """Whether a part of the data stands out along a variable, or a curve over it makes up a quarter of the error."""
+    return breakdown.stands_out or (math.isfinite(breakdown.follows) and breakdown.follows >= _CURVE)

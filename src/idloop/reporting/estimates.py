@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from typing import TYPE_CHECKING, Any
 
 from idloop.diagnosis.candidate import effect_parameters
+from idloop.reporting.terms import effect_words
+from idloop.validation.words import figure_text, raised, tidy
 
 if TYPE_CHECKING:
     from idloop.diagnosis import Ladder
@@ -13,7 +16,6 @@ if TYPE_CHECKING:
     from idloop.physics.parameter import Parameter
 
 NORMAL_95 = 1.959963984540054
-_MOST_DIGITS = 8
 
 
 def parameter_estimates(model: Model) -> dict[str, dict[str, Any]]:
@@ -63,28 +65,37 @@ def read_off_parameters(ladder: Ladder) -> dict[str, Parameter]:
     }
 
 
-def figure_text(value: float | None, digits: int = 4) -> str:
-    """Write a number with a few digits; "–" where there is none."""
-    if value is None or math.isnan(value):
-        return "–"
-    if math.isinf(value):
-        return "∞" if value > 0.0 else "−∞"
-    return _tidy(f"{value:.{digits}g}")
+def parameter_rows(model: Model, held: Collection[str] = ()) -> list[dict[str, str]]:
+    """Rows of a table of all parameters of a fitted model.
 
+    Parameters
+    ----------
+    held : collection of str
+        Parameters that are no part of the machine's description and were not estimated.
 
-def percent_text(value: float | None, digits: int = 3) -> str:
-    """Write a percentage with a few digits, a large one as a whole number: "83.7", "−4580"."""
-    if value is not None and 1.0 <= abs(value) < 10.0**_MOST_DIGITS:
-        digits = max(digits, math.floor(math.log10(abs(value))) + 1)
-    return figure_text(value, digits)
-
-
-def fit_text(value: float | None, digits: int = 4) -> str:
-    """Write a FIT [%] as `percent_text`, and with more digits where it would look perfect and is not: "99.96"."""
-    if value is not None and math.isfinite(value):
-        while value < 100.0 and digits < _MOST_DIGITS and float(f"{value:.{digits}g}") >= 100.0:
-            digits += 1
-    return percent_text(value, digits)
+    Returns
+    -------
+    list of dict
+        ``key``, ``name`` in words, ``value`` with its 95 % interval, ``unit``, ``bounds`` (empty where there are none),
+        and ``kind``: estimated, at its bound, held or known.
+    """
+    rows = []
+    for one in model.parameters:
+        low, high = (figure_text(bound, 3) for bound in (one.min, one.max))
+        bounds = f"{low} to {high}" if math.isfinite(one.max) else f"at least {low}" if math.isfinite(one.min) else ""
+        at_bound = one.free and one.value in (one.min, one.max)
+        free = "estimated" if one.stderr is not None else "free, not fitted yet"
+        rows.append(
+            {
+                "key": one.name,
+                "name": effect_words(one.name.replace(".", " ")),
+                "value": with_interval(one.value, one.stderr if one.free else None),
+                "unit": one.unit.strip("-"),
+                "bounds": bounds.replace("−∞ to", "at most"),
+                "kind": "at its bound" if at_bound else free if one.free else "held" if one.name in held else "known",
+            }
+        )
+    return rows
 
 
 def with_interval(value: float, stderr: float | None) -> str:
@@ -98,18 +109,7 @@ def with_interval(value: float, stderr: float | None) -> str:
     power = math.floor(math.log10(size))
     if -5 < power < 6:
         places = max(-place, 0)
-        return _tidy(f"{value:.{places}f} ± {half:.{places}f}")
+        return tidy(f"{value:.{places}f} ± {half:.{places}f}")
     scale = 10.0**power
     places = max(power - place, 0)
-    return f"({_tidy(f'{value / scale:.{places}f} ± {half / scale:.{places}f}')}) · 10{_raised(power)}"
-
-
-def _tidy(text: str) -> str:
-    if "e" in text:
-        head, _, power = text.partition("e")
-        return f"{head.replace('-', '−')} · 10{_raised(int(power))}"
-    return text.replace("-", "−")
-
-
-def _raised(power: int) -> str:
-    return str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"({tidy(f'{value / scale:.{places}f} ± {half / scale:.{places}f}')}) · 10{raised(power)}"

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.reporting.estimates import figure_text
+from idloop.validation.words import figure_text
 
 Array = NDArray[np.float64]
 

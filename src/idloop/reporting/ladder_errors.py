@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.reporting.scores import TRAIN, VALIDATION
 from idloop.reporting.terms import DATA_USE, effect_words, p_text
+from idloop.validation.where import DRIVE_FORCE
 
 if TYPE_CHECKING:
     from idloop.diagnosis import Ladder, Step
 
 Array = NDArray[np.float64]
 
-TRAIN, VALIDATION = "train", "validation"
 # From this ratio of the largest to the smallest error on, decades are read better.
 _DECADES = 5.0
 
@@ -58,7 +59,7 @@ def error_lines(ladder: Ladder) -> list[ErrorLine]:
 
 def force_lines(ladder: Ladder) -> list[ErrorLine]:
     """Relative error of the drive force [%] at every step; as `error_lines`."""
-    return _lines(ladder, ["drive force"], lambda part, name: part.get("force"), 100.0)
+    return _lines(ladder, [DRIVE_FORCE], lambda part, name: part.get("force"), 100.0)
 
 
 def in_decades(*errors: Array) -> bool:

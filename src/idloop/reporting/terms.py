@@ -11,6 +11,8 @@ DATA_USE = {"train": FITTED, "validation": UNSEEN}
 
 # Effects that bear the name of someone.
 _PEOPLE = ("coulomb", "stribeck")
+# Space between a number and its unit.
+_UNIT = re.compile(r"(?<=[\d)⁰¹²³⁴⁵⁶⁷⁸⁹]) (?=(?:%|°|·|µ?s|ms|k?Hz|rad|mm?|kg|N|V|A|W|K|J|Ω)(?!\w))")
 # A bootstrap knows no smaller p-value than its own share.
 _LEAST_P = 1e-3
 
@@ -44,6 +46,11 @@ def p_text(p_value: float | None) -> str:
 def capitalised(text: str) -> str:
     """A text with a capital at its beginning."""
     return text[:1].upper() + text[1:]
+
+
+def unbroken(text: str) -> str:
+    """A text in which a number stays on one line with its unit and its interval."""
+    return _UNIT.sub("\u00a0", text.replace(" ± ", "\u00a0±\u00a0"))
 
 
 def sentence(text: str) -> str:

@@ -85,6 +85,18 @@ def shifts_in_time(effect: Effect) -> bool:
     return effect.site == INPUT and effect.lags and not effect.lost_motion
 
 
+def no_picture(effect: str, model: Model | None) -> str:
+    """Why an effect has no characteristic, where it has none; `model` is the fitted one with it, if there is one."""
+    active = None if model is None else next((one for one in model.effects if one.name == effect), None)
+    if active is None:
+        return "it was not fitted to this data"
+    if shifts_in_time(active.effect):
+        return "it shifts the command in time, which no curve over the motion shows"
+    if active.effect.splits:
+        return "it splits the body in two, of which one is not measured"
+    return "the measurements do not determine its force"
+
+
 def _of_a_force(model: Model, without: Model, active: ActiveEffect, record: Record) -> Characteristic | None:
     """Force, command or torque along the measured motion, in the band in which forces are compared."""
     data = prepare(model, [record])[0]

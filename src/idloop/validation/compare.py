@@ -17,6 +17,7 @@ from idloop.validation.operating_state import error_share, motion_regions, smoot
 from idloop.validation.residual import ResidualTest, residual_tests
 from idloop.validation.runs import Runs
 from idloop.validation.where import Where, where
+from idloop.validation.words import fit_text
 
 if TYPE_CHECKING:
     from idloop.physics import Model
@@ -143,10 +144,12 @@ class Comparison(Runs):
         for i, name in enumerate(self.names):
             axis = axes[i]
             axis.plot(self.time, self.measured[:, i], color="0.3", linewidth=1.0, label="measured")
-            axis.plot(self.time, self.simulated[:, i], linewidth=0.9, label=f"free run, FIT {fit[name]:.1f} %")
+            axis.plot(
+                self.time, self.simulated[:, i], linewidth=0.9, label=f"free run, FIT {fit_text(fit[name], 3, ' %')}"
+            )
             axis.plot(
                 self.time, self.ahead[:, i], linewidth=0.7, linestyle="--",
-                label=f"{self.steps} steps ahead, FIT {ahead[name]:.1f} %",
+                label=f"{self.steps} steps ahead, FIT {fit_text(ahead[name], 3, ' %')}",
             )  # fmt: skip
             axis.set_ylabel(f"{name} [{self.model.outputs[i].unit}]")
             axis.legend(loc="upper right", frameon=False)

@@ -17,6 +17,7 @@ from idloop.errors import InputError
 from idloop.estimation.dataset import prepare
 from idloop.estimation.force_balance.force_error import record_balance, thin
 from idloop.estimation.force_balance.motion import bridged
+from idloop.validation.words import force_text
 
 if TYPE_CHECKING:
     from idloop.physics import Model
@@ -80,7 +81,7 @@ class ForceError:
         axes.plot(self.time, self.required, linewidth=0.8, label="required by the model")
         axes.plot(self.time, self.required - self.applied, linewidth=0.6, color="0.4", label="difference")
         axes.set(xlabel="time [s]", ylabel="drive force")
-        axes.set_title(f"relative force error {100 * self.relative:.2f} % up to {self.band:.3g} Hz")
+        axes.set_title(f"relative force error {force_text(self.relative, 3, ' %')} up to {self.band:.3g} Hz")
         axes.legend(loc="upper right", frameon=False)
         return axes
 

@@ -13,7 +13,7 @@ from idloop.validation.error_choice import choose_basis
 from idloop.validation.operating_state import OperatingState, operating_state
 from idloop.validation.stretch import Stretch, worst_stretches
 from idloop.validation.variables import TITLES, break_down_all
-from idloop.validation.words import beside, percent, short
+from idloop.validation.words import beside, force_text, percent, short
 
 if TYPE_CHECKING:
     from idloop.validation.runs import Runs
@@ -73,10 +73,17 @@ class ErrorMap:
         """Return the breakdown along a variable; None when it was left out."""
         return next((b for b in self.breakdowns if b.variable == variable), None)
 
+    @property
+    def relative_text(self) -> str:
+        """Text of `relative`: "26.3 % of the commanded force"; empty where it is not known."""
+        if not np.isfinite(self.relative):
+            return ""
+        of, text = "commanded force" if self.basis == "force" else "measured motion", force_text(self.relative, 3, " %")
+        return f"{text} of the {of}" if text.endswith("%") else f"{short(self.relative)} times the {of}"
+
     def lines(self) -> list[str]:
         """Return a few lines of text: notable parts, functions of one variable, worst stretches."""
-        of = "of the commanded force" if self.basis == "force" else "of the measured motion"
-        relative = f", {short(100.0 * self.relative)} % {of}" if np.isfinite(self.relative) else ""
+        relative = f", {self.relative_text}" if self.relative_text else ""
         mean = beside(self.mean, self.rms)
         found = [f"{self.name}: {self.kind}, rms {short(self.rms)} {self.unit}{relative}, mean {mean}"]
         if self.why:
@@ -179,7 +186,7 @@ def _force_map(runs: Runs) -> ErrorMap | None:
     model = runs.model
     state = operating_state(model, runs.data, model.bodies[0]).at(force.time, force.command)
     size = float(np.sqrt(np.mean(force.commanded**2)))
-    why = "" if force.trusted else f"sensor noise alone makes an error of {percent(force.noise)}"
+    why = "" if force.trusted else "sensor noise may be all of it"
     named = (DRIVE_FORCE, model.units.force, "force", "applied minus needed", why)
     return _map(named, force.applied - force.required, force.applied, state, size, runs.record.start_ns)
 

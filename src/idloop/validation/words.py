@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 
 _NOTHING = 1e-3  # three digits of the scale
+_MOST_DIGITS = 8
+# Percent beyond which a number is worse to read than a factor.
+_BEYOND = 1000.0
 
 
 def percent(share: float) -> str:
@@ -18,6 +21,60 @@ def percent(share: float) -> str:
 def short(value: float) -> str:
     """Write a number with three digits and a true minus sign."""
     return f"{value:.3g}".replace("-", "−") if value else "0"
+
+
+def figure_text(value: float | None, digits: int = 4) -> str:
+    """Write a number with a few digits; "–" where there is none."""
+    if value is None or math.isnan(value):
+        return "–"
+    if math.isinf(value):
+        return "∞" if value > 0.0 else "−∞"
+    return tidy(f"{value:.{digits}g}")
+
+
+def fit_text(value: float | None, digits: int = 4, unit: str = "") -> str:
+    """Write a FIT [%], with more digits where it would look perfect and is not: "99.96".
+
+    Below -1000 % it is a factor in words. `unit` follows a number, as " %" does in a sentence.
+    """
+    if value is not None and math.isfinite(value):
+        if value < -_BEYOND:
+            return f"worse than a constant by a factor {_whole(1.0 - 0.01 * value, 2)}"
+        while value < 100.0 and digits < _MOST_DIGITS and float(f"{value:.{digits}g}") >= 100.0:
+            digits += 1
+    return _whole(value, digits) + _unit(value, unit)
+
+
+def force_text(relative: float | None, digits: int = 3, unit: str = "") -> str:
+    """Write a force error, given as a part of the commanded force, in percent; above 1000 % as a factor in words."""
+    value = None if relative is None else 100.0 * relative
+    if value is not None and math.isfinite(value) and value > _BEYOND:
+        return f"{_whole(0.01 * value, 2)} times the commanded force"
+    return _whole(value, digits) + _unit(value, unit)
+
+
+def _whole(value: float | None, digits: int) -> str:
+    """Digits of the whole part, all of them, before any after the point."""
+    if value is not None and 1.0 <= abs(value) < 10.0**_MOST_DIGITS:
+        digits = max(digits, math.floor(math.log10(abs(value))) + 1)
+    return figure_text(value, digits)
+
+
+def _unit(value: float | None, unit: str) -> str:
+    return unit if value is not None and math.isfinite(value) else ""
+
+
+def tidy(text: str) -> str:
+    """A number as Python writes it, with a true minus sign and its power of ten as an exponent."""
+    if "e" in text:
+        head, _, power = text.partition("e")
+        return f"{head.replace('-', '−')} · 10{raised(int(power))}"
+    return text.replace("-", "−")
+
+
+def raised(power: int) -> str:
+    """A whole number as an exponent."""
+    return str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
 def beside(value: float, scale: float) -> str:

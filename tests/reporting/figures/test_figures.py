@@ -22,7 +22,7 @@ from idloop.reporting.figures.candidates import (
 from idloop.reporting.figures.characteristic import unknown_figure
 from idloop.reporting.figures.comparison import force_figures, overlay
 from idloop.reporting.figures.evidence import MOST, Decided, evidence_figure
-from idloop.reporting.figures.ladder import ladder_figures, step_names
+from idloop.reporting.figures.ladder import ROW, ladder_figures, step_names
 from idloop.reporting.figures.residual import residual_figures
 from idloop.reporting.figures.theme import DARK, LIGHT
 from idloop.reporting.figures.where import error_along
@@ -133,12 +133,16 @@ def test_the_ladder_names_its_steps_and_shows_the_noise_floor(contents):
     force, outputs = ladder_figures(contents.ladder, contents.floor)
     assert labels(force)[0] == "error of the drive force [%]"
     assert labels(outputs)[0] == "NRMSE of the free run [-]"
-    floors = sorted(one.location for one in outputs.center if isinstance(one, Span))
-    assert floors == sorted(contents.floor.values())
+    drawn = [one.data_source.data for one in outputs.renderers if "high" in one.data_source.data]
+    assert sorted({x for one in drawn for x in one["x"]}) == sorted(contents.floor.values())
     names = [one for one in outputs.center if isinstance(one, Label)]
     assert [one.text for one in names] == step_names(contents.ladder)
-    # A line from step to step goes behind the words.
-    assert {(one.level, one.background_fill_alpha) for one in names} == {("overlay", 1.0)}
+    # Nothing is drawn across the words: what a row draws lies below them, and ends above the next row's.
+    for one in outputs.renderers:
+        data = one.data_source.data
+        low, high = (np.asarray(data[name]) for name in (("low", "high") if "high" in data else ("y", "y")))
+        assert np.all(high - np.array([name.y for name in names]) <= 9.0 / ROW)
+        assert np.all(np.array([name.y for name in names]) - low < 1.0 - 24.0 / ROW)
 
 
 def test_effects_are_written_as_words():

@@ -118,7 +118,7 @@ def test_a_first_step_without_a_force_is_said_as_well(hidden_motion):
     words = page_words(gather(Ladder((first, last), "adequate"), [hidden_motion.judged[1].record], []))
     assert driven_step(Ladder((first, last), "adequate")) is None
     assert "compliance @ motor" in words["no_force"]
-    assert [row["name"] for row in words["changes"]] == ["FIT of motor.position", "FIT of motor.velocity"]
+    assert [row["name"] for row in words["changes"]] == ["FIT motor.position", "FIT motor.velocity"]
 
 
 def test_a_ladder_that_tells_the_force_to_its_end_says_nothing_about_it(contents):

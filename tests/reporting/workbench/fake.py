@@ -10,6 +10,7 @@ import numpy as np
 from idloop.diagnosis import Candidate, Ladder, Step
 from idloop.errors import InputError
 from idloop.physics import load_model
+from idloop.reporting.workbench.files import content
 from idloop.reporting.workbench.state import FREE, SENT, Fit, Health, Missing, Note, Snapshot, State
 
 FRICTION = Candidate(
@@ -43,7 +44,8 @@ class FakeSource:
         self.signals = Signals(self.model, capacity=20_000)
         start = Step(None, self.model, train=errors(0.2), validation=errors(0.21))
         self.state = State(
-            Snapshot(live=live, title="dc_motor", moves=live, missing=MISSING, ladder=Ladder((start,)),
+            Snapshot(live=live, title="dc_motor", model=self.model, moves=live, missing=MISSING,
+                     ladder=Ladder((start,)),
                      fit=Fit({"motor.position": 79.0, "motor.velocity": 58.0}, {}, 4.0),
                      health=(Health("plant: loop", 0, "1000 samples/s"),), limits=(("command", "at most 5 V"),))
         )  # fmt: skip
@@ -92,11 +94,13 @@ class FakeSource:
         if verb == "add":
             added = next(c for c in MISSING.candidates if c.name == effect)
             step = Step(added, self.model, (effect,), 0.0004, "diagnosis", errors(0.02), errors(0.03))
-            self.state.change(ladder=Ladder((*ladder.steps, step)), missing=None, effects=(effect,))
+            self.state.change(
+                ladder=Ladder((*ladder.steps, step)), missing=None, model=self.model.with_effects([effect])
+            )
         elif verb == "undo":
             if len(ladder.steps) < 2:
                 raise InputError("there is no step to take back")
-            self.state.change(ladder=Ladder(ladder.steps[:-1]), missing=MISSING, effects=())
+            self.state.change(ladder=Ladder(ladder.steps[:-1]), missing=MISSING, model=self.model)
         elif verb == "automatic":
             what, to = effect.split()
             others = [one for one in self.state.snapshot.automatic if one != what]
@@ -104,6 +108,9 @@ class FakeSource:
         elif verb == "reset":
             self.state.change(stop=FREE)
         return f"{verb} {effect}".strip()
+
+    def file(self, name):
+        return content(name, self.state.snapshot, None)
 
     def stop(self):
         self.stops += 1

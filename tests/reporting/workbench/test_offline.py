@@ -61,7 +61,7 @@ def source():
 def test_the_page_climbs_to_the_hidden_effect_and_back(source):
     shown = settled(source, lambda b: b.assessment is not None)
     assert shown.recordings == ("run 2 (unseen)", "run 1 (fitted)")
-    poor = shown.assessment.fit["motor.velocity"]
+    poor = shown.assessment.errors["fit"]["motor.velocity"]
 
     source.order("diagnose")
     with pytest.raises(InputError, match="under way"):
@@ -80,7 +80,7 @@ def test_the_page_climbs_to_the_hidden_effect_and_back(source):
     errors = [step.validation["nrmse"]["motor.velocity"] for step in shown.ladder.steps]
     assert errors[1] < 0.5 * errors[0]
     assert shown.ladder.steps[1].chosen_by == "diagnosis"
-    assert shown.assessment.fit["motor.velocity"] > poor + 10.0
+    assert shown.assessment.errors["fit"]["motor.velocity"] > poor + 10.0
     assert shown.missing is None
 
     source.order("undo")

@@ -78,9 +78,10 @@ def test_the_state_is_told_once_for_each_version(site):
     state = json.loads(text)
     assert status == 200
     assert state["missing"]["tied"] == [effect_words(name) for name in MISSING.set]
-    assert state["ladder"]["steps"][0]["fit"] == pytest.approx({"motor.position": 79.0, "motor.velocity": 58.0})
+    scores = {one["quantity"]: one["value"] for one in state["ladder"]["steps"][0]["scores"]}
+    assert scores == pytest.approx({"motor.position": 79.0, "motor.velocity": 58.0})
     _, again = ask(f"{site.address}state?have={state['run']}:{state['version']}")
-    assert json.loads(again) == {"run": state["run"], "version": state["version"]}
+    assert json.loads(again) == {"run": state["run"], "change": state["change"]}
 
 
 def over_the_socket(address, *questions, **headers):

@@ -6,6 +6,8 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 pytest.importorskip("bokeh", reason="no Bokeh: launch_scripts/test installs it")
 
@@ -13,9 +15,10 @@ from idloop.diagnosis import Candidate, Ladder, Step
 from idloop.physics import load_model
 from idloop.reporting import breakdowns
 from idloop.reporting.figures.evidence import Decided
+from idloop.reporting.terms import unbroken
 from idloop.reporting.workbench import state_json
-from idloop.reporting.workbench.signals import Signals
 from idloop.reporting.workbench.state import Evidence, Missing, Snapshot, TrustedEstimate
+from idloop.validation.variables import VARIABLES
 
 
 def error(mean=0.0, rms=1.0, **variables):
@@ -25,7 +28,7 @@ def error(mean=0.0, rms=1.0, **variables):
         for name, (follows, loud) in variables.items()
     }
     return SimpleNamespace(
-        name="drive force", basis="force", unit="N", mean=mean, rms=rms, breakdowns=tuple(along.values()),
+        name="drive force", basis="force", why="", unit="N", mean=mean, rms=rms, breakdowns=tuple(along.values()),
         along=along.get,
     )  # fmt: skip
 
@@ -45,13 +48,26 @@ def test_what_the_error_follows_most_is_shown_of_several():
     assert first_shown(one) == {"error": "drive force", "variable": "position"}
 
 
-def test_the_variable_that_is_shown_first_has_something_to_say():
+def test_the_variable_that_is_shown_first_has_the_dot():
     one = error(velocity=(0.1, False), position=(0.2, False), time=(0.4, False))
     assert first_shown(one)["variable"] == "time"
-    assert breakdowns.finding(one.along("time")) == "a curve over time makes up 40 % of the error"
-    assert breakdowns.finding(one.along("velocity")) == ""
-    both = error(velocity=(0.5, True)).along("velocity")
-    assert breakdowns.finding(both) == "loud here; a curve over velocity makes up 50 % of the error"
+    assert breakdowns.is_notable(one.along("time"))
+    assert not breakdowns.is_notable(one.along("velocity"))
+
+
+@given(st.dictionaries(st.sampled_from(VARIABLES), st.tuples(st.floats(0.0, 1.0), st.booleans()), min_size=1))
+def test_the_tab_that_opens_has_a_dot_wherever_one_has(along):
+    one = error(**along)
+    opened = one.along(first_shown(one)["variable"])
+    assert breakdowns.is_notable(opened) or not any(breakdowns.is_notable(b) for b in one.breakdowns)
+
+
+def test_the_words_along_a_variable_are_the_numbers_that_are_drawn():
+    one = error(velocity=(0.5, True), command=(0.21, False), frequency=(float("nan"), True))
+    assert breakdowns.along_text(one.along("velocity")) == "loud here; a curve over velocity makes up 50 % of it"
+    # A curve that the eye sees is named, however small.
+    assert breakdowns.along_text(one.along("command")) == "loud here; a curve over command makes up 21 % of it"
+    assert breakdowns.along_text(one.along("frequency")) == "loud here"
 
 
 def test_velocity_is_shown_where_nothing_says_anything():
@@ -60,7 +76,10 @@ def test_velocity_is_shown_where_nothing_says_anything():
 
 
 def test_an_error_of_one_sign_is_said_to_be_the_same_everywhere():
-    assert state_json._everywhere(error(mean=-2.5, rms=2.6)) == "Most of it is the same everywhere: −2.5 N on average."
+    assert (
+        state_json._everywhere(error(mean=-2.5, rms=2.6))
+        == "Most of the error is the same everywhere: −2.5 N on average."
+    )
     assert state_json._everywhere(error(mean=0.3, rms=2.6)) == ""
 
 
@@ -88,8 +107,8 @@ def test_steps_that_spoil_the_motion_and_lists_of_an_incomplete_model_are_said_t
         for errors in [{"nrmse": {"axis.position": error}}]
     )
     ladder = Ladder(steps, verdict="adequate", criterion="force")
-    (shown,) = state_json._ladder(ladder)["beware"]
-    assert shown.startswith("Warning: cogging@axis makes the free run of axis.position on data that no fit saw worse")
+    (shown,) = state_json._ladder(ladder, ())["beware"]
+    assert shown.startswith("Warning: cogging @ axis makes the free run of axis.position on data that no fit saw worse")
     good = state_json._missing(Missing("adequate"), {}, ladder)
     assert good["conclusion"].startswith("Something that no effect of the catalogue explains is missing")
     assert "drive force" in good["explains"]
@@ -112,10 +131,28 @@ def test_what_was_passed_over_has_its_reason_on_its_card():
     assert card["passed_over"] == "it does harm on the unseen data"
 
 
-@pytest.mark.parametrize(("shown", "said"), ((0, "unseen data"), (1, "fitted data"), (2, ""), (3, "")))
+@pytest.mark.parametrize(("shown", "said"), ((0, "unseen data"), (1, "a (fitted)"), (2, "d (fitted)"), (4, "")))
 def test_a_fit_says_which_data_it_is_of(shown, said):
-    snapshot = Snapshot(recordings=("b (unseen)", "a (fitted)", "c"), shown=shown)
-    assert state_json.page_state(snapshot, Signals(load_model("dc_motor"), capacity=10))["judged_on"] == said
+    snapshot = Snapshot(recordings=("b (unseen)", "a (fitted)", "d (fitted)"), shown=shown)
+    assert state_json._data_shown(snapshot) == said
+
+
+def test_the_errors_of_a_ladder_are_of_one_kind_of_data():
+    """A step without unseen errors shows none, rather than those of the fitted data beside the others."""
+    model = load_model("dc_motor")
+    steps = tuple(Step(None, model, train={"fit": {"motor.position": 90.0}}, validation=v) for v in (
+        {"fit": {"motor.position": 80.0}}, {},
+    ))  # fmt: skip
+    shown = state_json._ladder(Ladder(steps), ("a (unseen)", "b (unseen)", "c (fitted)"))
+    assert [[one["value"] for one in step["scores"]] for step in shown["steps"]] == [[80.0], []]
+    assert shown["data"] == "Errors of the unseen data (2 recordings together)."
+
+
+def test_a_number_keeps_its_unit_on_its_line():
+    assert unbroken("level 20.13 ± 0.16 N·m, 26.3 % of 12 parts") == (
+        "level 20.13\u00a0±\u00a00.16\u00a0N·m, 26.3\u00a0% of 12 parts"
+    )
+    assert unbroken("(3.110 ± 0.020) · 10⁻⁷ rad/s") == "(3.110\u00a0±\u00a00.020)\u00a0· 10⁻⁷\u00a0rad/s"
 
 
 def test_a_tie_that_no_experiment_can_end_says_what_to_do_by_hand():

@@ -105,7 +105,7 @@ def command(
     study = Study(
         tuple(records), tuple(unseen), level, criterion, only, seed, limits, duration, 0.01 * minimum_improvement
     )
-    source = OfflineSource(model, study, keep=_keeper(output, bags, validate, model))
+    source = OfflineSource(model, study, keep=_keeper(output, bags, validate, model), paths=(bags, validate))
     try:
         site = Site(source, Place(address, port))
         try:

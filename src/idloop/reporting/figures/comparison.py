@@ -14,7 +14,7 @@ from idloop.reporting.figures.thinning import BUCKETS, draw_thinned
 from idloop.reporting.frame import Frame
 from idloop.reporting.plots.comparison import Panel
 from idloop.validation.drive import ForceError
-from idloop.validation.words import short
+from idloop.validation.words import force_text
 
 
 def overlay(
@@ -100,7 +100,7 @@ def force_figures(
         same = len(one.time) == len(first.time)
         needed = draw_thinned(top, one.time, (first.applied if same else one.applied) - error, buckets, **look)
         missed = draw_thinned(below, one.time, error, buckets, **look)
-        entries.append((f"needed by {label} (error {short(100.0 * one.relative)} %)", [needed, missed]))
+        entries.append((f"needed by {label} (error {force_text(one.relative, 3, ' %')})", [needed, missed]))
     add_legend(top, theme, entries)
     return [top, below]
 

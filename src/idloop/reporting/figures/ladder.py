@@ -1,6 +1,6 @@
-"""The ladder: one line of the figure for each step, its error from left to right, the noise floor at the left.
+"""The ladder: one row for each step, its error from left to right with the way from that of the step before.
 
-Steps stand below one another, so that their names are whole words on a phone as well.
+Steps stand below one another, so that their names are whole words on a phone as well, and nothing is drawn across them.
 """
 
 from __future__ import annotations
@@ -10,14 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from bokeh.models import FixedTicker, HoverTool, Range1d
-from bokeh.models.annotations import Label, Span
+from bokeh.models.annotations import Label
 from bokeh.plotting import figure
 from numpy.typing import NDArray
 
 from idloop.reporting.figures.theme import FONT, LIGHT, Theme, add_legend, new_figure, source
 from idloop.reporting.ladder_errors import (
-    TRAIN,
-    VALIDATION,
     ErrorLine,
     error_lines,
     force_lines,
@@ -25,6 +23,7 @@ from idloop.reporting.ladder_errors import (
     step_evidence,
     step_title,
 )
+from idloop.reporting.scores import TRAIN, VALIDATION
 from idloop.reporting.terms import effect_words
 
 if TYPE_CHECKING:
@@ -33,7 +32,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 # Height of a row with its words [CSS pixels].
-ROW = 44
+ROW = 48
+# Lines of a row stand below one another, this part of a row apart.
+_APART = 0.12
 # Over so many decades more than one tick in each is too much for a phone.
 _MANY = 2.5
 
@@ -87,25 +88,30 @@ def _draw(
     places = name_rows(plot, names, theme)
     entries = []
     unseen = any(line.kind == VALIDATION for line in lines)
-    for line in lines:
+    for number, line in enumerate(lines):
         colour = theme.models[line.colour % len(theme.models)]
         faint = line.kind == TRAIN and unseen
+        error = np.where(line.error > 0.0, line.error, np.nan)
         columns = source(
-            x=np.where(line.error > 0.0, line.error, np.nan), y=places, name=names,
+            x=error, before=np.concatenate([[np.nan], error[:-1]]), y=places - _APART * number, name=names,
             evidence=[_evidence(step, ladder) for step in ladder.steps], what=[line.label] * len(names),
         )  # fmt: skip
         fill = theme.surface if faint else colour
+        way: dict[str, Any] = {"color": colour, "line_width": 1.6, "line_dash": [6, 4] if faint else "solid"}
         drawn = [
-            plot.line("x", "y", source=columns, color=colour, line_width=1.6, line_dash=[6, 4] if faint else "solid"),
+            plot.segment("before", "y", "x", "y", source=columns, **way),
             plot.scatter("x", "y", source=columns, size=9, line_color=colour, fill_color=fill),
         ]
         entries.append((line.label, drawn))
     for index, value in floors.items():
-        colour = theme.models[index % len(theme.models)]
-        look: dict[str, Any] = {"line_color": colour, "line_dash": [2, 3], "line_width": 1.6}
-        plot.add_layout(Span(location=value, dimension="height", **look))
+        look: dict[str, Any] = {
+            "color": theme.models[index % len(theme.models)],
+            "line_dash": [2, 3],
+            "line_width": 1.6,
+        }
+        floor = source(x=np.full(len(places), value), low=places - _APART * len(lines), high=places + _APART)
         name = next(line.quantity for line in lines if line.colour == index)
-        entries.append((f"{name}, noise floor", [plot.line([np.nan], [np.nan], **look)]))
+        entries.append((f"{name}, noise floor", [plot.segment("x", "low", "x", "high", source=floor, **look)]))
     plot.add_tools(HoverTool(tooltips=[("step", "@name"), ("@what", f"@x {x[1]}"), ("", "@evidence")]))
     if len(entries) > 1:
         add_legend(plot, theme, entries)
@@ -141,9 +147,7 @@ def name_rows(plot: figure, names: Sequence[str], theme: Theme) -> Array:
         plot.add_layout(
             Label(
                 x=0, x_units="screen", y=place, y_offset=9, text=name, text_color=theme.text, text_font=FONT,
-                # Solid: a line from step to step goes behind the words.
-                text_font_size="12px", background_fill_color=theme.surface, background_fill_alpha=1.0,
-                level="overlay",
+                text_font_size="12px",
             )
         )  # fmt: skip
     return places

@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from idloop.errors import IdloopError
+from idloop.reporting.scores import scores_of
 from idloop.reporting.sensor_noise import believed_noise, refuted_noise
 from idloop.reporting.terms import FITTED, UNSEEN
 from idloop.validation import Comparison, compare
 from idloop.validation.characteristic import Characteristic, characteristic
+from idloop.validation.where import DRIVE_FORCE
 
 if TYPE_CHECKING:
     from idloop.diagnosis import Ladder, Step
@@ -101,8 +103,8 @@ def driven_step(ladder: Ladder) -> int | None:
 
 def step_force(step: Step) -> float | None:
     """Relative error of the drive force at a step, of unseen data where there are any; None where not known."""
-    force = (step.validation or step.train).get("force")
-    return None if force is None or not np.isfinite(force) else float(force)
+    found = scores_of(step.validation or step.train).get(DRIVE_FORCE)
+    return None if found is None else found.value
 
 
 def labelled_models(ladder: Ladder) -> list[tuple[str, Model]]:

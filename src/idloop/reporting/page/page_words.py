@@ -10,14 +10,15 @@ import numpy as np
 from idloop.diagnosis.candidate import effect_parameters
 from idloop.diagnosis.design.expected_outcome import describe_signal
 from idloop.diagnosis.equivalence.equivalent_effects import EquivalentEffects, equivalent_effects_of_ladder
-from idloop.reporting.breakdowns import finding
+from idloop.reporting.breakdowns import along_text
 from idloop.reporting.detectability import detection_limits, undetectable
-from idloop.reporting.estimates import NORMAL_95, figure_text, fit_text, held_parameters, percent_text, with_interval
+from idloop.reporting.estimates import NORMAL_95, held_parameters, parameter_rows, with_interval
 from idloop.reporting.figures.candidates import UNTESTABLE, ladder_rows
 from idloop.reporting.ladder_errors import step_evidence, step_title
 from idloop.reporting.page.contents import driven_step, step_force
 from idloop.reporting.page.page_figures import MOST_RECORDS, effect_place, maps_of, where_place, where_places
 from idloop.reporting.residual_findings import FEWEST_FOR_TESTS, ResidualFinding, residual_findings, residual_warnings
+from idloop.reporting.scores import TRAIN, VALIDATION, Score, judging, step_scores
 from idloop.reporting.terms import DATA_USE, FITTED, capitalised, effect_words, in_words, p_text, sentence
 from idloop.reporting.verdicts import (
     CRITERIA,
@@ -30,13 +31,14 @@ from idloop.reporting.verdicts import (
     unexplained_cause,
 )
 from idloop.spelling import joined_names
-from idloop.validation.characteristic import shifts_in_time
+from idloop.validation.characteristic import no_picture
 from idloop.validation.variables import TITLES
+from idloop.validation.where import DRIVE_FORCE
+from idloop.validation.words import figure_text
 
 if TYPE_CHECKING:
     from idloop.diagnosis import Candidate, Ladder, Step
     from idloop.physics import Model
-    from idloop.physics.parameter import Parameter
     from idloop.reporting.page.contents import Contents, Judged
 
 
@@ -68,13 +70,14 @@ def page_words(contents: Contents) -> dict[str, Any]:
             if step.added is not None
         ],
         "rungs": rungs(ladder),
-        "forces": any(part.get("force") is not None for step in ladder.steps for part in (step.validation, step.train)),
+        "columns": [
+            "force error, {} [%]" if one == DRIVE_FORCE else f"FIT {one}, {{}} [%]" for one in quantities(ladder)
+        ],
         "kinds": [
             (kind, DATA_USE[kind])
-            for kind in ("validation", "train")
+            for kind in (VALIDATION, TRAIN)
             if any(getattr(step, kind) for step in ladder.steps)
         ],
-        "outputs": list(ladder.model.output_names),
         "noise": _noise(contents),
         "refuted": list(contents.refuted_noise),
         "banded": any(output.noise is not None for output in ladder.model.outputs),
@@ -100,7 +103,7 @@ def page_words(contents: Contents) -> dict[str, Any]:
         "findings": list(ladder.findings),
         "suggestion": _suggestion(ladder),
         "experiment": _experiment(ladder),
-        "parameters": _parameters(ladder),
+        "parameters": parameter_rows(ladder.model, held_parameters(ladder)),
         "describing": [
             {"name": one.name, "place": f"describing-{i}"} for i, one in enumerate(contents.describing)
         ],
@@ -195,31 +198,21 @@ def changes(ladder: Ladder) -> list[dict[str, str]]:
     Returns
     -------
     list of dict
-        ``name``, ``unit``, ``before``, ``after``, ``data``, and ``trend``: ``better``, ``worse`` or ``same``.
+        ``name``, ``before``, ``after``, ``data``, and ``trend``: ``better``, ``worse`` or ``same``.
     """
-    first, last = ladder.steps[0], ladder.steps[-1]
-    kind, data = ("validation", "unseen data") if last.validation else ("train", "fitted data")
-    before, after = getattr(first, kind), getattr(last, kind)
-    rows = []
-    if before.get("force") is not None and after.get("force") is not None:
-        forces = (100.0 * before["force"], 100.0 * after["force"])
-        rows.append(_change("error of the drive force", *forces, data, wanted=-1))
-    elif (driven := driven_step(ladder)) is not None and before.get("force") is not None:
-        forces = (100.0 * before["force"], 100.0 * getattr(ladder.steps[driven], kind)["force"])
-        rows.append(_change("error of the drive force", *forces, f"{data}, up to step {driven}", wanted=-1))
-    fits = before.get("fit", {})
-    found = after.get("fit", {}).items()
-    return rows + [_change(f"FIT of {name}", fits.get(name), fit, data, wanted=1) for name, fit in found]
+    kind, rows = judging(ladder), []
+    before, after = (step_scores(step, kind) for step in (ladder.steps[0], ladder.steps[-1]))
+    driven = driven_step(ladder)
+    end = after.get(DRIVE_FORCE) if driven is None else step_scores(ladder.steps[driven], kind).get(DRIVE_FORCE)
+    if DRIVE_FORCE in before and end is not None:
+        up_to = "" if driven is None else f", up to step {driven}"
+        rows.append(_change(before[DRIVE_FORCE], end, up_to))
+    return rows + [_change(before[name], one) for name, one in after.items() if name in before and name != DRIVE_FORCE]
 
 
-def _change(name: str, before: float | None, after: float | None, data: str, *, wanted: int) -> dict[str, str]:
-    """A row; `wanted` is the sign of a change for the better."""
-    write = fit_text if wanted > 0 else percent_text
-    texts = {"before": write(before, 3), "after": write(after, 3)}
-    trend = "same"
-    if before is not None and after is not None and texts["before"] != texts["after"]:
-        trend = "better" if wanted * (after - before) > 0.0 else "worse"
-    return {"name": name, "unit": "%", **texts, "data": data, "trend": trend}
+def _change(before: Score, after: Score, up_to: str = "") -> dict[str, str]:
+    texts = {"before": before.text, "after": after.text, "trend": before.trend(after)}
+    return {"name": after.name, "data": f"{after.data}{up_to}", **texts}
 
 
 def _no_force(ladder: Ladder) -> str:
@@ -258,12 +251,6 @@ def _fitted_remainders(contents: Contents) -> list[ResidualFinding]:
     return residual_findings(judged.rows[-1][1] for judged in contents.judged if judged.use == FITTED)
 
 
-def _kind(parameter: Parameter, *, at_bound: bool, held: bool) -> str:
-    if at_bound:
-        return "at its bound"
-    return "estimated" if parameter.free else "held" if held else "known"
-
-
 def _step(number: int, step: Step, ladder: Ladder) -> dict[str, Any]:
     added, last = step.added, ladder.model
     if added is None:
@@ -283,7 +270,7 @@ def _step(number: int, step: Step, ladder: Ladder) -> dict[str, Any]:
         "ties": others,
         "replaces": capitalised(in_words(ladder.replaced(step))),
         "place": effect_place(added.name),
-        "no_picture": _no_picture(added.name, step.model),
+        "no_picture": no_picture(added.name, step.model),
         "parameters": [
             {
                 "name": name.replace("_", " "),
@@ -296,13 +283,6 @@ def _step(number: int, step: Step, ladder: Ladder) -> dict[str, Any]:
         "then": _then(added, last),
         "twins": [_said(group, added.name) for group in twins],
     }
-
-
-def _no_picture(name: str, model: Model) -> str:
-    """Why an effect has no characteristic, where it has none."""
-    if any(shifts_in_time(active.effect) for active in model.effects if active.name == name):
-        return "it shifts the command in time, which no curve over the motion shows"
-    return "the measurements do not determine its force"
 
 
 def _then(added: Candidate, last: Model) -> str:
@@ -327,24 +307,26 @@ def _said(group: EquivalentEffects, name: str) -> dict[str, Any]:
     return {"others": joined_names(others), "checks": [capitalised(check) for check in group.checks]}
 
 
+def quantities(ladder: Ladder) -> list[str]:
+    """What the ladder's table has columns of: the drive force where it is known, then the outputs."""
+    known = any(DRIVE_FORCE in step_scores(step, kind) for step in ladder.steps for kind in (VALIDATION, TRAIN))
+    return [*([DRIVE_FORCE] if known else []), *ladder.model.output_names]
+
+
 def rungs(ladder: Ladder) -> list[dict[str, Any]]:
     """Rows of the ladder's table: every number that ``ladder.json`` has of each step.
 
     Returns
     -------
     list of dict
-        ``name``, ``evidence``, and ``errors``: for unseen and fitted data the error of the force and the FITs.
+        ``name``, ``evidence``, and ``errors``: for unseen and fitted data, those of `quantities`.
     """
     rows = []
     for step in ladder.steps:
         errors = {}
-        for kind in ("validation", "train"):
-            part: Mapping[str, Any] = getattr(step, kind)
-            force = part.get("force")
-            errors[kind] = {
-                "force": percent_text(None if force is None else 100.0 * force),
-                "fit": [fit_text(part.get("fit", {}).get(name), 4) for name in ladder.model.output_names],
-            }
+        for kind in (VALIDATION, TRAIN):
+            found = step_scores(step, kind)
+            errors[kind] = [found[name].cell if name in found else "–" for name in quantities(ladder)]
         rows.append(
             {
                 "name": step_title(step),
@@ -383,7 +365,7 @@ def _where(contents: Contents) -> list[dict[str, Any]]:
         for name, variable in places:
             breakdown = one.along(variable)
             if name == one.name and breakdown is not None:
-                caption = finding(breakdown) or "nothing stands out"
+                caption = along_text(breakdown)
                 figures.append(
                     {"place": where_place(name, variable), "title": TITLES[variable], "caption": caption}
                 )  # fmt: skip
@@ -432,25 +414,6 @@ def _suggestion(ladder: Ladder) -> dict[str, Any] | None:
         return None
     outcomes = [sentence(in_words(one["text"])) for one in suggested["outcomes"]]
     return {"text": sentence(in_words(suggested["text"])), "outcomes": outcomes}
-
-
-def _parameters(ladder: Ladder) -> list[dict[str, Any]]:
-    model = ladder.model
-    held = set(held_parameters(ladder))
-    rows = []
-    for parameter in model.parameters:
-        bounds: Sequence[float] = (parameter.min, parameter.max)
-        at_bound = parameter.free and parameter.value in bounds
-        rows.append(
-            {
-                "key": parameter.name,
-                "name": effect_words(parameter.name.replace(".", " ")),
-                "value": with_interval(parameter.value, parameter.stderr if parameter.free else None),
-                "unit": parameter.unit,
-                "kind": _kind(parameter, at_bound=at_bound, held=parameter.name in held),
-            }
-        )
-    return rows
 
 
 def _table(texts: Mapping[str, str], column: str) -> list[dict[str, str]]:

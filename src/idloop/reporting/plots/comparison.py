@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop import drawing
-from idloop.reporting.estimates import fit_text
 from idloop.reporting.frame import Frame, residual_frame, value_frame, widest
 from idloop.reporting.sensor_noise import believed_noise, refuted_noise
+from idloop.validation.words import fit_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -107,7 +107,7 @@ def make_panel(title: str, rows: Sequence[tuple[str, Comparison]]) -> Panel:
         input=first.record.input,
         band=1.96 * np.array(noise),
         notes={
-            label: [f"FIT {fit_text(comparison.fit[name], 3)} %" for name in comparison.names]
+            label: [f"FIT {fit_text(comparison.fit[name], 3, ' %')}" for name in comparison.names]
             for label, comparison in rows
         },
     )

@@ -13,6 +13,7 @@ from idloop import drawing
 from idloop.estimation.black_box.labels import ratio_unit
 from idloop.reporting.plots.comparison import legend_above
 from idloop.spelling import listed
+from idloop.validation.words import fit_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -290,7 +291,7 @@ def _draw_validation(
         # A free run that runs away is drawn as far as it is of use.
         run = np.where(np.abs(score.simulated[longest][:, column] - middle) < reach, 1.0, np.nan)
         run = run * np.clip(score.simulated[longest][:, column], middle - reach, middle + reach)
-        drawing.line(top, shown.time, run, label=f"FIT {score.free_run[column]:.3g} %", **look)
+        drawing.line(top, shown.time, run, label=f"FIT {fit_text(score.free_run[column], 3, ' %')}", **look)
         drawing.line(below, shown.time, measured - run, **look)
     top.set_title(f"{title or shown.name}: free run", loc="left", pad=6 if len(judged) > _MOST_FITS else 20)
     top.set_ylabel(drawing.label(shown.output_names[column], shown.output_units[column]))

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from idloop import drawing
-from idloop.reporting.ladder_errors import TRAIN, ErrorLine, error_lines, force_lines, in_decades, step_evidence
+from idloop.reporting.ladder_errors import ErrorLine, error_lines, force_lines, in_decades, step_evidence
+from idloop.reporting.scores import TRAIN
 from idloop.reporting.terms import effect_words
 from idloop.reporting.verdicts import conclusion, scope_text
 

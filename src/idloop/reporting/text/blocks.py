@@ -36,11 +36,6 @@ def number(value: float | None, digits: int = 4) -> str:
     return "-" if value is None or not math.isfinite(value) else f"{value:.{digits}g}"
 
 
-def percent(value: float) -> str:
-    """Text of a percentage: two decimals, so that 99.99 and 100 differ."""
-    return f"{value:.2f}" if math.isfinite(value) else "-"
-
-
 def format_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Text of aligned columns: words to the left, numbers to the right."""
     return _table_text(Table.of(header, rows))
@@ -96,4 +91,4 @@ def _numeric(table: Table) -> list[bool]:
 
 
 def _looks_numeric(cell: str) -> bool:
-    return cell in {"", "-"} or cell.lstrip("+-±").replace("%", "").strip()[:1].isdigit()
+    return cell in {"", "-", "–"} or cell.lstrip("+-−±").replace("%", "").strip()[:1].isdigit()

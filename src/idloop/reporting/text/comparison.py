@@ -7,7 +7,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from idloop.reporting.residual_findings import residual_findings
-from idloop.reporting.text.blocks import Block, Table, number, percent
+from idloop.reporting.text.blocks import Block, Table, number
+from idloop.validation.words import fit_text, force_text
 
 if TYPE_CHECKING:
     from idloop.validation import Comparison
@@ -39,13 +40,13 @@ def measures_of(rows: Rows) -> Iterator[Block]:
                     label,
                     comparison.record.name,
                     name,
-                    percent(comparison.fit[name]),
+                    fit_text(comparison.fit[name]),
                     number(comparison.nrmse[name]),
                     number(comparison.rmse[name]),
                     output.unit,
-                    percent(comparison.fit_ahead[name]),
+                    fit_text(comparison.fit_ahead[name]),
                     # One force for the whole record: printed once.
-                    "-" if force is None or index else percent(100 * force.relative),
+                    "-" if force is None or index else force_text(force.relative, 4),
                 )
             )
     steps = rows[0][1].steps
@@ -68,8 +69,8 @@ def hint(rows: Rows) -> Iterator[Block]:
     )
     if worst[0] < _GOOD:
         yield (
-            f"the free run misses {worst[1]} of {worst[2]} (FIT {percent(worst[0])} %): idloop diagnose MODEL BAG..."
-            " names the physical effect that is missing"
+            f"the free run misses {worst[1]} of {worst[2]} (FIT {fit_text(worst[0], 4, ' %')}):"
+            " idloop diagnose MODEL BAG... names the physical effect that is missing"
         )
 
 

@@ -6,14 +6,14 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from idloop.reporting.text.blocks import Block, Table, number, percent
+from idloop.reporting.text.blocks import Block, Table, number
 from idloop.spelling import listed
 from idloop.validation.identification_outcome import Outcome, best_values, mean
+from idloop.validation.words import fit_text
 
 if TYPE_CHECKING:
     from idloop.estimation.feedback import Loop
 
-_AWAY = -999.0  # FIT [%]
 _AT_ZERO = 1e-12
 _SURE = 0.3  # of a response's size, its standard error where the response is known
 _LOUD = 1e-3  # share of the command's power that is noise: less biases no more than other errors do
@@ -238,7 +238,7 @@ def loop_text(loop: Loop, biased: Sequence[str]) -> str:
     loud = loop.fed_back > _LOUD
     signs = ["the reference moves"] if loop.reference else []
     if loop.depends and loud:
-        signs.append(f"noise of the outputs is {percent(100 * loop.fed_back)} % of the command's power")
+        signs.append(f"noise of the outputs is {number(100 * loop.fed_back, 3)} % of the command's power")
     bias = "biased by it" if loop.depends and loud else "biased, if little: hardly any noise comes back"
     white = "; oe is right only where its residual is white" if "oe" in biased else ""
     return (
@@ -275,12 +275,13 @@ def sweep_blocks(
     for label, value in best_values(rows).items():
         fit = next(mean(one, "free_run") for at, one in rows if one.label == label and at == value)
         at_best = f"{value:.4g} {unit}" if of_records else f"{value:g}"
-        yield f"{label}: best free run at {name} {at_best}: mean FIT {percent(fit)} %"
+        yield f"{label}: best free run at {name} {at_best}: mean FIT {fit_text(fit, 4, ' %')}"
         least = smallest.get(label, value)
         if least != value:
             close = next(mean(one, "free_run") for at, one in rows if one.label == label and at == least)
             yield (
-                f"{label}: {name} {least:g} is as good as that within what these data tell: mean FIT {percent(close)} %"
+                f"{label}: {name} {least:g} is as good as that within what these data tell:"
+                f" mean FIT {fit_text(close, 4, ' %')}"
             )
 
 
@@ -295,11 +296,6 @@ def _criteria(one: Outcome) -> list[str]:
 
 def _text(value: int | None) -> str:
     return "-" if value is None else str(value)
-
-
-def fit_text(fit: float) -> str:
-    """Text of a FIT; of a model that runs away no digit means anything."""
-    return percent(fit) if not fit < _AWAY else f"{_AWAY:.0f} or less"
 
 
 def _stability(one: Outcome) -> str:

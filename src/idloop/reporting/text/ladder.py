@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 from idloop.diagnosis.equivalence.equivalent_effects import equivalent_effects_of_ladder
 from idloop.estimation.statistics.interval_text import interval_text
 from idloop.reporting.detectability import significant_not_added, undetectable
-from idloop.reporting.estimates import fit_text, held_parameters, parameter_estimates, read_off_parameters
+from idloop.reporting.estimates import held_parameters, parameter_estimates, read_off_parameters
 from idloop.reporting.residual_findings import residual_warnings
+from idloop.reporting.scores import judging, step_scores
 from idloop.reporting.terms import DATA_USE, p_value_text
 from idloop.reporting.text.blocks import Block, Table, number
 from idloop.reporting.text.parameters import parameters_text
 from idloop.reporting.verdicts import basis, conclusion, scope_text
+from idloop.validation.where import DRIVE_FORCE
 
 if TYPE_CHECKING:
     from idloop.diagnosis import Ladder
@@ -30,20 +32,19 @@ def ladder_blocks(ladder: Ladder, left: Sequence[ResidualFinding] = ()) -> Itera
         Residual tests of the last model on the fitted data.
     """
     yield from ladder.findings
-    kind = "validation" if any(step.validation for step in ladder.steps) else "train"
+    kind = judging(ladder)
     names = list(ladder.steps[0].model.output_names)
-    forces = any(getattr(step, kind).get("force") is not None for step in ladder.steps)
+    scores = [step_scores(step, kind) for step in ladder.steps]
+    forces = any(DRIVE_FORCE in found for found in scores)
     rows = []
-    for step in ladder.steps:
-        measures: Mapping[str, Any] = getattr(step, kind)
+    for step, found in zip(ladder.steps, scores, strict=True):
         added = step.added
-        force = measures.get("force")
+        shown = (*names, *([DRIVE_FORCE] if forces else []))
         rows.append(
             (
                 "start" if added is None else f"+ {added.name}",
                 "-" if added is None else "own choice" if step.chosen_by == "user" else p_value_text(step.p_value),
-                *(fit_text(measures.get("fit", {}).get(name)) for name in names),
-                *(["-" if force is None else number(100.0 * force, 3)] if forces else []),
+                *(found[name].cell if name in found else "-" for name in shown),
                 "" if added is None else parameters_text(added.parameters),
             )
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 Report = Callable[[float, str], None]
 
 FEWEST = 200  # samples that are worth an assessment
-MOST_PICTURES = 6
+MOST_PICTURES = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +29,8 @@ class Assessment:
 
     Attributes
     ----------
-    effects : tuple of str
-        Of the model.
+    model : Model
+        That was assessed.
     stamps : array of int, shape (n,)
         Of the measurements [ns].
     simulated, predicted : array, shape (n, p)
@@ -39,19 +39,18 @@ class Assessment:
         Measured minus one step ahead.
     error : array, shape (n, p)
         Measured minus free run.
-    fit : dict of str to float
-        FIT of the free run by output [%].
+    errors : dict
+        ``fit`` of the free run by output [%] and ``force``, as a step of a ladder has them.
     """
 
-    model: str
-    effects: tuple[str, ...]
+    model: Model
     record: str
     stamps: NDArray[np.int64]
     simulated: Array
     predicted: Array
     innovation: Array
     error: Array
-    fit: dict[str, float]
+    errors: dict[str, Any]
     where: Where
 
 
@@ -63,6 +62,7 @@ def assess(model: Model, record: Record, report: Report) -> Assessment:
     InputError, IdloopError
         As `idloop.validation.compare`.
     """
+    from idloop.reporting.scores import comparison_errors
     from idloop.validation import compare
 
     report(0.1, "free run")
@@ -71,15 +71,14 @@ def assess(model: Model, record: Record, report: Report) -> Assessment:
     report(0.5, "where it fails")
     found = comparison.where
     return Assessment(
-        model.name,
-        tuple(model.effect_names),
+        model,
         record.name,
         record.absolute(record.time),
         simulated,
         comparison.predicted,
         comparison.innovation,
         comparison.measured - simulated,
-        comparison.fit,
+        comparison_errors(comparison),
         found,
     )
 

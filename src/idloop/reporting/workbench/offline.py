@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from idloop.errors import InputError
 from idloop.reporting.terms import FITTED, UNSEEN
 from idloop.reporting.workbench.assessment import assess
 from idloop.reporting.workbench.coordinator import Coordinator
+from idloop.reporting.workbench.files import content
 from idloop.reporting.workbench.signals import Signals
 from idloop.reporting.workbench.state import OK, Missing, Note, Snapshot, State
 from idloop.reporting.workbench.steps import Found, Study, add, find_missing, suggest
@@ -32,9 +34,18 @@ class OfflineSource:
         To go on with.
     keep : callable, optional
         Called with the ladder after every step.
+    paths : (sequence of Path, sequence of Path), optional
+        Of the recordings that are fitted, and of those that no fit sees.
     """
 
-    def __init__(self, model: Model, study: Study, ladder: Ladder | None = None, keep: Keep | None = None) -> None:
+    def __init__(
+        self,
+        model: Model,
+        study: Study,
+        ladder: Ladder | None = None,
+        keep: Keep | None = None,
+        paths: tuple[Sequence[Path], Sequence[Path]] = ((), ()),
+    ) -> None:
         self._model = model if ladder is None else ladder.model
         self._study = study
         self._keep = keep
@@ -49,7 +60,14 @@ class OfflineSource:
         self.signals = Signals(model, capacity=longest)
         self.signals.load(self._records[0])
         self.state = State(
-            Snapshot(title=model.name, effects=tuple(self._model.effect_names), ladder=ladder, recordings=tuple(names))
+            Snapshot(
+                title=model.name,
+                model=self._model,
+                ladder=ladder,
+                recordings=tuple(names),
+                bags=tuple(map(str, paths[0])),
+                validate=tuple(map(str, paths[1])),
+            )
         )
         self._coordinator = Coordinator(self.state)
         self._coordinator.order("comparing model and record", self._assess)
@@ -90,26 +108,36 @@ class OfflineSource:
         """There is nothing to stop."""
         return "recordings have no motor"
 
+    def file(self, name: str) -> bytes:
+        """Content of a file, see `idloop.reporting.workbench.state.Source`."""
+        return content(name, self.state.snapshot, self._study)
+
     # jobs, on the coordinator's thread
 
     def _assess(self) -> None:
-        record = self._records[self.state.snapshot.shown]
-        found = self._coordinator.work(assess, self._model, record)
+        self._show_model(self._model)
+
+    def _show_model(self, model: Model, number: int | None = None, **changes: Any) -> None:
+        """Assess a model on the recording that is shown, or on another one, and show all that changes at once.
+
+        A page that showed the new ladder first would contradict its own figures while they are computed.
+        """
+        shown = self.state.snapshot.shown if number is None else number
+        found = self._coordinator.work(assess, model, self._records[shown])
+        self._model = model
+        if number is not None:
+            self.signals.load(self._records[shown])
         self.signals.show(found, every=True)
-        self.state.change(assessment=found)
+        self.state.change(model=model, assessment=found, shown=shown, **changes)
 
     def _show(self, number: int) -> None:
-        self.signals.load(self._records[number])
-        self.state.change(shown=number, assessment=None)
-        self._assess()
+        self._show_model(self._model, number)
 
     def _diagnose(self) -> None:
         found: Found = self._coordinator.work(find_missing, self._study, self._model, self.state.snapshot.ladder)
         diagnosis = self._found = found.diagnosis
-        first = self.state.snapshot.ladder is None
-        self._model = found.ladder.model if first else self._model
-        self.state.change(
-            missing=Missing(
+        changes: dict[str, Any] = {
+            "missing": Missing(
                 diagnosis.verdict,
                 "",
                 diagnosis.candidates,
@@ -120,32 +148,26 @@ class OfflineSource:
                 diagnosis.unknown,
                 passed_over=diagnosis.passed_over,
             ),
-            looks=self.state.snapshot.looks + 1,
-            pictures=found.pictures,
-            ladder=found.ladder,
-            suggested=None,
-            suggestion=None,
-        )
+            "looks": self.state.snapshot.looks + 1,
+            "pictures": found.pictures,
+            "ladder": found.ladder,
+            "suggested": None,
+            "suggestion": None,
+        }
+        if self.state.snapshot.ladder is None:  # its parameters are fitted now
+            self._show_model(found.ladder.model, **changes)
+        else:
+            self.state.change(**changes)
         self._kept(found.ladder)
-        if first:  # its parameters are fitted now
-            self._assess()
 
     def _add(self, name: str) -> None:
         ladder = self._coordinator.work(add, self._study, self._model, self.state.snapshot.ladder, self._found, name)
         self._climb(ladder)
 
     def _climb(self, ladder: Ladder) -> None:
-        self._model, self._found = ladder.model, None
-        self.state.change(
-            ladder=ladder,
-            effects=tuple(ladder.model.effect_names),
-            missing=None,
-            pictures={},
-            suggested=None,
-            suggestion=None,
-        )
+        self._show_model(ladder.model, ladder=ladder, missing=None, pictures={}, suggested=None, suggestion=None)
+        self._found = None
         self._kept(ladder)
-        self._assess()
 
     def _suggest(self) -> None:
         found = self._coordinator.work(suggest, self._study, self._found)

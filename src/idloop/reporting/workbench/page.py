@@ -176,7 +176,7 @@ class Page:
         name = self.look["error"] if self.look["error"] in names else names[0]
         variable = self.look["variable"] or "velocity"
         one = found.where[name]
-        plot = error_along([(found.model, one)], variable, self._theme)
+        plot = error_along([(found.model.name, one)], variable, self._theme)
         if plot is None:
             why = one.left_out.get(variable, "")
             return [

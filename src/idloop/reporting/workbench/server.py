@@ -34,6 +34,7 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from idloop.errors import IdloopError, InputError
 from idloop.reporting.workbench.admission import Admission
+from idloop.reporting.workbench.files import TYPES
 from idloop.reporting.workbench.page import make_page
 from idloop.reporting.workbench.state import ORDERS, Source
 from idloop.reporting.workbench.state_json import page_state
@@ -207,6 +208,7 @@ class Site:
                 (r"/strips", StripsHandler, own),
                 (r"/order", OrderHandler, own),
                 (r"/stop", StopHandler, own),
+                (r"/files/([\w.]+)", FileHandler, own),
                 (r"/assets/(.*)", AssetHandler, {"path": str(ASSETS)}),
             ],
             unused_session_lifetime_milliseconds=UNUSED_SESSION,
@@ -310,7 +312,7 @@ class StateHandler(_Handler):
         """Answer with all of it, or with the version alone where the page has it already."""
         site = self.site
         snapshot = site.source.state.snapshot
-        head = {"run": site.run, "version": snapshot.version}
+        head = {"run": site.run, "change": snapshot.version}
         if self.get_query_argument("have", "") == f"{site.run}:{snapshot.version}":
             self.answer(head)
         else:
@@ -361,6 +363,20 @@ class StopHandler(_Handler):
     def post(self) -> None:
         """Stop the motor."""
         self.attempt(self.site.source.stop)
+
+
+class FileHandler(_Handler):
+    """What may be taken along."""
+
+    async def get(self, name: str) -> None:
+        """Answer with a file; a report takes seconds, in which the page goes on."""
+        try:
+            content = await IOLoop.current().run_in_executor(None, self.site.source.file, name)
+        except InputError:
+            raise HTTPError(404) from None
+        self.set_header("Content-Type", TYPES[name])
+        self.set_header("Content-Disposition", f'attachment; filename="{name}"')
+        self.finish(content)
 
 
 class AssetHandler(StaticFileHandler):

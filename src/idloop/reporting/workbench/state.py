@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 if TYPE_CHECKING:
     from idloop.diagnosis import Candidate, Ladder, UnknownStructure
     from idloop.diagnosis.design.suggest import Suggestion
+    from idloop.physics import Model
     from idloop.reporting.figures.evidence import Decided
     from idloop.reporting.workbench.assessment import Assessment
     from idloop.reporting.workbench.signals import Signals
@@ -24,6 +26,11 @@ OK, WARN, ERROR, STALE = 0, 1, 2, 3  # as in diagnostic_msgs
 FREE, SENT, STOPPED, RELEASING = "", "sent", "stopped", "releasing"
 
 ORDERS = ("assess", "diagnose", "add", "undo", "experiment", "refit", "reset", "show", "automatic")
+
+
+def model_version(model: Model) -> str:
+    """Short checksum of a model with its values: equal for what is computed from the same model."""
+    return hashlib.sha256(model.to_yaml().encode()).hexdigest()[:8]
 
 
 @dataclass(frozen=True)
@@ -169,8 +176,8 @@ class Snapshot:
         Grows with every change.
     live : bool
         A graph that runs, not recordings.
-    effects : tuple of str
-        Of the present model.
+    model : Model or None
+        The present one, behind every number.
     looks : int
         Diagnoses that have come in so far.
     suggested : dict or None
@@ -194,12 +201,14 @@ class Snapshot:
         Of effects that may be missing, by ``effect@site``.
     recordings : tuple of str
         That may be shown, and `shown`, which of them is.
+    bags, validate : tuple of str
+        Paths of the recordings that are fitted, and of those that no fit sees; empty where nobody has said.
     """
 
     version: int = 0
     live: bool = False
     title: str = ""
-    effects: tuple[str, ...] = ()
+    model: Model | None = None
     fit: Fit | None = None
     missing: Missing | None = None
     evidence: Evidence | None = None
@@ -218,6 +227,28 @@ class Snapshot:
     pictures: Mapping[str, Characteristic] = field(default_factory=dict)
     recordings: tuple[str, ...] = ()
     shown: int = 0
+    bags: tuple[str, ...] = ()
+    validate: tuple[str, ...] = ()
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Effects of the present model."""
+        return () if self.model is None else tuple(self.model.effect_names)
+
+    @property
+    def assessed(self) -> bool:
+        """Whether `assessment` is of the present model; on a live graph of one with the same effects."""
+        found = self.assessment
+        if found is None or self.model is None:
+            return False
+        if self.live:  # which is fitted again all the time
+            return tuple(found.model.effect_names) == self.effects
+        return model_version(found.model) == model_version(self.model)
+
+    @property
+    def fitted(self) -> bool:
+        """Whether `fit` is of the present model."""
+        return self.fit is not None and self.fit.effects == self.effects
 
 
 class State:
@@ -266,6 +297,9 @@ class Source(Protocol):
         InputError
             It cannot be given now, and why.
         """
+
+    def file(self, name: str) -> bytes:
+        """Content of one of `idloop.reporting.workbench.files.offered`; InputError where there is none now."""
 
     def stop(self) -> str:
         """Stop the motor at once, whatever else goes on; return what was done."""

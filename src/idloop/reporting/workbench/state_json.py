@@ -3,22 +3,38 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from idloop import drawing
 from idloop.diagnosis.design.expected_outcome import describe_signal
 from idloop.diagnosis.equivalence.equivalent_effects import find_equivalent_effects, without_equivalents
-from idloop.reporting.breakdowns import finding, shown_first
-from idloop.reporting.estimates import with_interval
-from idloop.reporting.ladder_errors import step_title
-from idloop.reporting.terms import FITTED, UNSEEN, capitalised, effect_words, in_words, p_text, sentence
+from idloop.reporting.breakdowns import along_text, is_notable, shown_first
+from idloop.reporting.estimates import held_parameters, parameter_rows, with_interval
+from idloop.reporting.ladder_errors import step_evidence, step_title
+from idloop.reporting.page.equations import equations, to_mathml
+from idloop.reporting.scores import Score, judging, scores_of, step_scores
+from idloop.reporting.terms import (
+    DATA_USE,
+    FITTED,
+    UNSEEN,
+    capitalised,
+    effect_words,
+    in_words,
+    p_text,
+    sentence,
+    unbroken,
+)
 from idloop.reporting.verdicts import basis, conclusion, confounding_effects, explained_of, scope_text
+from idloop.reporting.workbench.files import commands, offered
+from idloop.reporting.workbench.state import model_version
+from idloop.validation.characteristic import no_picture
+from idloop.validation.where import DRIVE_FORCE
 from idloop.validation.words import percent, short
 
 if TYPE_CHECKING:
     from idloop.diagnosis import Candidate, Ladder, Step
-    from idloop.reporting.workbench.assessment import Assessment
+    from idloop.physics import Model
     from idloop.reporting.workbench.signals import Signals
     from idloop.reporting.workbench.state import Evidence, Missing, Snapshot
     from idloop.validation.characteristic import Characteristic
@@ -29,6 +45,7 @@ TROUBLE = (
     "missed_deadlines", "silences", "clock_jumps", "saturated", "dropped_by_queue", "unreadable", "restarts",
     "skipped", "worker_failures",
 )  # fmt: skip
+_AS_THEY_ARE = ("commands", "equations", "outputs", "input")
 LEVEL = 0.01  # family-wise error rate of a diagnosis, where no ladder has another one
 ONE_SIGN = 0.6  # share of its root mean square from which on the mean of an error is worth a word
 
@@ -46,24 +63,28 @@ def page_state(snapshot: Snapshot, signals: Signals) -> dict[str, Any]:
     dict
         JSON without NaN.
     """
-    return {
+    state = {
         "live": snapshot.live,
         "title": snapshot.title,
         "moves": snapshot.moves,
         "stop": snapshot.stop,
         "automatic": None if snapshot.automatic is None else list(snapshot.automatic),
         "effects": [effect_words(name) for name in snapshot.effects],
+        "version": "" if snapshot.model is None else model_version(snapshot.model),
+        "parameters": [] if snapshot.model is None else parameter_rows(snapshot.model, _held(snapshot)),
+        "equations": [] if snapshot.model is None else _equations(snapshot.model, snapshot.ladder),
+        "files": offered(snapshot),
+        "commands": commands(snapshot),
         "outputs": [{"name": n, "unit": u} for n, u in zip(signals.names, signals.units, strict=True)],
         "input": {"name": signals.input_name, "unit": signals.input_unit},
         "followed": signals.followed,
-        "fit": _fit(snapshot),
+        "head": _head(snapshot),
         "missing": None if snapshot.missing is None else _missing(snapshot.missing, snapshot.pictures, snapshot.ladder),
         "evidence": None if snapshot.evidence is None else _evidence(snapshot.evidence),
         "looks": snapshot.looks,
         "recordings": list(snapshot.recordings),
-        "judged_on": _judged_on(snapshot),
         "shown": snapshot.shown,
-        "ladder": None if snapshot.ladder is None else _ladder(snapshot.ladder),
+        "ladder": None if snapshot.ladder is None else _ladder(snapshot.ladder, snapshot.recordings),
         "suggested": None if snapshot.suggested is None else _suggested(snapshot.suggested),
         "limits": [{"name": name, "value": value} for name, value in snapshot.limits],
         "activity": None
@@ -80,14 +101,29 @@ def page_state(snapshot: Snapshot, signals: Signals) -> dict[str, Any]:
             }
             for one in snapshot.health
         ],
-        "assessment": None if snapshot.assessment is None else _assessment(snapshot.assessment),
+        "assessment": None if snapshot.assessment is None else _assessment(snapshot),
     }
+    return {name: part if name in _AS_THEY_ARE else _unbroken(part) for name, part in state.items()}
 
 
-def _judged_on(snapshot: Snapshot) -> str:
-    """Whether the recording that is shown was fitted, as its name says; empty for a live graph."""
+def _unbroken(part: Any) -> Any:
+    """The same with no line break between a number and its unit."""
+    if isinstance(part, str):
+        return unbroken(part)
+    if isinstance(part, dict):
+        return {name: _unbroken(value) for name, value in part.items()}
+    return [_unbroken(value) for value in part] if isinstance(part, list) else part
+
+
+def _data_shown(snapshot: Snapshot) -> str:
+    """What the recording that is shown served for; its name as well where there are several of that use."""
     name = snapshot.recordings[snapshot.shown] if snapshot.shown < len(snapshot.recordings) else ""
-    return next((f"{use} data" for use in (UNSEEN, FITTED) if name.endswith(f"({use})")), "")
+    use = next((use for use in (UNSEEN, FITTED) if name.endswith(f"({use})")), "")
+    return f"{use} data" if use and _count(snapshot.recordings, use) == 1 else name
+
+
+def _count(recordings: Sequence[str], use: str) -> int:
+    return sum(one.endswith(f"({use})") for one in recordings)
 
 
 def trouble(values: Mapping[str, str]) -> list[str]:
@@ -114,21 +150,40 @@ def _finite(value: float | None) -> float | None:
     return None if value is None or not math.isfinite(value) else float(value)
 
 
-def _numbers(values: Mapping[str, float]) -> dict[str, float | None]:
-    return {name: _finite(value) for name, value in values.items()}
+def _head(snapshot: Snapshot) -> dict[str, Any]:
+    """Scores of the present model, or why there are none; `pending` where they are those of the model before."""
+    fit, found = snapshot.fit, snapshot.assessment
+    scores: dict[str, Score] = {}
+    pending, why = False, "waiting for the first fit" if snapshot.live else "comparing model and record …"
+    if snapshot.live and fit is not None:
+        pending, why = not snapshot.fitted, f"no fit: {fit.error}" if fit.error else ""
+        scores = {} if fit.error else scores_of({"fit": fit.unseen}, f"unseen data, {fit.seconds:.1f} s")
+    elif not snapshot.live and found is not None:
+        pending, why = not snapshot.assessed, ""
+        scores = scores_of(found.errors, _data_shown(snapshot), model_version(found.model))
+    if snapshot.live and scores and found is not None and snapshot.assessed:
+        force = scores_of(found.errors, found.record).get(DRIVE_FORCE)
+        scores |= {} if force is None else {DRIVE_FORCE: force}
+    return {"scores": [one.to_dict() for one in scores.values()], "pending": pending, "why": why}
 
 
-def _fit(snapshot: Snapshot) -> dict[str, Any] | None:
-    fit = snapshot.fit
-    if fit is None:
-        return None
-    return {
-        "unseen": _numbers(fit.unseen),
-        "seen": _numbers(fit.seen),
-        "seconds": fit.seconds,
-        "error": fit.error,
-        "effects": [effect_words(name) for name in fit.effects],
-    }
+def _held(snapshot: Snapshot) -> tuple[str, ...]:
+    return () if snapshot.ladder is None else tuple(held_parameters(snapshot.ladder))
+
+
+def _equations(model: Model, ladder: Ladder | None) -> list[dict[str, Any]]:
+    """Equations of the present model; what the newest step has added is marked."""
+    steps = () if ladder is None else ladder.steps
+    newest = steps[-1].added.name if steps and steps[-1].added is not None else None
+    return [
+        {
+            "math": to_mathml(one.latex, block=True),
+            "about": one.about,
+            "effect": effect_words(one.effect),
+            "new": one.effect == newest,
+        }
+        for one in equations(model)[0]
+    ]
 
 
 def _missing(found: Missing, pictures: Mapping[str, Characteristic], ladder: Ladder | None) -> dict[str, Any]:
@@ -212,6 +267,7 @@ def _candidate(
         "passed_over": in_words(found.passed_over.get(one.name, "")),
         "parameters": parameter_words(one.parameters),
         "picture": None if picture is None else _picture(picture),
+        "no_picture": "" if picture is not None else no_picture(one.name, one.model),
     }
 
 
@@ -229,26 +285,26 @@ def _points(x: Any, y: Any) -> list[list[float]]:
     return [[float(f"{a:.5g}"), float(f"{b:.5g}")] for a, b in zip(x, y, strict=True) if math.isfinite(a + b)]
 
 
-def _ladder(ladder: Ladder) -> dict[str, Any]:
+def _ladder(ladder: Ladder, recordings: Sequence[str]) -> dict[str, Any]:
+    kind = judging(ladder)
+    count = _count(recordings, DATA_USE[kind])
+    together = f" ({count} recordings together)" if count > 1 else ""
     return {
-        "steps": [_step(number, step, ladder) for number, step in enumerate(ladder.steps)],
+        "steps": [_step(number, step, ladder, kind) for number, step in enumerate(ladder.steps)],
         "verdict": ladder.verdict,
-        "unseen": any(step.validation for step in ladder.steps),
-        "beware": [sentence(f"warning: {one.text}") for one in ladder.worsened],
+        "data": f"Errors of the {DATA_USE[kind]} data{together}.",
+        "beware": [sentence(in_words(f"warning: {one.text}")) for one in ladder.worsened],
     }
 
 
-def _step(number: int, step: Step, ladder: Ladder) -> dict[str, Any]:
-    judged = step.validation or step.train
+def _step(number: int, step: Step, ladder: Ladder, kind: str) -> dict[str, Any]:
     added = step.added
     return {
         "number": number,
         "words": step_title(step),
-        "by": "" if added is None else step.chosen_by,
-        "p": p_text(step.p_value),
+        "by": step_evidence(step),
         "ties": [effect_words(name) for name in ladder.rivals(step)],
-        "fit": _numbers(judged.get("fit", {})),
-        "force": None if judged.get("force") is None else 100.0 * judged["force"],
+        "scores": [one.to_dict() for one in step_scores(step, kind).values()],
         "parameters": [] if added is None else parameter_words(added.parameters),
     }
 
@@ -265,13 +321,15 @@ def _suggested(found: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _assessment(found: Assessment) -> dict[str, Any]:
+def _assessment(snapshot: Snapshot) -> dict[str, Any] | None:
+    found = snapshot.assessment
+    if found is None:
+        return None
     first = shown_first(found.where.maps)
     return {
         "record": found.record,
-        "effects": [effect_words(name) for name in found.effects],
-        "fit": _numbers(found.fit),
-        "force": next((_finite(100.0 * m.relative) for m in found.where.maps if m.basis == "force"), None),
+        "version": model_version(found.model),
+        "current": snapshot.assessed,
         "maps": [_map(one) for one in found.where.maps],
         "telling": None if first is None else dict(zip(("error", "variable"), first, strict=True)),
     }
@@ -284,11 +342,11 @@ def _map(one: ErrorMap) -> dict[str, Any]:
         "kind": one.kind,
         "why": one.why,
         "rms": f"{short(one.rms)} {one.unit}",
-        "relative": percent(one.relative) if math.isfinite(one.relative) else "",
+        "relative": one.relative_text,
         "variables": [b.variable for b in one.breakdowns],
         "left_out": dict(one.left_out),
-        "stands_out": {b.variable: sentence(text) for b in one.breakdowns if (text := finding(b))},
-        "everywhere": _everywhere(one),
+        "loud": [b.variable for b in one.breakdowns if is_notable(b)],
+        "along": {b.variable: f"{sentence(along_text(b))} {_everywhere(one)}".rstrip() for b in one.breakdowns},
         "stretches": [
             {"start": s.start, "stop": s.stop, "error": percent(s.error), "time": percent(s.time), "text": s.text}
             for s in one.stretches[:MOST_STRETCHES]
@@ -299,4 +357,4 @@ def _map(one: ErrorMap) -> dict[str, Any]:
 def _everywhere(one: ErrorMap) -> str:
     """Say that most of an error is one constant; empty where it is not."""
     constant = math.isfinite(one.mean) and abs(one.mean) > ONE_SIGN * one.rms
-    return f"Most of it is the same everywhere: {short(one.mean)} {one.unit} on average." if constant else ""
+    return f"Most of the error is the same everywhere: {short(one.mean)} {one.unit} on average." if constant else ""

@@ -55,7 +55,6 @@ class PageResults:
             return
         own = self._base.effect_names
         self._source.model = self._base.with_effects([name for name in fit.effects if name not in own])
-        self._page.change(effects=fit.effects)
 
     def take_parameters(self, statuses: list[Status]) -> None:
         """Take over the values of the newest fit."""
@@ -97,7 +96,7 @@ class PageResults:
                 # What was missing from another model need not be missing from this one.
                 if before.missing is not None and before.ladder is not None and effects != before.effects:
                     changes |= {"missing": None, "pictures": {}}
-                self._source.model = ladder.model
+                changes["model"] = ladder.model
                 self._source.want("assess")
-            changes |= {"effects": effects, "activity": None}
+            changes["activity"] = None
         self._page.change(**changes)

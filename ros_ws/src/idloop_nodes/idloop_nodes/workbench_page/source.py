@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from idloop.errors import InputError
 from idloop.reporting.workbench.assessment import FEWEST, assess, draw_characteristics
 from idloop.reporting.workbench.coordinator import Coordinator
+from idloop.reporting.workbench.files import content
 from idloop.reporting.workbench.signals import SECOND, Signals
 from idloop.reporting.workbench.state import AUTOMATIC, FREE, Snapshot, State
 
@@ -35,18 +36,30 @@ class LiveSource:
     ----------
     requests : queue of (str, str)
         Orders for the node: verb, and what it is about.
-    model : Model
-        Newest one that is known.
     """
 
     def __init__(self, model: Model, capacity: int, window: Callable[[], float]) -> None:
-        self.model = model
         self.signals = Signals(model, capacity)
-        self.state = State(Snapshot(live=True, title=model.name, effects=tuple(model.effect_names), moves=True))
+        self.state = State(Snapshot(live=True, title=model.name, model=model, moves=True))
         self.requests: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()
         self._window = window
         self._coordinator = Coordinator(self.state)
         self._wanted: set[str] = set()
+
+    @property
+    def model(self) -> Model:
+        """Newest one that is known; the page shows no number of another one."""
+        model = self.state.snapshot.model
+        assert model is not None  # noqa: S101 - it was given one
+        return model
+
+    @model.setter
+    def model(self, model: Model) -> None:
+        self.state.change(model=model)
+
+    def file(self, name: str) -> bytes:
+        """Content of a file, see `idloop.reporting.workbench.state.Source`."""
+        return content(name, self.state.snapshot, None)
 
     def close(self) -> None:
         """End the process that computes."""

@@ -7,8 +7,7 @@
   const PATIENCE = 4; // questions without an answer before the page says so
   const STOP_PATIENCE = 1000; // milliseconds that the stop's own server may take
   const LONGEST = 4000; // milliseconds that an answer may take
-  const TITLES = Object.fromEntries([...document.querySelectorAll("#variables button")].map((b) => [b.dataset.variable, b.textContent]));
-  const FIT = "100 % is perfect, 0 % no better than a constant";
+  const COMPUTING = "being computed";
   const LEVELS = ["ok", "warning", "error", "silent"];
   const MANY = 3; // effects that tie from which on each gets less room, so that all are seen at once
   const FAILED = 2; // level of a check from which on the head says so
@@ -58,13 +57,6 @@
   }
 
   const say = (id, text) => { if ($(id).textContent !== text) $(id).textContent = text; };
-  // A value below 100 gets more digits before it is written as 100.
-  function percent(value, digits = 1) {
-    if (value == null) return "–";
-    while (value < 100 && digits < 6 && Number(value.toFixed(digits)) >= 100) digits += 1;
-    return `${value.toFixed(digits).replace("-", "−")}\u00a0%`; // a number and its unit stay on one line
-  }
-
   // -- orders -------------------------------------------------------------------------------
 
   let fading = 0;
@@ -112,7 +104,8 @@
 
   // -- what is shown: the strips here, the figures by the server ------------------------------
 
-  const view = { follow: false, span: 10, shown: "one_step", stretch: null };
+  const view = { follow: false, span: ALONE, shown: "free_run", stretch: null };
+  const TITLES = { one_step: "Measured and predicted one step ahead", free_run: "Measured and free run" };
   const strips = window.strips = new Strips($("strips"), base, (stretch) => choose({ follow: false, stretch }));
   strips.paintIn(document.body);
   let arranged = "";
@@ -142,18 +135,21 @@
     $("follow").classList.toggle("primary", !view.follow);
     $("span").value = String(view.span);
     $("shown").value = view.shown;
+    say("strips-title", TITLES[view.shown]);
+    say("given", state.assessment && !state.assessment.current ? `Free run of the model before the last step; the new one is ${COMPUTING}.`
+      : view.shown === "free_run" ? "The model gets the command alone and begins at the measured state." : "");
     $("corrected").hidden = !state.live || view.shown !== "one_step";
     strips.show({ follow: view.follow ? view.span : null, stretch: view.stretch, shown: view.shown });
     showWhere(state);
   }
 
-  // A live graph is followed; of a recording everything is shown, with the model left alone.
+  // A live graph is followed; of a recording everything is shown. The model is left alone in both: the view in which it is worst.
   function arrange(s) {
     const { outputs, input, followed, live } = s;
     const text = JSON.stringify([outputs, input, followed, live]);
     if (text === arranged) return;
     arranged = text;
-    Object.assign(view, { follow: live, shown: live ? "one_step" : "free_run", stretch: null });
+    Object.assign(view, { follow: live, shown: "free_run", stretch: null });
     strips.arrange(outputs, input, followed);
   }
 
@@ -177,34 +173,21 @@
 
   // -- the parts of the page ----------------------------------------------------------------
 
-  // What was looked into may be the model before the last step.
-  const upToDate = (s) => JSON.stringify(s.assessment?.effects) === JSON.stringify(s.effects);
+  // One number with what it is of; of a model that is gone there is none.
+  function tile(one, pending) {
+    return make("div", { class: `fit ${one.view === "force" ? "error" : ""}`, "data-output": one.view === "force" ? "force" : one.quantity, title: one.about },
+      make("div", { class: "value" }, pending ? "…" : one.text),
+      make("div", { class: "bar" }, make("i", { style: `width:${pending ? 0 : 100 * one.share}%` })),
+      make("div", { class: "what" }, `${one.name}, ${pending ? COMPUTING : one.data}`));
+  }
 
   function showHead(s) {
     say("title", `workbench · ${s.title}`);
     render("model", s.effects, () => s.effects.length
       ? [make("span", { class: "plain", style: "background:none;padding:0" }, "with"), ...s.effects.map((e) => make("span", {}, e))]
       : ["no further effects"]);
-    const live = s.fit && !s.fit.error;
-    const before = live ? JSON.stringify(s.fit.effects) !== JSON.stringify(s.effects) : s.assessment && !upToDate(s);
-    const use = before ? "before the last step" : live ? "unseen data" : s.judged_on;
-    const values = live ? s.fit.unseen : s.assessment?.fit;
-    const force = upToDate(s) ? s.assessment?.force : null;
-    render("fits", [live, use, values, force, s.fit?.seconds, s.fit?.error, s.assessment?.record], () => {
-      if (s.fit?.error) return [make("span", { class: "hint" }, `no fit: ${s.fit.error}`)];
-      if (!values) return [make("span", { class: "hint" }, s.live ? "waiting for the first fit" : "comparing model and record …")];
-      const fits = Object.entries(values).map(([name, value]) => make("div", { class: "fit", "data-output": name, title: live
-          ? `FIT of the free run on ${s.fit.seconds.toFixed(1)} s that the fit has not used: ${FIT}`
-          : `FIT of the free run on ${s.assessment.record}: ${FIT}` },
-        make("div", { class: "value" }, percent(value)),
-        make("div", { class: "bar" }, make("i", { style: `width:${Math.max(0, Math.min(100, value ?? 0))}%` })),
-        make("div", { class: "what" }, `FIT ${name}${use ? `, ${use}` : ""}`)));
-      if (force != null) fits.push(make("div", { class: "fit error", "data-output": "force", title: `Applied minus needed drive force relative to the applied force (rms), on ${s.assessment.record}` },
-        make("div", { class: "value" }, percent(force)),
-        make("div", { class: "bar" }, make("i", { style: `width:${Math.max(0, Math.min(100, force))}%` })),
-        make("div", { class: "what" }, "error of the drive force")));
-      return fits;
-    });
+    render("fits", s.head, () => s.head.why ? [make("span", { class: "hint" }, s.head.why)] : s.head.scores.map((one) => tile(one, s.head.pending)));
+    $("fits").setAttribute("aria-busy", String(s.head.pending));
     $("stop").hidden = !s.moves;
     showStop(s.stop);
     const worst = s.health.filter((one) => one.level >= FAILED);
@@ -240,12 +223,13 @@
       return choose(found.telling);
     }
     const map = found.maps.find((m) => m.name === shown.error) ?? found.maps[0];
-    render("error", found.maps.map((m) => [m.name, m.rms]), () =>
+    render("error", found.maps.map((m) => [m.name, m.rms, m.relative]), () =>
       found.maps.map((m) => make("option", { value: m.name }, `${m.name} (rms ${m.rms}${m.relative ? ", " + m.relative : ""})`)));
     $("error").value = map.name;
     // The figure may show a prediction where the free run has drifted away.
-    const of = upToDate(s) ? "" : " of the model before the last step";
-    say("where-hint", `${map.kind[0].toUpperCase()}${map.kind.slice(1)}${of} on ${found.record}.${map.why ? ` ${map.why[0].toUpperCase()}${map.why.slice(1)}.` : ""}`);
+    const of = found.current ? "" : " of the model before the last step";
+    $("where-panel").setAttribute("aria-busy", String(!found.current));
+    say("where-hint", `${found.current ? "" : `The present model is ${COMPUTING}. `}${map.kind[0].toUpperCase()}${map.kind.slice(1)}${of} on ${found.record}.${map.why ? ` ${map.why[0].toUpperCase()}${map.why.slice(1)}.` : ""}`);
     for (const one of document.querySelectorAll("#variables button")) {
       const name = one.dataset.variable;
       const checked = name === (shown.variable || "velocity");
@@ -253,9 +237,9 @@
       one.title = map.left_out[name] ?? "";
       one.setAttribute("aria-checked", String(checked));
       one.tabIndex = checked ? 0 : -1;
-      one.classList.toggle("loud", name in map.stands_out);
+      one.classList.toggle("loud", map.loud.includes(name));
     }
-    say("where-words", map.stands_out[shown.variable || "velocity"] ?? [`Nothing stands out along ${TITLES[shown.variable || "velocity"]}.`, map.everywhere].filter(Boolean).join(" "));
+    say("where-words", map.along[shown.variable || "velocity"] ?? "");
     render("stretches", [map.name, map.stretches], () => map.stretches.length ? [
       make("h3", {}, "Worst stretches: a click zooms to them"),
       ...map.stretches.map((one, index) => make("button", { type: "button", "data-focus": `stretch${index}`, onclick: () => zoom(one) },
@@ -339,10 +323,10 @@
     const picture = c.picture ? drawing(c.picture) : null;
     const shared = tied > 1 && !m.pair.length ? same(m.candidates.filter((one) => one.significant)).join() : "";
     const own = [c.p, `explains ${c.share}`].filter((text) => !shared.includes(text));
-    return make("div", { class: `card ${c.significant ? "significant" : "weak"} ${picture ? "" : "plain"}`, "data-candidate": c.name },
-      picture,
+    return make("div", { class: `card ${c.significant ? "significant" : "weak"} ${picture || c.fitted ? "" : "plain"}`, "data-candidate": c.name },
+      picture ?? (c.fitted ? make("p", { class: "none" }, `No picture: ${c.no_picture}.`) : null),
       make("div", {}, make("h3", {}, c.words),
-        make("div", { class: "numbers" }, [...own, ...c.parameters].filter(Boolean).join(" · ")),
+        make("div", { class: "numbers" }, ...[...own, ...c.parameters].filter(Boolean).flatMap((text, i) => [i ? " · " : "", make("span", {}, text)])),
         make("div", { class: "share" }, make("i", { style: `width:${Math.max(0, Math.min(100, 100 * c.explains))}%` }))),
       add(c, busy, m, tied),
       make("p", {}, c.text, c.replaces ? ` It takes the place of ${c.replaces}.` : "",
@@ -385,13 +369,27 @@
   function showLadder(s) {
     const steps = s.ladder?.steps ?? [];
     $("undo").disabled = steps.length < 2 || Boolean(s.activity);
-    say("ladder-hint", steps.length ? (s.ladder.unseen ? "" : "Errors on the fitted data.") : "Each effect that is added becomes a step; the error on unseen data says what it was worth.");
+    say("ladder-hint", steps.length ? s.ladder.data : "Each effect that is added becomes a step; the error on unseen data says what it was worth.");
     render("beware", s.ladder?.beware ?? [], () => (s.ladder?.beware ?? []).map((text) => make("p", {}, text)));
     render("steps", steps, () => steps.map((one) => make("li", { "data-step": one.number },
-      make("span", {}, one.words, one.ties.length ? make("small", {}, `this data cannot distinguish it from ${one.ties.join(", ")}`) : null,
+      make("span", {}, one.words, one.by ? make("small", {}, one.by) : null, one.ties.length ? make("small", {}, `this data cannot distinguish it from ${one.ties.join(", ")}`) : null,
         one.parameters.length ? make("small", {}, one.parameters.join(" · ")) : null),
-      make("span", { class: "errors" }, [...Object.values(one.fit).map((value) => percent(value)), one.force == null ? null : `force ${percent(one.force)}`].filter(Boolean).join(" · "),
-        make("small", {}, one.number ? [one.by === "user" ? "your choice" : one.p].filter(Boolean).join("") : `FIT ${Object.keys(one.fit).join(" · ")}${one.force == null ? "" : " · error of the force"}`)))));
+      make("span", { class: "errors" }, ...one.scores.map((score) => make("span", { "data-output": score.quantity, title: score.about }, make("small", {}, `${score.name} `), score.text))))));
+  }
+
+  // The model itself: what its numbers are of.
+  function showModelPanel(s) {
+    render("equations", s.equations, () => s.equations.map((one) => {
+      const math = make("div", { class: "math" });
+      math.innerHTML = one.math;
+      return make("div", { class: `equation ${one.new ? "new" : ""}` }, math, make("small", {}, [one.about, one.effect, one.new ? "new" : ""].filter(Boolean).join(", ")));
+    }));
+    render("parameters", s.parameters, () => s.parameters.map((one) => make("tr", { "data-parameter": one.key },
+      make("th", { scope: "row" }, one.name), make("td", {}, `${one.value} ${one.unit}`.trim()), make("td", {}, one.bounds), make("td", {}, one.kind))));
+    say("version", s.version);
+    render("commands", s.commands, () => s.commands.map((text) => make("code", {}, text)));
+    $("commands-block").hidden = !s.commands.length;
+    for (const one of document.querySelectorAll("[data-file]")) one.hidden = !s.files.includes(one.dataset.file);
   }
 
   function showEvidence(s) {
@@ -464,11 +462,13 @@
     showMissing(s);
     showEvidence(s);
     showLadder(s);
+    showModelPanel(s);
     showExperiment(s);
     showAutomatic(s);
     showHealth(s);
     $("reference-legend").hidden = !strips.values("reference").length;
-    document.body.dataset.version = String(s.version);
+    document.body.dataset.version = String(s.change);
+    document.body.dataset.model = s.version;
     document.body.dataset.looks = String(s.looks);
   }
 
@@ -491,7 +491,7 @@
       }
       failures = 0;
       if ("title" in answer) {
-        have = `${answer.run}:${answer.version}`;
+        have = `${answer.run}:${answer.change}`;
         state = answer;
         show(state);
       }

@@ -1,0 +1,121 @@
+"""One error of one model in one view on known data: the number behind a tile, a row of a table and a line of a figure.
+
+Names, texts and trends are functions of it, so that page, report and command line cannot say different things. It is
+read from the errors of a ladder's step, which are those of the JSON documents.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from idloop.reporting.terms import DATA_USE
+from idloop.validation.where import DRIVE_FORCE
+from idloop.validation.words import fit_text, force_text
+
+if TYPE_CHECKING:
+    from idloop.diagnosis import Ladder, Step
+    from idloop.validation import Comparison
+
+TRAIN, VALIDATION = "train", "validation"
+FREE_RUN, FORCE = "free_run", "force"
+BETTER, WORSE, SAME = "better", "worse", "same"
+
+
+@dataclass(frozen=True)
+class Score:
+    """An error.
+
+    Attributes
+    ----------
+    view : {"free_run", "force"}
+    quantity : str
+        Name of the output, or "drive force".
+    value : float or None
+        FIT of the free run [%], or error of the force as a part of the commanded force; None where not known.
+    data : str
+        What it is of: "unseen data", "run2 (unseen)"; empty where that is said beside it.
+    model : str
+        Version of the model, see `idloop.reporting.workbench.state.model_version`; empty where there is only one.
+    """
+
+    view: str
+    quantity: str
+    value: float | None
+    data: str = ""
+    model: str = ""
+
+    @property
+    def name(self) -> str:
+        """What it is: "FIT motor.position"."""
+        return f"FIT {self.quantity}" if self.view == FREE_RUN else f"error of the {self.quantity}"
+
+    @property
+    def text(self) -> str:
+        """The number with its unit, or words where it says nothing."""
+        return fit_text(self.value, 3, " %") if self.view == FREE_RUN else force_text(self.value, 3, " %")
+
+    @property
+    def cell(self) -> str:
+        """The number for a column whose head has the unit."""
+        return fit_text(self.value) if self.view == FREE_RUN else force_text(self.value)
+
+    @property
+    def share(self) -> float:
+        """Length of a bar, 0 to 1."""
+        known = self.value if self.value is not None and math.isfinite(self.value) else 0.0
+        return min(max(0.01 * known if self.view == FREE_RUN else known, 0.0), 1.0)
+
+    @property
+    def about(self) -> str:
+        """How it is to be read, as a sentence."""
+        of = f" on {self.data}" if self.data else ""
+        if self.view == FREE_RUN:
+            return f"FIT of the free run{of}: 100 % is perfect, 0 % no better than a constant."
+        return f"Applied minus needed drive force{of}, relative to the commanded force (rms)."
+
+    def trend(self, after: Score) -> str:
+        """Whether another one is better, judged by what is read."""
+        if self.value is None or after.value is None or self.text == after.text:
+            return SAME
+        return BETTER if (after.value > self.value) == (self.view == FREE_RUN) else WORSE
+
+    def to_dict(self) -> dict[str, Any]:
+        """What a page shows of it."""
+        own = {name: getattr(self, name) for name in ("view", "quantity", "value", "data", "name", "text", "about")}
+        return {**own, "share": self.share}
+
+
+def scores_of(errors: Mapping[str, Any], data: str = "", model: str = "") -> dict[str, Score]:
+    """Scores of the errors that a step of a ladder has of some data, by output and "drive force".
+
+    Returns
+    -------
+    dict
+        The outputs whose FIT is known, then the drive force where it is.
+    """
+    found = {name: Score(FREE_RUN, name, _finite(fit), data, model) for name, fit in errors.get("fit", {}).items()}
+    force = _finite(errors.get("force"))
+    return found if force is None else {**found, DRIVE_FORCE: Score(FORCE, DRIVE_FORCE, force, data, model)}
+
+
+def comparison_errors(comparison: Comparison) -> dict[str, Any]:
+    """Errors of a comparison as `idloop.diagnosis.model_errors` has those of a step, of one record."""
+    force = comparison.force
+    return {"fit": comparison.fit, "force": force.relative if force is not None and force.trusted else None}
+
+
+def judging(ladder: Ladder) -> str:
+    """Data that judge a ladder: ``validation`` where any were unseen, else ``train``."""
+    return VALIDATION if any(step.validation for step in ladder.steps) else TRAIN
+
+
+def step_scores(step: Step, kind: str) -> dict[str, Score]:
+    """As `scores_of`, of a step on ``train`` or ``validation`` data."""
+    return scores_of(getattr(step, kind), f"{DATA_USE[kind]} data")
+
+
+def _finite(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(value)

@@ -1,0 +1,90 @@
+"""What the page offers to take along: model, ladder, report, figures, and the commands that repeat it."""
+
+from __future__ import annotations
+
+import io
+import json
+import shlex
+import tempfile
+import zipfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from idloop.errors import InputError
+from idloop.json_values import to_json
+
+if TYPE_CHECKING:
+    from idloop.diagnosis import Ladder
+    from idloop.records import Record
+    from idloop.reporting.page.contents import Contents
+    from idloop.reporting.workbench.state import Snapshot
+    from idloop.reporting.workbench.steps import Study
+
+MODEL, LADDER, REPORT, FIGURES = "model.yaml", "ladder.json", "report.html", "figures.zip"
+TYPES = {MODEL: "text/yaml", LADDER: "application/json", REPORT: "text/html", FIGURES: "application/zip"}
+
+
+def offered(snapshot: Snapshot) -> list[str]:
+    """Names of the files that there are now; a report needs recordings, which a live graph keeps elsewhere."""
+    found = [] if snapshot.model is None else [MODEL]
+    if snapshot.ladder is not None:
+        found += [LADDER] if snapshot.live else [LADDER, REPORT, FIGURES]
+    return found
+
+
+def content(name: str, snapshot: Snapshot, study: Study | None) -> bytes:
+    """Content of one of the files that are `offered`.
+
+    Raises
+    ------
+    InputError
+        There is no such file now.
+    """
+    if name not in offered(snapshot) or snapshot.model is None or (study is None and name in (REPORT, FIGURES)):
+        raise InputError(f"there is no {name} now")
+    if name == MODEL:
+        return snapshot.model.to_yaml().encode()
+    ladder = snapshot.ladder
+    assert ladder is not None  # noqa: S101 - it is offered
+    if name == LADDER:
+        return json.dumps(to_json(ladder.to_dict()), indent=2, ensure_ascii=False).encode()
+    assert study is not None  # noqa: S101 - asked above
+    make: Callable[[Contents], bytes] = _report if name == REPORT else _figures
+    return make(_contents(ladder, study.records, study.validation))
+
+
+def _contents(ladder: Ladder, records: Sequence[Record], validation: Sequence[Record]) -> Contents:
+    from idloop.reporting.page.contents import gather
+
+    return gather(ladder, records, validation)
+
+
+def _report(contents: Contents) -> bytes:
+    from idloop.reporting.page.page import render_page
+
+    return render_page(contents).encode()
+
+
+def _figures(contents: Contents) -> bytes:
+    from idloop.reporting.page.paper import save_paper_figures
+
+    packed = io.BytesIO()
+    with tempfile.TemporaryDirectory() as folder, zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        for path in save_paper_figures(contents, Path(folder)):
+            archive.write(path, path.name)
+    return packed.getvalue()
+
+
+def commands(snapshot: Snapshot) -> list[str]:
+    """Commands that say of the model file what the page says; none where the recordings have no paths."""
+    fitted, unseen = (" ".join(map(shlex.quote, paths)) for paths in (snapshot.bags, snapshot.validate))
+    if not fitted:
+        return []
+    judged = f" --validate {unseen}" if unseen else ""
+    return [
+        *([f"idloop compare {MODEL} {unseen}"] if unseen else []),
+        f"idloop compare {MODEL} {fitted}",
+        f"idloop diagnose {MODEL} {fitted}",
+        f"idloop refine {MODEL} {fitted}{judged} --output RUN",
+    ]
