@@ -104,6 +104,23 @@ def test_a_wave_that_has_become_superfluous_goes_and_the_others_keep_their_names
     assert fit.model.effect_names == ladder.model.effect_names == ladder.added
 
 
+class Severe(Fickle):
+    """Wants nothing, and drops everything."""
+
+    def evaluate(self, parent: Any) -> SearchStep[Any]:
+        return Answers(parent, (), 2, 0.01, 0.01)
+
+
+def test_all_effects_that_a_second_view_finds_superfluous_are_no_steps_any_more() -> None:
+    start, fit = climb(Fickle(dropping=False))(Fit(load_model("axis")))
+    assert start.added == (FRICTION, DRAG)
+    second = Climb(
+        Severe(dropping=True), (), (), "prediction", 0.01, 8, lambda share, text: None, worse=lambda one, other: False
+    )
+    ladder, fit = second(fit, start)
+    assert ladder.added == fit.model.effect_names == ()
+
+
 def test_a_ladder_adds_what_shows_and_ends_with_the_verdict_of_the_last_step() -> None:
     ladder, fit = climb(Fickle(dropping=False))(Fit(load_model("axis")))
     assert ladder.added == (FRICTION, DRAG)

@@ -107,7 +107,7 @@ class Climb(Generic[FitT]):
             if self.worse is not None and self.worse(ladder.model, model):
                 continue
             fit = without
-            *others, last = (one for one in ladder.steps if one is not earlier)
+            *others, last = (one for one in ladder.steps if one.added is None or one.added.name != gone.name)
             if last.added is not None:
                 parameters = effect_parameters(model, last.added.name)
                 last = replace(last, added=replace(last.added, model=model, parameters=parameters))
