@@ -24,7 +24,8 @@ from sensor_msgs.msg import JointState
 
 from idloop.errors import IdloopError
 from idloop.records import read_streams
-from idloop.records.bags.recover import mcap_messages, recover_bag
+from idloop.records.bags.recover import recover_bag
+from idloop.records.bags.storage.readable_messages import mcap_messages
 from idloop_nodes import qos
 from idloop_nodes.codec import peek_stamp
 from idloop_nodes.streams.bag_writer import CHUNK_SIZE

@@ -33,8 +33,11 @@ BAGS = {
     "directory without a bag": (lambda make, tmp: tmp, ("without a bag", "metadata.yaml")),
     "empty file": (lambda make, tmp: _written(tmp / "a.mcap", b""), ("a.mcap", "empty (0 bytes)")),
     "no bag at all": (lambda make, tmp: _written(tmp / "a.csv", b"1,2"), ("a.csv", "idloop import")),
-    "ROS 1 bag": (lambda make, tmp: _written(tmp / "a.bag", b"#ROSBAG V2.0"), ("ROS 1", "rosbags-convert")),
-    "rubbish in a db3": (lambda make, tmp: _written(tmp / "a.db3", b"rubbish" * 99), ("a.db3", "cannot be read")),
+    "cut bag of ROS 1": (
+        lambda make, tmp: _written(tmp / "a.bag", b"#ROSBAG V2.0"),
+        ("a.bag", "cannot be read", "idloop recover"),
+    ),
+    "rubbish in a db3": (lambda make, tmp: _written(tmp / "a.db3", b"rubbish" * 99), ("a.db3", "no db3 file")),
     "truncated mcap": (
         lambda make, tmp: _cut(make(np.arange(50_000) / 1000), 5_000_000),
         ("cut off", "messages", "idloop recover"),

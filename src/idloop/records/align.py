@@ -15,6 +15,7 @@ from idloop.records.bags.bag import Bag
 from idloop.records.bags.clock_runs import announced_runs, backwards_message, split_runs
 from idloop.records.bags.metadata import condition_units, signal_units
 from idloop.records.bags.read import read_streams
+from idloop.records.bags.storage.storage_files import bag_name
 from idloop.records.bags.stream import JointStream
 from idloop.records.bags.topics import (
     APPLIED_COMMAND,
@@ -170,7 +171,7 @@ def _read_runs(path: Path, model: ModelSignals, stamps: str, distro: str | None,
     for number in range(counts[command]):
         # A reference that was latched before the reset has fewer runs: its last one stays in force.
         part = {topic: parts[min(number, len(parts) - 1)] for topic, parts in runs.items()}
-        name = path.stem if counts[command] == 1 else f"{path.stem}[{number}]"
+        name = bag_name(path) if counts[command] == 1 else f"{bag_name(path)}[{number}]"
         record = _align(path, name, model, part, command, measured, extra)
         end_ns = int(record.absolute(record.time[-1:])[0])
         values, notes = conditions.read(part, units, record.start_ns, end_ns)

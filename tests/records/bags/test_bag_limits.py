@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sqlite3
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,9 @@ from idloop.records.bags.bag import Bag
 from idloop.records.bags.recover import recover_bag
 from idloop.records.bags.write import make_stream
 
-LONG = bytes(8 << 20)
+# A DiagnosticArray with a very long name of its frame.
+TYPE = "diagnostic_msgs/msg/DiagnosticArray"
+LONG = b"\x00\x01\x00\x00" + bytes(8) + (8 << 20).to_bytes(4, "little") + bytes((8 << 20) + 4)
 LAUGH = "[&x0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]" + "".join(
     f", &x{k} [{', '.join([f'*x{k - 1}'] * 10)}]" for k in range(1, 10)
 )
@@ -30,7 +33,8 @@ def chunk(path: Path, compression: CompressionType) -> Path:
     with path.open("wb") as file:
         writer = McapWriter(file, compression=compression, chunk_size=1 << 26)
         writer.start(profile="ros2", library="test")
-        schema = writer.register_schema("diagnostic_msgs/msg/DiagnosticArray", "ros2msg", b"string data")
+        text, _ = get_typestore(Stores.LATEST).generate_msgdef(TYPE, ros_version=2)
+        schema = writer.register_schema(TYPE, "ros2msg", text.encode())
         writer.add_message(writer.register_channel("/estimator/fit", "cdr", schema), 1, LONG, 1, 0)
         writer.finish()
     assert path.stat().st_size < 100_000
@@ -91,10 +95,19 @@ def test_a_compressed_recording_beyond_the_limit_is_one_line(mode: CompressionMo
 
 def test_qualities_of_service_that_expand_are_one_line(tmp_path: Path) -> None:
     stamps = np.arange(1, 21, dtype=np.int64) * 10_000_000
+    stream = make_stream("joint_command", stamps, {"axis": {"effort": np.ones(20)}})
+    bag = write_bag(tmp_path / "bag", [stream], storage="sqlite3")
+    with sqlite3.connect(next(bag.glob("*.db3"))) as base:
+        base.execute("UPDATE topics SET offered_qos_profiles = ?", (LAUGH + "]",))
+    base.close()
+    with pytest.raises(InputError, match=r"offered_qos_profiles|more than 200,000 values"):
+        messages(bag)
+
+
+def test_metadata_that_expand_are_one_line(tmp_path: Path) -> None:
+    stamps = np.arange(1, 21, dtype=np.int64) * 10_000_000
     bag = write_bag(tmp_path / "bag", [make_stream("joint_command", stamps, {"axis": {"effort": np.ones(20)}})])
     metadata = bag / "metadata.yaml"
-    text = metadata.read_text()
-    assert "offered_qos_profiles: []" in text
-    metadata.write_text(text.replace("offered_qos_profiles: []", f"offered_qos_profiles: '{LAUGH}]'"))
-    with pytest.raises(InputError, match="offered_qos_profiles: more than 200,000 values"):
+    metadata.write_text(metadata.read_text().replace("compression_mode: ''", f"compression_mode: {LAUGH}]"))
+    with pytest.raises(InputError, match="cannot be read as a bag"):
         messages(bag)

@@ -16,17 +16,18 @@ from idloop.output_files import probe_folder
 @click.argument("target", type=NEW_FOLDER, metavar="[NEW_BAG]", required=False)
 @json_option
 def command(bag: Path, target: Path | None, *, as_json: bool) -> None:
-    """Copy every readable message of the recording BAG (mcap or sqlite3) into NEW_BAG (default: BAG_recovered).
+    """Copy every readable message of the recording BAG into NEW_BAG (default: BAG_recovered).
 
-    For recordings whose recorder was killed or whose disk was full. BAG stays as it is.
+    For recordings whose recorder was killed or whose disk was full: mcap and sqlite3 of ROS 2, .bag of ROS 1, also
+    packed by zstd. NEW_BAG is read back before anything is said about it. BAG stays as it is.
     """
     from idloop.records.bags.recover import recover_bag
+    from idloop.records.bags.storage.storage_files import bag_name
 
-    place = target or probe_folder(bag.with_name(f"{bag.stem}_recovered"), "NEW_BAG", new=True, parents=True)
+    place = target or probe_folder(bag.with_name(f"{bag_name(bag)}_recovered"), "NEW_BAG", new=True, parents=True)
     result = recover_bag(bag, place)
     if as_json:
         print_json({"schema": "idloop/recover/1", **vars(result)})
         return
     print_table(["topic", "messages"], [(topic, str(count)) for topic, count in result.topics.items()])
-    state = f"{len(result.cut)} file(s) cut off or damaged" if result.cut else "the recording was whole"
-    click.echo(f"{result.bag}: {result.messages} messages over {result.duration:.6g} s; {state}")
+    click.echo(f"{result.bag}: {result.messages} messages over {result.duration:.6g} s; {result.state}")

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
-from idloop.records.bags.bag_limits import limit_bag_readers
+from idloop.records.bags.storage.bag_metadata import DISTROS, read_metadata
+from idloop.records.bags.storage.ros1_types import ros2_types
+from idloop.records.bags.storage.storage_file import StorageFile
+from idloop.records.bags.storage.storage_files import storage_files
 from idloop.records.bags.topics import Topic
 from idloop.spelling import did_you_mean, listed
 
@@ -19,22 +23,29 @@ if TYPE_CHECKING:
 
     from rosbags.typesys.store import Typestore
 
-DISTROS = ("humble", "iron", "jazzy", "kilted", "lyrical")
-_STORAGE = (".mcap", ".db3")
 _MAGIC = b"\x89MCAP0\r\n"
 
 
 class Bag:
-    """A bag open for reading: a rosbag2 directory, a directory without its metadata, or one mcap or db3 file.
+    """A bag open for reading: a folder of storage files, with or without its metadata, or one file, packed or not.
 
     Parameters
     ----------
     path : Path or str
-        Directory or file.
+        Folder or file: mcap and sqlite3 of ROS 2, ``.bag`` of ROS 1, each of them also packed by Zstandard.
     distro : str, optional
         ROS distribution that message types come from where the bag does not define them itself.
     definitions : mapping of str to str, optional
         Further message definitions, type name to text of the ``.msg`` file.
+
+    Attributes
+    ----------
+    custom : dict of str to str
+        Text stored with the metadata.
+    announced : dict of str to int
+        Messages of each topic according to the metadata; empty where the bag has none.
+    unknown_types : set of str
+        Types without a definition, known once `typestore` was read.
 
     Raises
     ------
@@ -48,58 +59,53 @@ class Bag:
         self.path = Path(path)
         self._distro = distro
         self._definitions = dict(definitions or {})
-        self._readers: list[Any] = []
+        self._files: list[StorageFile] = []
+        self._unpacked = TemporaryDirectory(prefix="idloop-")
         self._typestore: Typestore | None = None
         self.unknown_types: set[str] = set()
-        self.custom: dict[str, str] = {}
         if distro is not None and distro not in DISTROS:
             raise InputError(
                 f"unknown ROS distribution {distro!r}; known are {listed(DISTROS)}{did_you_mean(distro, DISTROS)}"
             )
-        for file in _files(self.path):
-            self._open(file)
-        if sum(topic.count for topic in self.topics.values()) == 0:
+        try:
+            metadata = read_metadata(self.path)
+            self.custom, self.announced, self._stated_distro = metadata.custom, metadata.counts, metadata.distro
+            for file in metadata.files or storage_files(self.path):
+                self._open(file)
+            self._check_counts()
+        except BaseException:
             self.close()
+            raise
+
+    def _open(self, file: Path) -> None:
+        try:
+            self._files.append(StorageFile(file, Path(self._unpacked.name)))
+        except InputError:
+            raise
+        except Exception as error:  # noqa: BLE001 - rosbags lets struct, YAML and SQLite errors of damaged files through
+            if file.suffix == ".mcap" and not _ends_well(file):
+                raise InputError(_truncation_message(self.path, file)) from None
+            reason = error.args[0] if error.args and type(error).__name__ == "ReaderError" else error
+            kind = "" if type(error).__name__ == "ReaderError" else f"{type(error).__name__}: "
+            raise InputError(
+                f"{file}: cannot be read as a bag ({kind}{one_line(reason)}); copy it again, or save what is left with"
+                f" `idloop recover {self.path}`"
+            ) from None
+
+    def _check_counts(self) -> None:
+        """Refuse a bag without messages, or without those of a topic that its metadata announce."""
+        counts = {name: topic.count for name, topic in self.topics.items()}
+        if not any(counts.values()):
             raise InputError(
                 f"{self.path}: the bag is empty (no messages); check that the recorder had subscribed, then"
                 " record again"
             )
-
-    def _open(self, file: Path) -> None:
-        from rosbags.rosbag2 import Reader, ReaderError
-
-        limit_bag_readers()
-        reader = Reader(file)
-        try:
-            reader.open()
-        except Exception as error:  # noqa: BLE001 - rosbags lets struct, YAML and SQLite errors of damaged files through
-            self.close()
-            cut = next(
-                (part for part in _storage_files(self.path) if part.suffix == ".mcap" and not _ends_well(part)), None
-            )
-            if cut is not None and not _begins_well(cut):
+        for topic, count in self.announced.items():
+            if count and not counts.get(topic):
                 raise InputError(
-                    f"{cut}: this is no mcap file (it does not begin with the magic bytes of one); name the recording,"
-                    " or give the file its proper suffix"
-                ) from None
-            if cut is not None:
-                raise InputError(_truncation_message(self.path, cut)) from None
-            reason = (
-                error.args[0] if isinstance(error, ReaderError) and error.args else f"{type(error).__name__}: {error}"
-            )
-            raise InputError(
-                f"{file}: cannot be read as a bag ({one_line(reason)}); check the copy of the file"
-            ) from None
-        self._readers.append(reader)
-        custom = getattr(reader.storage.metadata, "custom", None) or {}
-        whole = isinstance(custom, dict) and all(isinstance(one.msgcount, int) for one in reader.connections)
-        if not whole:
-            self.close()
-            raise InputError(
-                f"{file}: cannot be read as a bag (its metadata are damaged); copy it again, or save the messages with"
-                f" `idloop recover {file}`"
-            )
-        self.custom.update({str(key): str(value) for key, value in custom.items()})
+                    f"{self.path}: {topic} should have {count} messages and has none; the file is damaged, copy it"
+                    f" again, or save the rest with `idloop recover {self.path}`"
+                )
 
     def __enter__(self) -> Bag:  # noqa: PYI034 - Self needs Python 3.11
         return self
@@ -110,17 +116,18 @@ class Bag:
         self.close()
 
     def close(self) -> None:
-        """Close all files."""
-        for reader in self._readers:
-            reader.close()
-        self._readers.clear()
+        """Close all files, and remove what was unpacked."""
+        for file in self._files:
+            file.close()
+        self._files.clear()
+        self._unpacked.cleanup()
 
     @property
     def topics(self) -> dict[str, Topic]:
         """Topics by name, as recorded."""
         found: dict[str, Topic] = {}
-        for reader in self._readers:
-            for connection in reader.connections:
+        for file in self._files:
+            for connection in file.connections:
                 before = found.get(connection.topic)
                 count = connection.msgcount + (before.count if before else 0)
                 found[connection.topic] = Topic(connection.topic, connection.msgtype, count)
@@ -129,8 +136,8 @@ class Bag:
     def raw(self, topics: Collection[str]) -> dict[str, tuple[list[int], list[bytes]]]:
         """Return receive stamps in ns and serialised messages per topic, in the order of reception."""
         result: dict[str, tuple[list[int], list[bytes]]] = {topic: ([], []) for topic in topics}
-        for connection, receive, data in self._messages(topics):
-            stamps, payloads = result[connection.topic]
+        for topic, receive, data in self.messages(topics):
+            stamps, payloads = result[topic]
             stamps.append(receive)
             payloads.append(data)
         return result
@@ -138,19 +145,35 @@ class Bag:
     def receive_stamps(self, topics: Collection[str]) -> dict[str, NDArray[np.int64]]:
         """Return receive stamps in ns per topic without keeping the messages."""
         found: dict[str, list[int]] = {topic: [] for topic in topics}
-        for connection, receive, _ in self._messages(topics):
+        for _, connection, receive, _ in self._messages(topics):
             found[connection.topic].append(receive)
         return {topic: np.array(stamps, dtype=np.int64) for topic, stamps in found.items()}
 
-    def _messages(self, topics: Collection[str]) -> Iterator[tuple[Any, int, bytes]]:
+    def messages(self, topics: Collection[str]) -> Iterator[tuple[str, int, bytes]]:
+        """Yield topic, receive stamp in ns and message in CDR, in the order of reception; those of ROS 1 converted."""
+        for file, connection, receive, data in self._messages(topics):
+            yield connection.topic, receive, self._as_cdr(connection, data) if file.ros1 else data
+
+    def _messages(self, topics: Collection[str]) -> Iterator[tuple[StorageFile, Any, int, bytes]]:
         try:
-            for reader in self._readers:
-                if wanted := [connection for connection in reader.connections if connection.topic in topics]:
-                    yield from reader.messages(wanted)
+            for file in self._files:
+                if wanted := [connection for connection in file.connections if connection.topic in topics]:
+                    for connection, receive, data in file.messages(wanted):
+                        yield file, connection, receive, data
         except Exception as error:  # noqa: BLE001 - any parsing error means a damaged file
             raise InputError(
                 f"{self.path}: damaged inside ({one_line(error)}); copy it again, or save the rest with"
                 f" `idloop recover {self.path}`"
+            ) from None
+
+    def _as_cdr(self, connection: Any, data: bytes) -> bytes:
+        """Convert a message of ROS 1."""
+        try:
+            return bytes(self.typestore.ros1_to_cdr(data, connection.msgtype))
+        except Exception as error:  # noqa: BLE001 - the bytes may be anything
+            raise InputError(
+                f"{self.path}: a message on {connection.topic} is no {connection.msgtype} ({one_line(error)}); the file"
+                " is damaged, copy it again"
             ) from None
 
     @property
@@ -163,17 +186,17 @@ class Bag:
     def _build_typestore(self) -> Typestore:
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-        stated = next((str(reader.ros_distro) for reader in self._readers if reader.ros_distro in DISTROS), None)
-        base = get_typestore(Stores(f"ros2_{self._distro or stated or 'jazzy'}"))
+        base = get_typestore(Stores(f"ros2_{self._distro or self._stated_distro or 'jazzy'}"))
         types: dict[str, Any] = dict(base.fielddefs)
         for name, text in self._definitions.items():
             try:
                 types.update(get_types_from_msg(text, name))
             except Exception as error:  # noqa: BLE001 - any parsing error means a damaged file
                 raise InputError(f"definition of {name}: not a valid .msg text ({one_line(error)})") from None
-        for reader in self._readers:
-            for connection in reader.connections:
-                types.update(_own_types(connection))
+        for file in self._files:
+            for connection in file.connections:
+                own = _own_types(connection)
+                types.update(ros2_types(own) if file.ros1 else own)
         # A type that refers to an unknown one would make the whole store fail: leave such types out.
         while incomplete := [name for name, (_, fields) in types.items() if not _references(fields) <= types.keys()]:
             for name in incomplete:
@@ -190,6 +213,8 @@ def _own_types(connection: Any) -> dict[str, Any]:
     from rosbags.typesys import get_types_from_idl, get_types_from_msg
 
     definition = connection.msgdef
+    if not definition.data.strip():  # a recovered topic of unknown type
+        return {}
     try:
         if definition.format == MessageDefinitionFormat.MSG:
             return dict(get_types_from_msg(definition.data, connection.msgtype))
@@ -216,45 +241,8 @@ def _references(fields: Iterable[tuple[str, Any]]) -> set[str]:
     return {name for _, node in fields for name in names(node)}
 
 
-def _files(path: Path) -> list[Path]:
-    """Return what rosbags is to open: the directory with its metadata, or the storage files themselves."""
-    if not path.exists():
-        near = sorted(entry.name for entry in path.parent.iterdir()) if path.parent.is_dir() else []
-        raise InputError(f"{path}: no such bag{did_you_mean(path.name, near) or '; check the path'}")
-    if path.is_dir():
-        if (path / "metadata.yaml").exists():
-            return [path]
-        if storage := _storage_files(path):
-            return storage
-        raise InputError(
-            f"{path}: a directory without a bag in it (no metadata.yaml, .mcap or .db3); name the bag's own directory"
-        )
-    if path.suffix == ".bag":
-        raise InputError(
-            f"{path}: a ROS 1 bag; convert it first: rosbags-convert --src {path} --dst {path.with_suffix('')}"
-        )
-    if path.suffix not in _STORAGE:
-        raise InputError(
-            f"{path}: not a bag (.mcap, .db3 or a rosbag2 directory); tables come in through `idloop import`"
-        )
-    if path.stat().st_size == 0:
-        raise InputError(f"{path}: the file is empty (0 bytes); record again")
-    return [path]
-
-
-def _storage_files(path: Path) -> list[Path]:
-    if path.is_file():
-        return [path]
-    return sorted(file for file in path.iterdir() if file.suffix in _STORAGE)
-
-
-def _begins_well(path: Path) -> bool:
-    """Whether a file, as far as it goes, begins with the magic bytes of mcap."""
-    with path.open("rb") as stream:
-        return _MAGIC.startswith(stream.read(len(_MAGIC)))
-
-
 def _ends_well(path: Path) -> bool:
+    """Whether an mcap file is closed by its magic bytes."""
     with path.open("rb") as stream:
         stream.seek(0, 2)
         if stream.tell() < 45:
@@ -265,7 +253,7 @@ def _ends_well(path: Path) -> bool:
 
 def _truncation_message(bag: Path, file: Path) -> str:
     """Return how much of a cut mcap file can still be read, and how to save it."""
-    from idloop.records.bags.recover import mcap_messages
+    from idloop.records.bags.storage.readable_messages import mcap_messages
 
     stamps = [message.stamp_ns for message in mcap_messages(file) if message is not None]
     if not stamps:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import bz2
 import os
 from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
 from typing import Any, BinaryIO
 
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 # Bytes of an unpacked chunk or message; ros2 bag writes chunks of 0.8 MB, and messages of images are smaller.
 MOST_UNPACKED = 256 << 20
 # Further growth of a file that is unpacked as a whole, as a factor; messages of joints shrink to a tenth.
@@ -18,6 +20,7 @@ _MOST_GROWTH = 200
 def limit_bag_readers() -> None:
     """Make rosbags and mcap unpack and parse within limits, in this process and for good."""
     from mcap import stream_reader
+    from rosbags.rosbag1 import reader as ros1_reader
     from rosbags.rosbag2 import metadata, reader, storage_mcap
 
     from idloop.documents import LimitedYAML
@@ -35,8 +38,23 @@ def limit_bag_readers() -> None:
         _replace(module, "YAML", LimitedYAML)
     _replace(reader, "zstd", SimpleNamespace(decompress=unpack_zstd, open=open_zstd))
     storage_mcap.DECOMPRESSORS.update(lz4=unpack_lz4, zstd=unpack_zstd)
+    ros1_reader.decompressors.update(lz4=unpack_lz4, bz2=_limited(bz2.BZ2Decompressor))
     _replace(stream_reader, "zstandard", SimpleNamespace(decompress=unpack_zstd))
     _replace(stream_reader, "lz4", SimpleNamespace(decompress=unpack_lz4))
+
+
+def unpack_message(data: bytes) -> bytes:
+    """Return a message as it was published: one that the recorder packed says so in its first bytes, as no other does.
+
+    Raises
+    ------
+    Exception
+        Any, where it cannot be unpacked within the limit.
+    """
+    from rosbags.rosbag2 import reader
+
+    limit_bag_readers()
+    return vars(reader)["zstd"].decompress(data) if data[:4] == ZSTD_MAGIC else data
 
 
 def _replace(module: Any, name: str, value: Any) -> None:

@@ -215,7 +215,7 @@ def _matched_twins(second: Mask, stamp: Stamps, columns: list[Floats]) -> Mask:
     apart = [float(np.nanmedian(np.abs(column[twins + 1] - column[twins]))) for column in columns]
     values = columns[int(np.nanargmax(apart))] if np.isfinite(apart).any() else columns[0]
     known = np.nan_to_num(values)
-    result = second.copy()
+    result: Mask = second.copy()
     last = np.flatnonzero(~second[: twins[0] + 2])
     at = float(known[last[-1]]) if last.size else 0.0
     for row in twins.tolist():

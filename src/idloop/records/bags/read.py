@@ -114,7 +114,14 @@ def _decode_stream(bag: Bag, topic: Topic, receive_ns: NDArray[np.int64], payloa
             f"{bag.path}: a message on {topic.name} does not decode as {topic.type} ({one_line(error)}); the file is"
             " damaged, copy it again"
         ) from None
-    findings: tuple[Finding, ...] = ()
+    findings: list[Finding] = []
+    announced = bag.announced.get(topic.name, 0)
+    if len(payloads) < announced:
+        text = (
+            f"{topic.name}: {len(payloads)} of {announced} messages that the metadata announce are in the files; copy"
+            " the bag again"
+        )
+        findings.append(Finding("fewer_messages", text, announced - len(payloads), topic.name, "warning"))
     stamped = stamps is not None and bool(np.any(stamps))
     if not stamped:
         why = "the type has no header" if stamps is None else "all header stamps are zero"
@@ -122,7 +129,7 @@ def _decode_stream(bag: Bag, topic: Topic, receive_ns: NDArray[np.int64], payloa
             f"{topic.name}: the messages carry no stamps ({why}); receive times are used, which contain the delay and"
             " the jitter of the transport"
         )
-        findings = (Finding("receive_stamps", text, len(payloads), topic.name, "warning"),)
+        findings.append(Finding("receive_stamps", text, len(payloads), topic.name, "warning"))
     return JointStream(
         topic=topic.name,
         stamp_ns=stamps if stamped and stamps is not None else receive_ns,
@@ -133,5 +140,5 @@ def _decode_stream(bag: Bag, topic: Topic, receive_ns: NDArray[np.int64], payloa
         effort=effort,
         type=topic.type,
         stamped=stamped,
-        findings=findings,
+        findings=tuple(findings),
     )

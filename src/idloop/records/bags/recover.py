@@ -2,137 +2,29 @@
 
 from __future__ import annotations
 
+import shutil
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass
-from mmap import ACCESS_READ, mmap
+from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
 
 from idloop.errors import IdloopError, InputError
-from idloop.records.bags.bag_limits import limit_bag_readers
-from idloop.records.bags.sqlite_pages import SqlitePages
+from idloop.records.bags.bag import Bag, one_line
+from idloop.records.bags.storage.bag_metadata import BagMetadata, read_metadata
+from idloop.records.bags.storage.readable_messages import Channel, Message, readable_messages
+from idloop.records.bags.storage.storage_files import storage_files
 
-_SQLITE_MESSAGE = (type(None), int, int, bytes)  # id (it is the row's), topic, time, content
-
-
-@dataclass(frozen=True)
-class Channel:
-    """One topic of a recording.
-
-    Attributes
-    ----------
-    topic, message_type : str
-    definition, type_hash : str
-        Text of the message's definition and REP-2011 hash of the type; empty where the recording has none.
-    serialization : str
-        Usually ``cdr``.
-    """
-
-    topic: str
-    message_type: str
-    definition: str
-    type_hash: str
-    serialization: str
-
-
-@dataclass(frozen=True)
-class Message:
-    """One message: its topic, the time at which the recorder received it [ns], and its bytes."""
-
-    channel: Channel
-    stamp_ns: int
-    data: bytes
-
-
-def mcap_messages(file: Path) -> Iterator[Message | None]:
-    """Yield the messages of every complete chunk of an mcap file in its order, then None where the file was cut."""
-    from mcap import records
-    from mcap.stream_reader import StreamReader
-
-    limit_bag_readers()
-    schemas: dict[int, records.Schema] = {}
-    channels: dict[int, Channel] = {}
-    whole = False
-    with file.open("rb") as stream:
-        try:
-            for record in StreamReader(stream).records:
-                whole = whole or isinstance(record, records.Footer)
-                if isinstance(record, records.Schema):
-                    schemas[record.id] = record
-                elif isinstance(record, records.Channel):
-                    schema = schemas[record.schema_id]
-                    channels[record.id] = Channel(
-                        topic=record.topic,
-                        message_type=schema.name,
-                        definition=schema.data.decode(),
-                        type_hash=record.metadata.get("topic_type_hash", ""),
-                        serialization=record.message_encoding,
-                    )
-                elif isinstance(record, records.Message):
-                    yield Message(channels[record.channel_id], record.log_time, record.data)
-        except Exception:  # noqa: BLE001 - the cut may fall anywhere, so any parsing error marks the end
-            whole = False
-    if not whole:
-        yield None
-
-
-def sqlite_messages(file: Path) -> Iterator[Message | None]:
-    """Yield every whole message of a rosbag2 SQLite file in the order of recording, then None where the file was cut.
-
-    In a cut file the tree of a table refers to pages behind the cut, so all pages that are left are searched.
-    """
-    whole = False
-    try:
-        with file.open("rb") as stream, mmap(stream.fileno(), 0, access=ACCESS_READ) as data:
-            pages = SqlitePages(data)
-            whole = pages.whole
-            channels = _sqlite_channels(pages)
-            found: dict[int, int] = {}
-            for number in pages.leaves():
-                for row, values in pages.leaf(number):
-                    if tuple(map(type, values)) == _SQLITE_MESSAGE and values[1] in channels:
-                        found.setdefault(row, number)
-            # Pages are read again in the order of recording, so that memory holds the content of one at a time.
-            at, rows = 0, {}
-            for row in sorted(found):
-                if found[row] != at:
-                    at = found[row]
-                    rows = dict(pages.leaf(at))
-                _, topic, stamp, content = rows[row]
-                yield Message(channels[topic], stamp, content)
-    except ValueError:  # an empty file, or no SQLite file
-        whole = False
-    if not whole:
-        yield None
-
-
-def _sqlite_channels(pages: SqlitePages) -> dict[int, Channel]:
-    """Topics by their number, with the definitions of their messages where the recorder wrote them."""
-    definitions = {
-        row["topic_type"]: row["encoded_message_definition"]
-        for _, row in pages.named_rows("message_definitions")
-        if row.get("encoding") == "ros2msg" and {"topic_type", "encoded_message_definition"} <= row.keys()
-    }
-    return {
-        number: Channel(
-            topic=row["name"],
-            message_type=row["type"],
-            definition=definitions.get(row["type"], ""),
-            type_hash=row.get("type_description_hash") or "",
-            serialization=row["serialization_format"],
-        )
-        for number, row in pages.named_rows("topics")
-        if all(isinstance(row.get(key), str) for key in ("name", "type", "serialization_format"))
-    }
-
-
-_READERS = {".mcap": mcap_messages, ".db3": sqlite_messages}
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
 
 
 @dataclass(frozen=True)
 class Recovered:
-    """Result of a recovery.
+    """Result of a recovery: what was written, and read back.
 
     Attributes
     ----------
@@ -145,95 +37,170 @@ class Recovered:
     topics : dict of str to int
         Messages saved, by topic.
     cut : tuple of Path
-        Files that are cut off, or in which a time is damaged.
+        Files that are cut off, or in which something is damaged.
+    left_out : dict of str to int
+        Messages whose content does not fit their type, by topic; they were not saved.
+    missing : dict of str to int
+        Messages that the metadata announce and the files do not hold, by topic.
+    unchecked : tuple of str
+        Topics whose type neither the recording nor ROS describes: saved as they are.
     """
 
     bag: Path
     messages: int
     duration: float
     topics: dict[str, int]
-    cut: tuple[Path, ...]
+    cut: tuple[Path, ...] = ()
+    left_out: dict[str, int] = field(default_factory=dict)
+    missing: dict[str, int] = field(default_factory=dict)
+    unchecked: tuple[str, ...] = ()
 
-
-def _number(file: Path) -> tuple[int, str]:
-    """Order of the files of a bag: name_10 comes after name_9."""
-    number = file.stem.rpartition("_")[2]
-    return (int(number) if number.isascii() and number.isdigit() else -1), file.name
-
-
-def _files(bag: Path) -> list[Path]:
-    if not bag.exists():
-        raise InputError(f"{bag}: no such bag; check the path")
-    files = [bag] if bag.is_file() else sorted((one for one in bag.iterdir() if one.suffix in _READERS), key=_number)
-    if not files or files[0].suffix not in _READERS:
-        raise InputError(f"{bag}: no recording; give a folder with .mcap or .db3 files, or such a file")
-    return files
+    @property
+    def state(self) -> str:
+        """What is known of the old recording and of the new one, in a few words."""
+        parts = []
+        if self.cut:
+            parts.append(f"{len(self.cut)} file(s) cut off or damaged")
+        if self.left_out:
+            parts.append(f"{sum(self.left_out.values())} damaged message(s) left out")
+        if self.missing:
+            parts.append(f"{sum(self.missing.values())} message(s) that the metadata announce are not there")
+        if not parts:
+            parts.append("the recording was whole")
+        checked = "all of them read back"
+        if self.unchecked:
+            checked += f", without their content on {len(self.unchecked)} topic(s) of unknown type"
+        return "; ".join([*parts, checked])
 
 
 def recover_bag(bag: Path, target: Path) -> Recovered:
-    """Copy every readable message of a recording into a new mcap bag; the old one stays as it is.
+    """Copy every readable message of a recording into a new mcap bag and read it back; the old one stays as it is.
 
     Parameters
     ----------
     bag : Path
-        Folder, ``.mcap`` or ``.db3`` file, whole or cut off.
+        Folder or file, whole or cut off, packed or not, of ROS 2 or ROS 1.
     target : Path
-        Folder to create.
+        Folder to create; removed again where it cannot be read.
 
     Raises
     ------
     InputError
         No such bag, no recording, or `target` exists.
     IdloopError
-        No message can be read.
+        No message can be read, or the new bag cannot be read.
     """
-    from rosbags.rosbag2 import StoragePlugin, Writer
-    from rosbags.typesys import Stores, get_typestore
-
-    files = _files(bag)
+    files = storage_files(bag)
     if target.exists():
         raise InputError(f"{target}: exists already and is not overwritten; name another folder")
+    copy = _Copy(target)
+    try:
+        with TemporaryDirectory(prefix="idloop-") as folder:
+            copy.write(_in_order(files, Path(folder)))
+        _read_back(bag, target, copy)
+    except BaseException:
+        shutil.rmtree(target, ignore_errors=True)
+        raise
+    return Recovered(
+        bag=target,
+        messages=copy.topics.total(),
+        duration=max(copy.last - copy.first, 0) * 1e-9,
+        topics=dict(sorted(copy.topics.items())),
+        cut=tuple(copy.cut),
+        left_out=dict(copy.left_out),
+        missing=_missing(bag, copy),
+        unchecked=tuple(sorted({topic for topic, kind in copy.connections if copy.stores[topic, kind] is None})),
+    )
 
-    store = get_typestore(Stores.LATEST)
-    topics: dict[str, int] = {}
-    cut: dict[Path, None] = {}
-    connections: dict[tuple[str, str], Any] = {}
-    first, last = 2**63 - 1, 0
-    with ExitStack() as stack:
-        writer = None
-        for file in files:
-            for message in _READERS[file.suffix](file):
+
+def _in_order(files: list[Path], folder: Path) -> Iterator[tuple[Path, Message | None]]:
+    for file in files:
+        try:
+            for message in readable_messages(file, folder):
+                yield file, message
+        except InputError:  # empty, or not to be unpacked at all: the other files may be better
+            yield file, None
+
+
+class _Copy:
+    """The new bag while it is written."""
+
+    def __init__(self, target: Path) -> None:
+        self.target = target
+        self.topics: Counter[str] = Counter()
+        self.left_out: Counter[str] = Counter()
+        self.cut: dict[Path, None] = {}
+        self.connections: dict[tuple[str, str], Any] = {}
+        self.stores: dict[tuple[str, str], Typestore | None] = {}  # None where the type is unknown
+        self.first, self.last = 2**63 - 1, 0
+
+    def write(self, messages: Iterator[tuple[Path, Message | None]]) -> None:
+        """Write all of them; the bag is created with the first, so that no empty one is left behind."""
+        from rosbags.rosbag2 import StoragePlugin, Writer
+
+        with ExitStack() as stack:
+            writer = None
+            for file, message in messages:
                 if message is None:
-                    cut[file] = None
+                    self.cut[file] = None
                     continue
-                if writer is None:  # created with the first message, so that no empty bag is left behind
-                    writer = stack.enter_context(Writer(target, version=9, storage_plugin=StoragePlugin.MCAP))
                 channel = message.channel
                 key = (channel.topic, channel.message_type)
-                if key not in connections:
-                    connections[key] = _connect(writer, store, channel)
+                if key not in self.stores:
+                    self.stores[key] = _typestore(channel.message_type, channel.definition)
+                if not _decodes(self.stores[key], message):
+                    self.cut[file] = None
+                    self.left_out[channel.topic] += 1
+                    continue
+                if writer is None:
+                    writer = stack.enter_context(Writer(self.target, version=9, storage_plugin=StoragePlugin.MCAP))
+                if key not in self.connections:
+                    self.connections[key] = _connect(writer, channel, self.stores[key])
                 if 0 <= message.stamp_ns < 2**63:
-                    first, last = min(first, message.stamp_ns), max(last, message.stamp_ns)
                     stamp = message.stamp_ns
+                    self.first, self.last = min(self.first, stamp), max(self.last, stamp)
                 else:  # the time is damaged, the message is kept
-                    cut[file] = None
-                    stamp = last
-                writer.write(connections[key], stamp, message.data)
-                topics[channel.topic] = topics.get(channel.topic, 0) + 1
-    if writer is None:
-        raise IdloopError(f"{bag}: no message in it can be read; record again")
-    duration = max(last - first, 0) * 1e-9
-    return Recovered(target, sum(topics.values()), duration, dict(sorted(topics.items())), tuple(cut))
+                    self.cut[file] = None
+                    stamp = self.last
+                writer.write(self.connections[key], stamp, message.data)
+                self.topics[channel.topic] += 1
 
 
-def _connect(writer: Any, store: Any, channel: Channel) -> Any:
+@lru_cache(maxsize=64)
+def _typestore(message_type: str, definition: str) -> Typestore | None:
+    """Types that the recording defines, over those of ROS; None where neither describes this one."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    known = get_typestore(Stores.LATEST)
+    if not definition:
+        return known if message_type in known.fielddefs else None
+    try:
+        store = get_typestore(Stores.EMPTY)
+        store.register({**known.fielddefs, **get_types_from_msg(definition, message_type)})
+        store.get_msgdef(message_type)
+    except Exception:  # noqa: BLE001 - the text may be anything
+        return known if message_type in known.fielddefs else None
+    return store
+
+
+def _decodes(store: Typestore | None, message: Message) -> bool:
+    """Whether the content fits the type; True where the type is unknown."""
+    if store is None:
+        return True
+    try:
+        store.deserialize_cdr(message.data, message.channel.message_type)
+    except Exception:  # noqa: BLE001 - the bytes may be anything
+        return False
+    return True
+
+
+def _connect(writer: Any, channel: Channel, store: Typestore | None) -> Any:
     """Add a topic to the new bag; a type that neither the recording nor ROS describes is kept by its name."""
-    known = channel.message_type in store.types
     definition, type_hash = channel.definition, channel.type_hash
-    if known and not definition:
+    if store is not None and not definition:
         definition, _ = store.generate_msgdef(channel.message_type, ros_version=2)
     if not type_hash:
-        type_hash = store.hash_rihs01(channel.message_type) if known else "RIHS01_" + 64 * "0"
+        type_hash = "RIHS01_" + 64 * "0" if store is None else store.hash_rihs01(channel.message_type)
     return writer.add_connection(
         channel.topic,
         channel.message_type,
@@ -241,3 +208,42 @@ def _connect(writer: Any, store: Any, channel: Channel) -> Any:
         rihs01=type_hash,
         serialization_format=channel.serialization,
     )
+
+
+def _read_back(bag: Path, target: Path, copy: _Copy) -> None:
+    """Open the new bag as any reader does, decode every message, and compare the counts.
+
+    Raises
+    ------
+    IdloopError
+        There is none, it cannot be read, or it holds something else than was written.
+    """
+    if not copy.topics:
+        raise IdloopError(f"{bag}: no message in it can be read; record again")
+    found: Counter[str] = Counter()
+    try:
+        with Bag(target) as written:
+            types = {name: topic.type for name, topic in written.topics.items()}
+            known = written.typestore.fielddefs
+            for topic, _, data in written.messages(types):
+                if types[topic] in known:
+                    written.typestore.deserialize_cdr(data, types[topic])
+                found[topic] += 1
+    except Exception as error:  # noqa: BLE001 - rosbags lets many kinds of errors through
+        raise IdloopError(
+            f"{bag}: what could be read of it makes no bag that can be read ({one_line(error)}); nothing is left in"
+            f" {target}"
+        ) from None
+    if found != copy.topics:
+        text = ", ".join(f"{topic}: {found[topic]} of {count}" for topic, count in copy.topics.items())
+        raise IdloopError(f"{bag}: the new bag holds less than was written ({text}); nothing is left in {target}")
+
+
+def _missing(bag: Path, copy: _Copy) -> dict[str, int]:
+    """Messages that the metadata of the old bag announce beyond those that were found, by topic."""
+    try:
+        metadata = read_metadata(bag)
+    except InputError:  # damaged: they announce nothing
+        metadata = BagMetadata()
+    seen = copy.topics + copy.left_out
+    return {topic: count - seen[topic] for topic, count in metadata.counts.items() if count > seen[topic]}

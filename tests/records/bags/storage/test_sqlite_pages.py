@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idloop.records.bags.sqlite_pages import SqlitePages
+from idloop.records.bags.storage.sqlite_pages import SqlitePages
 
 VALUES = st.one_of(
     st.none(),

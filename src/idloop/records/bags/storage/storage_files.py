@@ -1,0 +1,108 @@
+"""The files of a bag: which they are, in which order, in which format, and what the bag is called."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Literal
+
+from idloop.errors import InputError
+from idloop.records.bags.bag_limits import ZSTD_MAGIC
+from idloop.spelling import did_you_mean
+
+Format = Literal["mcap", "sqlite3", "ros1", "zstd"]
+
+SUFFIXES = (".mcap", ".db3", ".bag")
+PACKED = (".zstd", ".zst")
+METADATA = "metadata.yaml"
+_MAGIC: dict[Format, bytes] = {
+    "mcap": b"\x89MCAP0\r\n",
+    "sqlite3": b"SQLite format 3\x00",
+    "ros1": b"#ROSBAG V",
+    "zstd": ZSTD_MAGIC,
+}
+_FORMAT_OF_SUFFIX: dict[str, Format] = {".mcap": "mcap", ".db3": "sqlite3", ".bag": "ros1"}
+
+
+def bag_name(path: Path | str) -> str:
+    """Return the name of a bag: that of its folder, or of its file without the suffixes of a recording.
+
+    A dot in the name stays: ``run_0.5`` is no file of the type ``5``.
+    """
+    name = Path(path).resolve().name
+    for suffix in (*PACKED, *SUFFIXES):
+        name = name.removesuffix(suffix) or name
+    return name
+
+
+def is_bag(path: Path | str) -> bool:
+    """Whether a path looks like a bag: a folder, or a file whose name ends as a recording does."""
+    path = Path(path)
+    return path.is_dir() or storage_suffix(path) is not None
+
+
+def storage_suffix(path: Path) -> str | None:
+    """Return ``.mcap``, ``.db3`` or ``.bag`` of a file, also of a packed one; None for files of other types."""
+    name = path.name
+    for packed in PACKED:
+        name = name.removesuffix(packed)
+    return next((suffix for suffix in SUFFIXES if name.endswith(suffix)), None)
+
+
+def storage_files(path: Path) -> list[Path]:
+    """Return the files of a bag in the order of recording, without regard to its metadata.
+
+    Raises
+    ------
+    InputError
+        No such bag, a folder without a recording, or a file that is none.
+    """
+    if not path.exists():
+        near = sorted(entry.name for entry in path.parent.iterdir()) if path.parent.is_dir() else []
+        raise InputError(f"{path}: no such bag{did_you_mean(path.name, near) or '; check the path'}")
+    if path.is_dir():
+        files = sorted((one for one in path.iterdir() if one.is_file() and storage_suffix(one)), key=_number)
+        if not files:
+            raise InputError(
+                f"{path}: a directory without a bag in it (no {METADATA}, .mcap, .db3 or .bag); name the bag's own"
+                " directory"
+            )
+        return files
+    if storage_suffix(path) is None and file_format(path) is None:
+        raise InputError(
+            f"{path}: not a bag (.mcap, .db3, .bag or a rosbag2 directory); tables come in through `idloop import`"
+        )
+    return [path]
+
+
+def file_format(path: Path) -> Format | None:
+    """Return the format by the first bytes of a file; by its name where it is cut off within them.
+
+    Raises
+    ------
+    InputError
+        The file is empty, cannot be read, or its name promises another format.
+    """
+    try:
+        with path.open("rb") as file:
+            begin = file.read(16)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    promised = _FORMAT_OF_SUFFIX.get(path.suffix)
+    if not begin and storage_suffix(path):
+        raise InputError(f"{path}: the file is empty (0 bytes); record again")
+    for found, magic in _MAGIC.items():
+        if begin.startswith(magic) or (promised == found and magic.startswith(begin)):
+            return found
+    if promised is not None:
+        raise InputError(
+            f"{path}: this is no {path.suffix[1:]} file (it does not begin with the magic bytes of one); name the"
+            " recording, or give the file its proper suffix"
+        )
+    return None
+
+
+def _number(file: Path) -> tuple[int, str]:
+    """Order of the files of a bag: name_10 comes after name_9."""
+    number = re.search(r"_(\d{1,18})$", bag_name(file), flags=re.ASCII)
+    return (int(number[1]) if number else -1), file.name
