@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from idloop.api.fit import Fit
     from idloop.physics import Model
+    from idloop.records import Record
     from idloop.records.inspection.inspection import Inspection
     from idloop.records.recognition.guess import Given
     from idloop.records.recognition.recognise import Recognition
@@ -47,14 +48,14 @@ class Log:
         return self.recognitions[0]
 
     @property
-    def runs(self) -> dict[str, tuple[Path, dict[str, int]]]:
-        """Source and rows of each record by its name."""
+    def runs(self) -> dict[str, tuple[Path, dict[str, Any]]]:
+        """Source of each record by its name, and what it is of the source, as a part of a mapping."""
         found = {}
         sources = (_folder_of(self),) if self.joined else self.files
         for source, one in zip(sources, self.recognitions, strict=True):
             name = _plain_name(source)
-            for piece, rows in one.runs.items():
-                found[f"{name}_{piece}" if piece else name] = source, rows
+            for piece, window in one.runs.items():
+                found[f"{name}_{_plain(piece)}" if piece else name] = source, window
         if len(found) < sum(len(one.runs) for one in self.recognitions):
             raise InputError("two files have the same name; rename one, so that their bags can have theirs")
         return found
@@ -100,6 +101,13 @@ class Start(Result):
     inspections: tuple[Inspection, ...]
     fit: Fit | None
     not_fitted: str = ""
+
+    @property
+    def records(self) -> list[Record]:
+        """The records of the bags, as the model reads them."""
+        from idloop.api.data import read_bags
+
+        return read_bags(self.bags, self.model)
 
     @property
     def commands(self) -> list[str]:
@@ -296,9 +304,8 @@ def begin(
     folder = probe_folder(Path(output) if output is not None else Path(name), "--output", new=True, parents=True)
     names = tuple(str(one.relative_to(_folder_of(log))) for one in log.files) if log.joined else ()
     mapping = mapping_of(log.recognition, name, joint, files=names)
-    cut = {run: {"rows": rows} for run, (_, rows) in log.runs.items() if rows}
-    if cut:
-        mapping["parts"] = {run: cut.get(run, {}) for run in log.runs}
+    if cut := any(window for _, window in log.runs.values()):
+        mapping["parts"] = {run: window for run, (_, window) in log.runs.items()}
     if csv:
         mapping.setdefault("csv", {}).update(csv)
     folder.mkdir(parents=True)
@@ -382,8 +389,11 @@ def _folder_of(log: Log) -> Path:
 
 def _plain_name(path: Path) -> str:
     """Name of a file without its suffix, of characters that every file system and ROS takes."""
-    stem = path.stem or path.name
-    return "".join(letter if letter.isalnum() or letter in "-_." else "_" for letter in stem).strip(".") or "log"
+    return _plain(path.stem or path.name) or "log"
+
+
+def _plain(text: str) -> str:
+    return "".join(letter if letter.isalnum() or letter in "-_." else "_" for letter in text).strip(".")
 
 
 def _time_unit(found: Recognition) -> str:

@@ -11,7 +11,7 @@ import pytest
 from idloop.errors import InputError
 from idloop.records.recognition.guess import Given
 from idloop.records.recognition.recognise import recognise_table
-from idloop.records.tables.table_files import Table
+from idloop.records.tables.table import Table
 
 T = np.arange(3000) * 0.005
 U = np.sign(np.sin(3.0 * T)) * (1.0 + (T % 5.0 > 2.5))

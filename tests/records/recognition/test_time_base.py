@@ -9,7 +9,8 @@ from idloop.errors import InputError
 from idloop.records.recognition.guess import Given
 from idloop.records.recognition.recognise import numbers_of
 from idloop.records.recognition.time_base import find_time_base
-from idloop.records.tables.table_files import Table, read_table
+from idloop.records.tables.table import Table
+from idloop.records.tables.table_files import read_table
 
 K = np.arange(200.0)
 

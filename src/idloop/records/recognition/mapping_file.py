@@ -11,7 +11,7 @@ from ruamel.yaml.comments import CommentedMap
 from idloop.records.recognition.guess import Guess
 from idloop.records.recognition.recognise import MOTION, Recognition
 from idloop.records.tables.mapping import SCHEMA, Time
-from idloop.records.tables.table_files import Table
+from idloop.records.tables.table import Table
 
 _CONDITIONS = ("temperature", "supply")
 

@@ -23,7 +23,7 @@ from idloop.records.tables.base_units import base_unit, known_unit
 from idloop.records.tables.csv_layout import is_number
 from idloop.records.tables.expression import Expression
 from idloop.records.tables.mapping import Time
-from idloop.records.tables.table_files import Table
+from idloop.records.tables.table import Table
 from idloop.spelling import did_you_mean, listed
 
 Floats = NDArray[np.float64]
@@ -80,11 +80,14 @@ class Recognition:
         return next((one for one in self.guesses if one.role == role), None)
 
     @property
-    def runs(self) -> dict[str, dict[str, int]]:
-        """Rows of each record, by its name; the whole table has neither."""
+    def runs(self) -> dict[str, dict[str, Any]]:
+        """What each record is of the table, as a part of a mapping, by its name; the whole table has neither."""
+        if self.table.parts:
+            windows = self.table.parts.items()
+            return {name: {"times": {"start": start, "stop": stop}} for name, (start, stop) in windows}
         if len(self.rows) <= 1 and (not self.rows or self.rows[0] == slice(0, self.base.seconds.size)):
             return {"": {}}
-        return {f"run{k}": {"start": one.start, "stop": one.stop} for k, one in enumerate(self.rows, 1)}
+        return {f"run{k}": {"rows": {"start": one.start, "stop": one.stop}} for k, one in enumerate(self.rows, 1)}
 
     @property
     def linear(self) -> bool:
@@ -574,6 +577,8 @@ def _unrelated(base: TimeBase, chosen: dict[str, Guess], *, linear: bool) -> Tim
 
 def _reference_units(chosen: dict[str, Guess]) -> None:
     """A set-point has the unit of what it is set for."""
+    if "position" not in chosen and "reference" in chosen and "reference velocity" not in chosen:
+        chosen["reference velocity"] = replace(chosen.pop("reference"), role="reference velocity")
     for role, motion in (("reference", "position"), ("reference velocity", "velocity")):
         one, other = chosen.get(role), chosen.get(motion)
         if one is None or (one.unit and one.unit != "counts"):

@@ -37,16 +37,17 @@ _MEASURED = {
 _FORCES = {
     "u", "voltage", "volt", "volts", "pwm", "duty", "dutycycle", "throttle", "effort", "torque", "tau", "force",
     "current", "i", "iq", "spannung", "strom", "moment", "drehmoment", "kraft", "stellgroesse", "stellgröße", "input",
+    "output", "out", "pid", "tension", "corriente", "courant", "corrente", "couple",
     "drive", "load", "motorpwm", "esc", "power", "signal", "servo", "pulse", "pulsewidth",
 }  # fmt: skip
 _POSITIONS = {
     "position", "pos", "angle", "theta", "q", "phi", "enc", "encoder", "count", "counts", "ticks", "tick", "inc",
-    "winkel", "lage", "weg", "x", "y", "alpha", "beta", "rot", "rotation", "rotations", "deg", "degrees", "rad",
-    "turns", "displacement", "distance", "stroke", "pose", "z",
+    "winkel", "lage", "weg", "posicion", "posizione", "angulo", "angolo", "x", "y", "alpha",
+    "beta", "rot", "rotation", "rotations", "deg", "degrees", "rad", "turns", "displacement", "distance", "stroke", "pose", "z",
 }  # fmt: skip
 _VELOCITIES = {
     "velocity", "vel", "speed", "omega", "w", "qd", "dq", "rpm", "rps", "drehzahl", "geschwindigkeit", "qdot",
-    "thetadot", "dtheta", "angvel", "v", "n", "tacho", "tachometer",
+    "velocidad", "vitesse", "velocita", "thetadot", "dtheta", "angvel", "v", "n", "tacho", "tachometer",
 }  # fmt: skip
 _RATES = {"dot", "rate", "derivative"}
 _OTHER = {

@@ -17,7 +17,7 @@ from idloop.records.recognition.guess import Given
 from idloop.records.recognition.roles import role_by_name
 from idloop.records.tables.base_units import TIME_UNITS, known_unit
 from idloop.records.tables.mapping import Time
-from idloop.records.tables.table_files import Table
+from idloop.records.tables.table import Table
 
 Floats = NDArray[np.float64]
 

@@ -153,8 +153,10 @@ def _table(source: Path, mapping: Mapping, signals: Signals) -> Table:
     """Return the table of a file, or of the files of a folder that the mapping joins."""
     rows = slice(signals.rows.start, signals.rows.stop)
     options = {**mapping.csv.model_dump(), "entries": mapping.entries, "rows": rows}
+    # Who says how a text is laid out means a text.
+    kind = mapping.format or ("csv" if mapping.csv.model_fields_set else None)
     if not mapping.files:
-        return read_table(source, mapping.format, options)
+        return read_table(source, kind, options)
     if not source.is_dir():
         raise InputError(
             f"{source}: mapping {mapping.name} joins {listed(mapping.files)}; give the folder that holds them"
@@ -162,7 +164,7 @@ def _table(source: Path, mapping: Mapping, signals: Signals) -> Table:
     for name in mapping.files:
         if not (source / name).resolve().is_relative_to(source.resolve()):
             raise InputError(f"mapping {mapping.name}: files: {name!r} lies outside of {source}")
-    return joined_tables(source, [read_table(source / name, mapping.format, options) for name in mapping.files])
+    return joined_tables(source, [read_table(source / name, kind, options) for name in mapping.files])
 
 
 def _check(source: Path, signals: list[Signal]) -> None:
