@@ -12,13 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.errors import InputError
 from idloop.physics.conditions import Condition
 from idloop.physics.model import ConditionSource
 from idloop.records.bags.stream import JointStream
 from idloop.records.bags.topics import topics_named
 from idloop.records.finding import Finding
-from idloop.spelling import did_you_mean, listed
 
 TOPIC, FIELD = "conditions", "position"
 
@@ -72,7 +70,7 @@ class ConditionSources:
         found, findings = [], []
         for signal, topic in sources:
             stream = streams[topic]
-            value = bag_column(stream, signal.joint, signal.field) * signal.scale + signal.offset
+            value = stream.number(signal.joint, signal.field) * signal.scale + signal.offset
             finite = np.isfinite(value)
             stamp, first = np.unique(stream.stamp_ns[finite], return_index=True)
             if not stamp.size:
@@ -84,36 +82,6 @@ class ConditionSources:
                 continue
             found.append(Condition(signal.name, signal.unit, (stamp - start_ns) / 1e9, value[finite][first]))
         return tuple(found), findings
-
-
-def bag_column(stream: JointStream, joint: str, field: str) -> NDArray[np.float64]:
-    """Return a number of each message: of a JointState a joint's field, of other types by its path.
-
-    Parameters
-    ----------
-    stream : JointStream
-    joint : str
-        The only one when empty.
-    field : str
-        ``position`` of a JointState, and the only number of other types, when empty.
-
-    Raises
-    ------
-    InputError
-        No such joint or field.
-    """
-    if stream.is_joint_state:
-        return stream.column(joint or (stream.names[0] if len(stream.names) == 1 else ""), field or "position")
-    if not field and len(stream.names) == 1:
-        return stream.position[:, 0]
-    bare = field.removeprefix("data").strip("[]")
-    for name in (field, bare, bare or "0"):
-        if name in stream.names:
-            return stream.position[:, stream.names.index(name)]
-    raise InputError(
-        f"{stream.topic}: no field {field!r} ({stream.type}); it has"
-        f" {listed(stream.names)}{did_you_mean(field, stream.names)}"
-    )
 
 
 def conditions_columns(

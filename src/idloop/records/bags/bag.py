@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
+from idloop.records.bags.known_types import FORMS, form_of
 from idloop.records.bags.storage.bag_metadata import DISTROS, read_metadata
 from idloop.records.bags.storage.ros1_types import ros2_types
 from idloop.records.bags.storage.storage_file import StorageFile
@@ -166,6 +167,9 @@ class Bag:
                 f" `idloop recover {self.path}`"
             ) from None
 
+    def _first_message(self, topic: str) -> bytes | None:
+        return next((data for _, _, _, data in self._messages([topic])), None)
+
     def _as_cdr(self, connection: Any, data: bytes) -> bytes:
         """Convert a message of ROS 1."""
         try:
@@ -197,6 +201,9 @@ class Bag:
             for connection in file.connections:
                 own = _own_types(connection)
                 types.update(ros2_types(own) if file.ros1 else own)
+        for topic in self.topics.values():
+            if topic.type not in types and topic.type in FORMS:
+                types.update(form_of(topic.type, types, self._first_message(topic.name)))
         # A type that refers to an unknown one would make the whole store fail: leave such types out.
         while incomplete := [name for name, (_, fields) in types.items() if not _references(fields) <= types.keys()]:
             for name in incomplete:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
@@ -9,80 +11,164 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
     from rosbags.typesys.store import Typestore
 
 _NUMBERS = {"float32", "float64", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64", "bool"}
 _BYTES = {"uint8", "int8", "byte", "char", "octet", "bool"}
-_SKIPPED = {"std_msgs/msg/Header", "builtin_interfaces/msg/Time", "std_msgs/msg/MultiArrayLayout"}
+_SKIPPED = {
+    "std_msgs/msg/Header",
+    "builtin_interfaces/msg/Time",
+    "builtin_interfaces/msg/Duration",
+    "std_msgs/msg/MultiArrayLayout",
+}
 _LONGEST = 64  # longer arrays are images, scans or maps, not signals of an axis
 
+Kinds = Mapping[str, Any]
 
-def carries_signals(fields: Mapping[str, Any], name: str) -> bool:
+
+@dataclass(frozen=True)
+class _Part:
+    """One part of a type.
+
+    `kind` is number, numbers (an array), names (an array of texts), text, named (a sequence of messages, each with
+    names and numbers of its own), or bulk (anything else of any length); `inner` are the names and numbers of `named`.
+    """
+
+    path: str
+    kind: str
+    inner: tuple[str, str] = ("", "")
+
+
+def carries_signals(fields: Kinds, name: str) -> bool:
     """Whether a type, by its definition, holds numbers of an axis rather than images, maps or text."""
-    kinds = {kind for _, kind in _leaves(fields, name)}
+    parts = list(_parts(fields, name))
+    kinds = {part.kind for part in parts}
+    if "named" in kinds or ("numbers" in kinds and any(part.kind == "names" for part in parts)):
+        return True
     return bool(kinds & {"number", "numbers"}) and "bulk" not in kinds
 
 
-def _leaves(fields: Mapping[str, Any], name: str, prefix: str = "") -> Iterator[tuple[str, str]]:
-    """Yield path and kind of the parts of a type: number, numbers (an array), text, or bulk (of any length)."""
+def _parts(fields: Kinds, name: str, prefix: str = "") -> Iterator[_Part]:
     from rosbags.interfaces import Nodetype
 
-    for field, (node, args) in fields[name][1]:
-        path = prefix + field
+    for own, (node, args) in fields[name][1]:
+        path = prefix + own
         if node == Nodetype.BASE:
-            yield path, "number" if args[0] in _NUMBERS else "text"
+            yield _Part(path, "number" if args[0] in _NUMBERS else "text")
         elif node == Nodetype.NAME:
-            yield from () if args in _SKIPPED else _leaves(fields, args, path + ".")
+            yield from () if args in _SKIPPED else _parts(fields, args, path + ".")
         else:
             item_node, item = args[0]
-            if item_node != Nodetype.BASE or (node == Nodetype.SEQUENCE and item[0] in _BYTES):
-                yield path, "bulk"
+            if item_node == Nodetype.NAME:
+                yield _named(fields, item, path)
+            elif node == Nodetype.SEQUENCE and item[0] in _BYTES:
+                yield _Part(path, "bulk")
+            elif item[0] == "string":
+                yield _Part(path, "names")
             else:
-                yield path, "numbers" if item[0] in _NUMBERS else "text"
+                yield _Part(path, "numbers" if item[0] in _NUMBERS else "text")
+
+
+def _named(fields: Kinds, name: str, path: str) -> _Part:
+    """A sequence of messages: values with their names, as in control_msgs/InterfaceValue, or anything else."""
+    parts = list(_parts(fields, name))
+    names = [part.path for part in parts if part.kind == "names"]
+    numbers = [part.path for part in parts if part.kind == "numbers"]
+    if len(parts) == 2 and names and numbers:
+        return _Part(path, "named", (names[0], numbers[0]))
+    return _Part(path, "bulk")
+
+
+@dataclass
+class _Columns:
+    """Columns that grow with the messages, and other ways to write their names."""
+
+    rows: int
+    values: dict[str, NDArray[np.float64]] = field(default_factory=dict)
+    paths: dict[str, str] = field(default_factory=dict)
+
+    def set(self, row: int, name: str, value: float, path: str = "") -> None:
+        """Put a value into a column; `path` is another name of it, unless it was that of another column before."""
+        if name not in self.values:
+            self.values[name] = np.full(self.rows, np.nan)
+        self.values[name][row] = value
+        if path and self.paths.setdefault(path, name) != name:
+            self.paths[path] = ""
 
 
 def decode_any(
-    typestore: Typestore, type_name: str, payloads: list[bytes]
-) -> tuple[NDArray[np.int64] | None, tuple[str, ...], NDArray[np.float64]]:
+    typestore: Typestore, type_name: str, payloads: Sequence[bytes]
+) -> tuple[NDArray[np.int64] | None, tuple[str, ...], NDArray[np.float64], dict[str, str]]:
     """Decode messages of any known type.
+
+    Numbers of an array are named after the texts of a top-level array of equal length in the same message, such as
+    ``joint_names``; joints may change place between messages.
 
     Returns
     -------
     stamp_ns : ndarray of int64, shape (n,), or None
         Header stamps; None when the type has no header.
     names : tuple of str
-        Paths of the numbers, such as ``wrench.force.x`` and ``data[0]``, in the order of first appearance; bare numbers
-        and arrays (std_msgs) are named ``"0"``, ``"1"``, ...
+        Paths of the numbers, such as ``wrench.force.x`` and ``data[0]``, in the order of first appearance; with names
+        of joints ``motor.feedback.positions`` and ``motor.position``; bare numbers and arrays (std_msgs) are named
+        ``"0"``, ``"1"``, ...
     values : ndarray, shape (n, columns)
         NaN where a message has no such number.
+    paths : dict of str to str
+        Names of columns by their place, such as ``feedback.positions[1]``, where it is the same in all messages.
     """
     from rosbags.interfaces import Nodetype
 
     fields = typestore.fielddefs
     stamped = any(one == ("header", (Nodetype.NAME, "std_msgs/msg/Header")) for one in fields[type_name][1])
-    leaves = [(path, kind, attrgetter(path)) for path, kind in _leaves(fields, type_name)]
+    parts = [(part, attrgetter(part.path)) for part in _parts(fields, type_name)]
+    namers = [get for part, get in parts if part.kind == "names" and "." not in part.path]
     stamps = np.zeros(len(payloads), dtype=np.int64)
-    columns: dict[str, NDArray[np.float64]] = {}
-
-    def column(name: str) -> NDArray[np.float64]:
-        if name not in columns:
-            columns[name] = np.full(len(payloads), np.nan)
-        return columns[name]
-
+    columns = _Columns(len(payloads))
     for row, payload in enumerate(payloads):
         message: Any = typestore.deserialize_cdr(payload, type_name)
         if stamped:
             stamps[row] = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
-        for path, kind, get in leaves:
-            if kind == "number":
-                column(path)[row] = get(message)
-            elif kind == "numbers" and len(values := get(message)) <= _LONGEST:
-                for index, value in enumerate(values):
-                    column(f"{path}[{index}]")[row] = value
-    names = tuple(columns)
+        names = {len(found): found for get in reversed(namers) if (found := get(message))}
+        for part, get in parts:
+            _read_part(columns, row, part, get(message), names)
+    found_names = tuple(columns.values)
     if type_name.startswith("std_msgs/msg/"):
-        names = tuple(str(index) for index in range(len(names)))
-    table = np.column_stack(list(columns.values())) if columns else np.empty((len(payloads), 0))
-    return (stamps if stamped else None), names, table
+        found_names = tuple(str(index) for index in range(len(found_names)))
+    table = np.column_stack(list(columns.values.values())) if columns.values else np.empty((len(payloads), 0))
+    paths = {path: name for path, name in columns.paths.items() if name and path not in columns.values}
+    return (stamps if stamped else None), found_names, table, paths
+
+
+def _read_part(columns: _Columns, row: int, part: _Part, value: Any, names: Mapping[int, Sequence[str]]) -> None:
+    """Put the numbers of one part of a message into their columns."""
+    if part.kind == "number":
+        columns.set(row, part.path, value)
+    elif part.kind == "numbers" and len(value) <= _LONGEST:
+        owners = names.get(len(value))
+        for index, number in enumerate(value):
+            place = f"{part.path}[{index}]"
+            if owners is None:
+                columns.set(row, place, number)
+            else:
+                columns.set(row, f"{owners[index]}.{part.path}", number, place)
+    elif part.kind == "named" and len(value) <= _LONGEST:
+        owners = names.get(len(value))
+        get_names, get_values = (attrgetter(path) for path in part.inner)
+        for index, item in enumerate(value):
+            _read_item(columns, row, part, index, owners, get_names(item), get_values(item))
+
+
+def _read_item(
+    columns: _Columns,
+    row: int,
+    part: _Part,
+    index: int,
+    owners: Sequence[str] | None,
+    own_names: Sequence[str],
+    numbers: Sequence[float],
+) -> None:
+    """Put named values, such as those of one joint, into their columns."""
+    owner = f"{part.path}[{index}]" if owners is None else owners[index]
+    for place, (name, number) in enumerate(zip(own_names, numbers, strict=False)):
+        columns.set(row, f"{owner}.{name}", number, f"{part.path}[{index}].{part.inner[1]}[{place}]")

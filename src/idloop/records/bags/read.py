@@ -67,7 +67,7 @@ def read_streams(
                 f"{bag.path}: {topic.name} should have {topic.count} messages and has none; the file is damaged, copy"
                 f" it again, or save the rest with `idloop recover {bag.path}`"
             )
-        streams[topic.name] = _decode_stream(bag, topic, np.array(receive, dtype=np.int64), payloads)
+        streams[topic.name] = decode_stream(bag, topic, np.array(receive, dtype=np.int64), payloads)
     return streams
 
 
@@ -100,19 +100,20 @@ def _check_readable(bag: Bag, topic: Topic) -> None:
         )
 
 
-def _decode_stream(bag: Bag, topic: Topic, receive_ns: NDArray[np.int64], payloads: list[bytes]) -> JointStream:
+def decode_stream(bag: Bag, topic: Topic, receive_ns: NDArray[np.int64], payloads: list[bytes]) -> JointStream:
     """Turn serialised messages of one topic into a `JointStream`."""
     stamps: NDArray[np.int64] | None
+    paths: Mapping[str, str] = {}
     try:
         if topic.type == JOINT_STATE:
             stamps, names, (position, velocity, effort) = decode_joint_states(payloads)
         else:
-            stamps, names, position = decode_any(bag.typestore, topic.type, payloads)
+            stamps, names, position, paths = decode_any(bag.typestore, topic.type, payloads)
             velocity = effort = position
     except Exception as error:  # noqa: BLE001 - the bytes may be anything
         raise InputError(
             f"{bag.path}: a message on {topic.name} does not decode as {topic.type} ({one_line(error)}); the file is"
-            " damaged, copy it again"
+            f" damaged, copy it again, or save the rest with `idloop recover {bag.path}`"
         ) from None
     findings: list[Finding] = []
     announced = bag.announced.get(topic.name, 0)
@@ -141,4 +142,5 @@ def _decode_stream(bag: Bag, topic: Topic, receive_ns: NDArray[np.int64], payloa
         type=topic.type,
         stamped=stamped,
         findings=tuple(findings),
+        paths=paths,
     )

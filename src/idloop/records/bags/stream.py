@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from idloop.errors import InputError
@@ -39,6 +40,9 @@ class JointStream:
         Whether `stamp_ns` comes from the messages themselves.
     findings : tuple of Finding
         What was noticed while reading.
+    paths : mapping of str to str
+        Names by the place of their numbers in a message, such as ``interface_values[1].values[0]``, where it is the
+        same in all messages.
     """
 
     topic: str
@@ -51,6 +55,7 @@ class JointStream:
     type: str = JOINT_STATE
     stamped: bool = True
     findings: tuple[Finding, ...] = ()
+    paths: Mapping[str, str] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return int(self.stamp_ns.size)
@@ -93,24 +98,72 @@ class JointStream:
             Joint name. A stream with a single unnamed value (``std_msgs/Float64``) serves any joint; of a
             bare array the position ``"0"``, ``"1"``, ... picks the column.
         field : str
-            ``position``, ``velocity`` or ``effort``; without meaning for other types than JointState.
+            ``position``, ``velocity`` or ``effort``; of types that name their numbers by joints, such as
+            control_msgs/DynamicJointState, any of those; without meaning for other types.
 
         Raises
         ------
         InputError
             Unknown joint or field.
         """
+        if not self.is_joint_state:
+            return self._value(joint, field)
         if field not in FIELDS:
             raise InputError(
                 f"{self.topic}: no field {field!r}; fields are {listed(FIELDS)}{did_you_mean(field, FIELDS)}"
             )
+        if joint not in self.names:
+            raise InputError(
+                f"{self.topic}: no joint {joint!r} ({self.type}); it has"
+                f" {listed(self.names)}{did_you_mean(joint, self.names)}"
+            )
         values: NDArray[np.float64] = getattr(self, field)
-        if joint in self.names:
-            return values[:, self.names.index(joint)]
-        if not self.is_joint_state and len(self.names) == 1:
-            return values[:, 0]
-        kind = "joint" if self.is_joint_state else "value"
+        return values[:, self.names.index(joint)]
+
+    def _value(self, joint: str, field: str) -> NDArray[np.float64]:
+        for name in (f"{joint}.{field}", joint):
+            if name in self.names:
+                return self.position[:, self.names.index(name)]
+        if len(self.names) == 1:
+            return self.position[:, 0]
         raise InputError(
-            f"{self.topic}: no {kind} {joint!r} ({self.type}); it has"
+            f"{self.topic}: no value {joint!r} ({self.type}); it has"
             f" {listed(self.names)}{did_you_mean(joint, self.names)}"
+        )
+
+    def number(self, joint: str, field: str) -> NDArray[np.float64]:
+        """Return one number of each message as a mapping file names it, shape (n,).
+
+        Parameters
+        ----------
+        joint : str
+            Joint that owns the number; "" where there is only one, or the type has none.
+        field : str
+            ``position`` (also ""), ``velocity`` or ``effort`` of a JointState. Of other types a field of the joint,
+            such as ``feedback.positions``, or the place of a number: ``wrench.force.x``, ``data[0]``,
+            ``interface_values[1].values[0]``; "" for the only number.
+
+        Raises
+        ------
+        InputError
+            No such joint or field, or several joints have this field.
+        """
+        if self.is_joint_state:
+            return self.column(joint or (self.names[0] if len(self.names) == 1 else ""), field or FIELDS[0])
+        if not field and len(self.names) == 1:
+            return self.position[:, 0]
+        bare = field.removeprefix("data").strip("[]")
+        owners = [name for name in self.names if field and name.endswith(f".{field}")]
+        only = owners[0] if len(owners) == 1 and not joint else ""
+        for name in (f"{joint}.{field}", "" if joint else field, self.paths.get(field, ""), bare, only or bare or "0"):
+            if name in self.names:
+                return self.position[:, self.names.index(name)]
+        if owners and not joint:
+            raise InputError(
+                f"{self.topic}: several joints have {field} ({listed(owners)}); name one as `source_joint:`"
+            )
+        wanted = f"{joint}.{field}" if joint else field
+        raise InputError(
+            f"{self.topic}: no field {wanted!r} ({self.type}); it has"
+            f" {listed(self.names)}{did_you_mean(wanted, self.names)}"
         )

@@ -16,7 +16,7 @@ from idloop.records.bags.bag import Bag
 from idloop.records.bags.read import read_streams
 from idloop.records.bags.topics import resolve_topic, topics_named
 from idloop.records.formats.clock_names import known_clock_unit
-from idloop.records.measured_conditions import FIELD, bag_column
+from idloop.records.measured_conditions import FIELD
 from idloop.records.measured_conditions import TOPIC as CONDITIONS
 from idloop.records.tables.base_units import base_unit
 from idloop.records.tables.csv_layout import is_number
@@ -205,7 +205,7 @@ def signals_from_bag(source: Path, mapping: Mapping, signals: Signals) -> list[S
         if channel.topic not in names:
             continue
         stream = streams[names[channel.topic]]
-        value = _convert(bag_column(stream, channel.source_joint or "", channel.field or ""), None, channel)
+        value = _convert(stream.number(channel.source_joint or "", channel.field or ""), None, channel)
         stamps = stream.receive_ns if receive else stream.stamp_ns, stream.receive_ns
         joint = channel.joint or signals.joint or ""
         found.append(_make_signal(topic, field, channel, value, stamps, mapping, joint))
