@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from idloop.errors import InputError
 from idloop.records.bags.metadata import IMPORT
+from idloop.records.bags.storage.storage_files import is_bag
 from idloop.records.bags.stream import JointStream
 from idloop.records.bags.write import make_stream, write_bag
 from idloop.records.finding import Finding
@@ -98,7 +99,7 @@ def import_bag(
         raise InputError(f"{bag}: exists already and is not overwritten; choose another name or remove it")
     attributes: dict[str, float | str] = {}
     findings: list[Finding] = []
-    from_bag = source.is_dir() or source.suffix in {".mcap", ".db3"}
+    from_bag = is_bag(source)
     if mapping.format == "bag" or (mapping.format is None and not mapping.files and from_bag):
         read = signals_from_bag(source, mapping, signals)
     else:

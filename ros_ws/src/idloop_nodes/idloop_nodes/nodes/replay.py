@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from idloop.errors import InputError
-from idloop.records.bags.bag_limits import limit_bag_readers
+from idloop.records.bags.bag import Bag
 from idloop.records.bags.cdr import SECOND
 from idloop.records.bags.topics import APPLIED_COMMAND, REQUESTED_COMMAND
 from idloop_nodes.base import StreamNode
@@ -48,28 +48,20 @@ class ReplayNode(StreamNode):
 
     def _read(self, bag: Path, topics: set[str]) -> Iterator[tuple[str, int, bytes]]:
         """Yield (topic, stamp, payload) in the order of the bag."""
-        from rosbags.highlevel import AnyReader
-        from rosbags.typesys import Stores, get_typestore
-
-        limit_bag_readers()
-        try:
-            with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_KILTED)) as reader:
-                chosen, joints = {}, [one for one in reader.connections if one.msgtype == JOINT_STATE]
-                for one in joints:
-                    names = [topic for topic in topics if one.topic == topic or one.topic.endswith("/" + topic)]
-                    if names:
-                        chosen[one.id] = names[0]
-                # Behind a bridge the machine answered to the applied command.
-                applied = [one.id for one in joints if one.topic.endswith(f"/{APPLIED_COMMAND}") and one.msgcount]
-                if applied and REQUESTED_COMMAND in topics:
-                    chosen = {one: topic for one, topic in chosen.items() if topic != REQUESTED_COMMAND}
-                    chosen |= dict.fromkeys(applied, REQUESTED_COMMAND)
-                wanted = [one for one in reader.connections if one.id in chosen]
-                for connection, _, data in reader.messages(wanted) if wanted else ():
-                    payload = bytes(data)
-                    yield chosen[connection.id], peek_stamp(payload), payload
-        except Exception as error:  # rosbags lets struct, YAML and SQLite errors of damaged files through
-            raise InputError(f"bag {bag} cannot be read: {error}") from error
+        with Bag(bag) as opened:
+            joints = {one.name: one for one in opened.topics.values() if one.type == JOINT_STATE}
+            chosen: dict[str, str] = {}
+            for name in joints:
+                for topic in topics:
+                    if name == topic or name.endswith("/" + topic):
+                        chosen.setdefault(name, topic)
+            # Behind a bridge the machine answered to the applied command.
+            applied = [one.name for one in joints.values() if one.name.endswith(f"/{APPLIED_COMMAND}") and one.count]
+            if applied and REQUESTED_COMMAND in topics:
+                chosen = {name: topic for name, topic in chosen.items() if topic != REQUESTED_COMMAND}
+                chosen |= dict.fromkeys(applied, REQUESTED_COMMAND)
+            for name, _, payload in opened.messages(chosen):
+                yield chosen[name], peek_stamp(payload), payload
 
     def _window_ns(self) -> int:
         """Return the window in time: the bag's own rate decides what a sample is."""
