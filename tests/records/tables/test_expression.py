@@ -64,8 +64,8 @@ def test_what_is_no_formula(text):
 
 
 def test_a_missing_column_is_named():
-    with pytest.raises(InputError, match=r"no column 'thet'.*did you mean 'theta'"):
-        Expression("thet + alpha").evaluate(COLUMNS)
+    with pytest.raises(InputError, match=r"no column 'thta'.*did you mean 'theta'"):
+        Expression("thta + alpha").evaluate(COLUMNS)
 
 
 @given(st.text(alphabet="thea+-*/()`_.[]019 ,:='\"lmbdfor\\\n", max_size=40))

@@ -43,7 +43,8 @@ _FORCES = {
 _POSITIONS = {
     "position", "pos", "angle", "theta", "q", "phi", "enc", "encoder", "count", "counts", "ticks", "tick", "inc",
     "winkel", "lage", "weg", "posicion", "posizione", "angulo", "angolo", "x", "y", "alpha",
-    "beta", "rot", "rotation", "rotations", "deg", "degrees", "rad", "turns", "displacement", "distance", "stroke", "pose", "z",
+    "beta", "rot", "rotation", "rotations", "deg", "degrees", "rad", "turns", "displacement", "distance", "stroke",
+    "pose", "z",
 }  # fmt: skip
 _VELOCITIES = {
     "velocity", "vel", "speed", "omega", "w", "qd", "dq", "rpm", "rps", "drehzahl", "geschwindigkeit", "qdot",
