@@ -13,6 +13,8 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
@@ -27,6 +29,7 @@ from idloop_nodes.progress import DONE, END, READY, Progress
 from idloop_nodes.qos import topic_qos, topic_type
 from idloop_nodes.scheduling import Scheduling
 from idloop_nodes.streams.polled_stream import PolledStream
+from idloop_nodes.streams.quality_watch import QualityWatch
 from idloop_nodes.topics import RESULTS
 
 EVENTS_KEPT = 200
@@ -66,6 +69,7 @@ class StreamNode(Node):
         self._running_since: float | None = None
         self._subscribed_again = False
         self.start = GraphStart(self)
+        self.quality = QualityWatch(self, self.get_logger().warning)
         self._health_publisher = self.create_publisher(DiagnosticArray, "/diagnostics", qos.health())
         # A late joiner receives every event, and of how far a node has come the newest only.
         self._event_publisher = self.create_publisher(Header, "progress", qos.latched(EVENTS_KEPT))
@@ -118,9 +122,37 @@ class StreamNode(Node):
 
     def listen(self, topic: str, callback: Callable[[bytes], None]) -> None:
         """Call back with the bytes of every message."""
-        self.subscriptions_by_topic[topic] = self.create_subscription(
-            topic_type(topic), topic, callback, topic_qos(topic), raw=True
+        subscription = self.subscribe(topic_type(topic), topic, callback, self._profile(topic))
+        self.subscriptions_by_topic[topic] = subscription
+
+    def subscribe(
+        self, message_type: type, topic: str, callback: Callable[[bytes], None], profile: QoSProfile, **events: Any
+    ) -> Any:
+        """Return a subscription to bytes that notices publishers whose quality of service does not satisfy it.
+
+        Parameters
+        ----------
+        message_type : type
+        topic : str
+        callback : callable
+        profile : QoSProfile
+        **events
+            Further event callbacks.
+        """
+        callbacks = self.quality.callbacks(topic, **events)
+        subscription = self.create_subscription(
+            message_type, topic, callback, profile, raw=True, event_callbacks=callbacks
         )
+        choice = "reliable" in self.parameters.values and message_type is JointState
+        self.quality.watch(topic, subscription, f"start {self.kind} with `reliable: false`" if choice else "")
+        return subscription
+
+    def _profile(self, topic: str, results: int = 1) -> QoSProfile:
+        """Quality of service of one of our topics; joint states best effort where `reliable` is false."""
+        profile = topic_qos(topic, results)
+        if topic_type(topic) is JointState and not self.parameters.values.get("reliable", True):
+            profile.reliability = ReliabilityPolicy.BEST_EFFORT
+        return profile
 
     def poll_topic(self, topic: str) -> PolledStream:
         """Return a subscription that this node empties itself."""
@@ -131,8 +163,8 @@ class StreamNode(Node):
 
     def _polled_subscription(self, topic: str, message_type: type) -> Any:
         # A recorder that is late must not find a result replaced by the next.
-        profile = topic_qos(topic, RESULTS_KEPT)
-        subscription = self.create_subscription(message_type, topic, lambda data: None, profile, raw=True)
+        profile = self._profile(topic, RESULTS_KEPT)
+        subscription = self.subscribe(message_type, topic, lambda data: None, profile)
         self._polled.append(subscription)
         return subscription
 
@@ -228,9 +260,10 @@ class StreamNode(Node):
 
     def _publish_health(self) -> None:
         where, name = self.get_namespace(), self.get_name()
+        self.quality.check()
         statuses = [
             Status(check_name(where, name, one.name), one.message, one.level, one.values, one.hardware_id)
-            for one in self.health()
+            for one in [*self.health(), *self.quality.status()]
         ]
         if statuses:
             self._health_publisher.publish(encode_diagnostics(time.time_ns(), statuses))

@@ -56,6 +56,13 @@ DRAIN_TIMEOUT = P(
     unit="s",
     minimum=0.0,
 )
+RELIABLE = P(
+    "reliable",
+    "bool",
+    True,
+    "Ask for every joint state; false for publishers that send them best effort: then samples may be lost.",
+    read_only=True,
+)
 COMMON: Table = (MODE, SAMPLE_TIME, PEERS, START_TIMEOUT)
 
 MACHINE: Table = (

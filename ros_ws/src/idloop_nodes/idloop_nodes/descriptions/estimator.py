@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from idloop_nodes.descriptions.common import COMMON, EFFECTS, MODEL
+from idloop_nodes.descriptions.common import COMMON, EFFECTS, MODEL, RELIABLE
 from idloop_nodes.descriptions.node_description import NodeDescription
 from idloop_nodes.parameters import NodeParameter as P
 from idloop_nodes.parameters import Table
@@ -10,6 +10,7 @@ from idloop_nodes.topics import RESULTS
 
 PARAMETERS: Table = (
     *COMMON,
+    RELIABLE,
     MODEL,
     P(
         EFFECTS.name,

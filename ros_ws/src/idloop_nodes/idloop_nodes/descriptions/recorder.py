@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from idloop_nodes.descriptions.common import COMMON
+from idloop_nodes.descriptions.common import COMMON, RELIABLE
 from idloop_nodes.descriptions.node_description import NodeDescription
 from idloop_nodes.parameters import NodeParameter as P
 from idloop_nodes.parameters import Table
@@ -10,6 +10,7 @@ from idloop_nodes.topics import RECORDED
 
 PARAMETERS: Table = (
     *COMMON,
+    RELIABLE,
     P("topics", "strs", RECORDED, "What to record.", read_only=True),
     P("bag", "str", "", "Folder of the recording; refused when it exists. Empty: named by time.", read_only=True),
     P("directory", "str", "bags", "Where recordings named by time go.", read_only=True),

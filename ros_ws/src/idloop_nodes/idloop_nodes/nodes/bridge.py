@@ -8,7 +8,6 @@ import time
 from typing import Any
 
 from rclpy.duration import Duration
-from rclpy.event_handler import SubscriptionEventCallbacks
 from sensor_msgs.msg import JointState
 
 from idloop_nodes import qos
@@ -61,18 +60,16 @@ class BridgeNode(ManagedNode):
         self._to_robot: Any = self.create_publisher(
             MESSAGES[values["command_type"]], values["robot_commands"], qos.newest()
         )
-        self.create_subscription(
-            JointState, values["robot_states"], self._on_measurement, qos.robot(reliable=values["reliable"]), raw=True
-        )
+        profile = qos.robot(reliable=values["reliable"])
+        self.subscribe(JointState, values["robot_states"], self._on_measurement, profile)
         # Only the newest command counts: a bridge that was held up must not play back what has passed.
-        self.subscriptions_by_topic["joint_command"] = self.create_subscription(
+        self.subscriptions_by_topic["joint_command"] = self.subscribe(
             JointState,
             "joint_command",
             self._on_command,
             qos.newest(),
-            raw=True,
             # Known before the first command of the newcomer.
-            event_callbacks=SubscriptionEventCallbacks(matched=lambda info: self._check_commanders()),
+            matched=lambda info: self._check_commanders(),
         )
         self._emergency = EmergencyStop(self, self._lock, self._stop_motor, self._gate.reset, "soft start")
         self._guardian = self._guardian_link() if values["require_guardian"] else None

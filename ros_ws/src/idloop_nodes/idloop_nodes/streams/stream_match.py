@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from idloop_nodes.streams.quality_watch import mismatch
 
 RENAMED = 10.0  # seconds for which everything known is matched before partners that go by other names are taken for met
 
@@ -52,7 +52,7 @@ def subscribers(node: Any, publisher: Any, expected: int, family: Collection[str
     known = [
         one
         for one in node.get_subscriptions_info_by_topic(publisher.topic_name)
-        if _connect(publisher.qos_profile, one.qos_profile) and one.topic_type == _type_name(publisher)
+        if mismatch(publisher.qos_profile, one.qos_profile) is None and one.topic_type == _type_name(publisher)
     ]
     return Endpoints(expected, _own(node, known, family), len(known), publisher.get_subscription_count())
 
@@ -62,16 +62,9 @@ def publishers(node: Any, subscription: Any, expected: int, family: Collection[s
     known = [
         one
         for one in node.get_publishers_info_by_topic(subscription.topic_name)
-        if _connect(one.qos_profile, subscription.qos_profile) and one.topic_type == _type_name(subscription)
+        if mismatch(one.qos_profile, subscription.qos_profile) is None and one.topic_type == _type_name(subscription)
     ]
     return Endpoints(expected, _own(node, known, family), len(known), subscription.get_publisher_count())
-
-
-def _connect(offered: QoSProfile, wanted: QoSProfile) -> bool:
-    # Not by `qos_check_compatible`: it takes the deadline that discovery leaves at zero for one that was asked for.
-    reliable = offered.reliability == ReliabilityPolicy.RELIABLE or wanted.reliability != ReliabilityPolicy.RELIABLE
-    latched = DurabilityPolicy.TRANSIENT_LOCAL
-    return bool(reliable and (offered.durability == latched or wanted.durability != latched))
 
 
 def _type_name(entity: Any) -> str:
