@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from idloop.errors import InputError
 from idloop.parameter_table import REQUIRED
 
 if TYPE_CHECKING:
@@ -292,6 +293,34 @@ def _jsons() -> list[bytes]:
     return [json.dumps(signals).encode(), json.dumps(rows).encode(), json.dumps({"entries": rows, "kp": 3}).encode()]
 
 
+# Forms of files that are damaged by the tests as well, with the same valid ones.
+_FORMS = {
+    "hdf5": "h5py", "parquet": "pyarrow", "feather": "pyarrow", "npy": "numpy", "torch": "pickletools", "wpilog": "",
+    "codesys": "", "sysid": "", "jsonl": "", "blocks": "",
+}  # fmt: skip
+
+
+def _read_form(kind: str) -> Callable[[Path, Path], object]:
+    def read(path: Path, target: Path) -> object:
+        from idloop.records.tables.table_files import read_table
+
+        with contextlib.suppress(InputError):
+            read_table(path, kind)
+        return read_table(path)
+
+    return read
+
+
+def _form_readers() -> list[Reader]:
+    from tests.records.formats.seeds import seeds
+
+    return [
+        Reader(kind, seeds()[kind][0], _read_form(kind), lambda kind=kind: seeds()[kind][1],  # type: ignore[misc]
+               ("idloop.records", *([library] if library else [])))
+        for kind, library in _FORMS.items()
+    ]  # fmt: skip
+
+
 # recordings: the first byte says which file of the bag the rest takes the place of
 
 
@@ -521,6 +550,7 @@ def readers() -> list[Reader]:
                bombs=_mat_bombs),
         Reader("npz", ".npz", _read_table("npz"), _npzs, (documents, records), share=2.0, bombs=_npz_bombs),
         Reader("json", ".json", _read_table("json"), _jsons, (documents, records), share=2.0),
+        *_form_readers(),
         *bags,
         Reader("ladder", ".json", _read_ladder, _ladders, ("idloop.diagnosis.ladder", "idloop.reporting.ladder_folder"),
                _names_in(_ladders())),

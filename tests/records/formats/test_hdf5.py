@@ -50,6 +50,26 @@ def test_compound_data_sets(tmp_path):
     np.testing.assert_array_equal(table.numbers("log/q[1]"), np.arange(1.0, 10.0, 2.0))
 
 
+def test_references_and_texts_in_a_compound_data_set_are_left_out(tmp_path):
+    rows = np.zeros(5, dtype=[("t", "f8"), ("name", h5py.string_dtype()), ("u", "f8")])
+    rows["name"] = "motor"
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        file["log"] = rows
+    assert set(read_table(tmp_path / "log.h5").columns) == {"log/t", "log/u"}
+
+
+def test_a_heap_whose_sizes_are_wrong_is_not_given_to_the_library(tmp_path):
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        file["u"], file["names"] = U, ["one", "two"]
+    data = bytearray((tmp_path / "log.h5").read_bytes())
+    heap = data.index(b"GCOL")
+    assert data[heap + 16 + 2 * 24 : heap + 16 + 2 * 24 + 2] == b"\0\0"  # what is free, behind two texts
+    data[heap + 16 + 2 * 24 + 8 : heap + 16 + 2 * 24 + 16] = bytes(8)
+    (tmp_path / "log.h5").write_bytes(data)
+    with pytest.raises(InputError, match=f"the heap of texts at byte {heap} is damaged"):
+        read_table(tmp_path / "log.h5")
+
+
 def test_tables_and_frames_of_pandas(tmp_path):
     packed = np.zeros(4, dtype=[("index", "i8"), ("values_block_0", "f8", (2,))])
     packed["values_block_0"] = np.arange(8.0).reshape(4, 2)

@@ -12,6 +12,7 @@ import numpy as np
 from idloop.documents import MOST_COLUMNS, MOST_DEPTH, MOST_TABLE
 from idloop.errors import IdloopError, InputError
 from idloop.records.formats.form import Form, Options, needs
+from idloop.records.formats.hdf5_heaps import heap_damage
 from idloop.records.formats.pickle_data import read_pickle
 from idloop.records.formats.tree import table_of_tree
 from idloop.records.tables.table import Table
@@ -43,6 +44,8 @@ def opened(path: Path) -> Iterator[h5py.File]:
         import h5py
     except ImportError:
         raise needs(path, "h5py") from None
+    if damage := heap_damage(path):
+        raise InputError(f"{path}: not a readable HDF5 file ({damage}); check the copy of the file")
     try:
         with h5py.File(path, "r") as file:
             yield file
@@ -96,12 +99,26 @@ class Hdf5Reader:
             )
         if text is not None:
             return self._texts(data)
-        return data[()]
+        plain = [name for name in kind.names or () if not kind[name].hasobject]
+        return data.fields(plain)[()] if kind.hasobject and plain else data[()] if not kind.hasobject else None
 
     def _texts(self, data: h5py.Dataset) -> Any:
+        if data.dtype.hasobject and not self._has_true_lengths(data):
+            return None
         found = np.asarray(data[()], dtype=object)
         texts = [one.decode("utf-8", "replace") if isinstance(one, bytes) else str(one) for one in found.ravel()]
         return texts[0] if found.ndim == 0 and texts else texts
+
+    def _has_true_lengths(self, data: h5py.Dataset) -> bool:
+        """Whether the lengths of texts fit into the file: the library takes as much memory as each says."""
+        place = data.id.get_offset()
+        if place is None or data.size == 0:
+            return False
+        with self._path.open("rb") as stream:
+            stream.seek(place)
+            kept = stream.read(16 * data.size)
+        lengths = np.frombuffer(kept[: len(kept) // 16 * 16], "<u4").reshape(-1, 4)[:, 0]
+        return lengths.size == data.size and int(lengths.sum(dtype=np.int64)) <= self._path.stat().st_size
 
 
 def read_hdf5(path: Path, _: Options) -> Table:

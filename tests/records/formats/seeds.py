@@ -1,0 +1,130 @@
+"""Small valid files of every form, to be damaged."""
+
+from __future__ import annotations
+
+import io
+import json
+import tempfile
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from tests.records.formats.writers import mat_hdf5, torch_archive, torch_legacy, wpilog
+
+T = np.arange(1, 41) * 0.005
+SIGNALS = {"t": T, "u": np.sign(np.sin(90.0 * T)), "angle": np.sin(50.0 * T), "speed": np.cos(50.0 * T)}
+ROWS = list(zip(*SIGNALS.values(), strict=True))
+
+
+def _bytes(write):
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "file"
+        write(path)
+        return path.read_bytes()
+
+
+def _hdf5(path, version):
+    import h5py
+
+    with h5py.File(path, "w", libver=version) as file:
+        for name, values in SIGNALS.items():
+            file.create_dataset(f"run/{name}", data=values, chunks=(16,), compression="gzip", shuffle=True)
+            file[f"run/{name}"].attrs["units"] = "V"
+        file["table"] = np.array(ROWS[:8], dtype=[(name, "f8") for name in SIGNALS])
+        file["names"] = ["one", "two"]
+
+
+def _parquet(path, compression):
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    parquet.write_table(
+        pa.table(SIGNALS | {"state": ["on"] * len(T)}), path, compression=compression, row_group_size=16
+    )
+
+
+def _arrow(path, compression):
+    import pyarrow as pa
+    from pyarrow import feather
+
+    feather.write_feather(pa.table(SIGNALS | {"state": ["on"] * len(T)}), path, compression=compression)
+
+
+def _wpilog():
+    entries = [("u", "double", "Volt"), ("angle", "float", ""), ("speed", "double[]", ""), ("n", "int64", ""),
+               ("sysid-test-state-axis", "string", ""), ("/.schema/struct:P", "structschema", ""),
+               ("p", "struct:P", "")]  # fmt: skip
+    records = [(5, 0, "double x;double y"), (4, 0, "dynamic-forward")]
+    for k, (t, u, angle, speed) in enumerate(ROWS):
+        stamp = int(t * 1e6)
+        records += [
+            (0, stamp, u),
+            (1, stamp, angle),
+            (2, stamp, [speed, -speed]),
+            (3, stamp, k),
+            (6, stamp, b"\0" * 16),
+        ]
+    return wpilog(entries, [*records, (4, 300_000, "none")])
+
+
+def _codesys():
+    text = "[key]; [value]\nVersion; 0x03050000\n"
+    for k, (name, values) in enumerate(SIGNALS.items()):
+        text += f"{k}.Variable; GVL.{name}\n{k}.Class; 14\n{k}.Data; \n"
+        text += "".join(f"; {row}; {value:.6g}\n" for row, value in enumerate(values))
+    return text.encode()
+
+
+def _mat_hdf5(path):
+    mat_hdf5(path, {"log": SIGNALS, "cells": ["a", "bc"], "name": "x"})
+
+
+def _several(write, *variants):
+    return [_bytes(lambda path, one=one: write(path, one)) for one in variants]
+
+
+def _npy(array):
+    file = io.BytesIO()
+    np.save(file, array)
+    return file.getvalue()
+
+
+def _npz():
+    file = io.BytesIO()
+    np.savez_compressed(file, **SIGNALS)
+    return file.getvalue()
+
+
+def _mat():
+    from scipy.io import savemat
+
+    file = io.BytesIO()
+    savemat(file, {"log": SIGNALS, "gain": 2.5}, do_compression=True)
+    return file.getvalue()
+
+
+@cache
+def seeds() -> dict[str, tuple[str, list[bytes]]]:
+    """Suffix and valid files of each form."""
+    samples = [dict(zip(SIGNALS, row, strict=True)) | {"list": [1, 2]} for row in ROWS]
+    tests = {name: [list(row) for row in ROWS] for name in ("slow-forward", "fast-backward")}
+    series = {name: list(values) for name, values in SIGNALS.items()}
+    blocks = "".join(f"{name}\n" + "".join(f"{t:.6g},{v:.6g}\n" for t, v in zip(T, values, strict=True))
+                     for name, values in SIGNALS.items())  # fmt: skip
+    rows = "\n".join(",".join(f"{v:.6g}" for v in row) for row in ROWS)
+    return {
+        "csv": (".csv", [f"{','.join(SIGNALS)}\n{rows}\n".encode()]),
+        "mat": (".mat", [_mat(), _bytes(_mat_hdf5)]),
+        "hdf5": (".h5", _several(_hdf5, "earliest", "latest")),
+        "parquet": (".parquet", _several(_parquet, "snappy", "none")),
+        "feather": (".feather", _several(_arrow, "lz4", "uncompressed")),
+        "npz": (".npz", [_npz()]),
+        "npy": (".npy", [_npy(np.array(ROWS)), _npy(np.array(ROWS, dtype=[(name, "f8") for name in SIGNALS]))]),
+        "torch": (".pt", [torch_archive(SIGNALS | {"gain": 2.5}), torch_legacy(SIGNALS)]),
+        "wpilog": (".wpilog", [_wpilog()]),
+        "codesys": (".trace.csv", [_codesys()]),
+        "sysid": (".json", [json.dumps(tests | {"units": "Rotations"}).encode()]),
+        "jsonl": (".jsonl", ["\n".join(map(json.dumps, samples)).encode()]),
+        "json": (".json", [json.dumps(samples).encode(), json.dumps(series).encode()]),
+        "blocks": (".txt", [blocks.encode()]),
+    }  # fmt: skip
