@@ -80,7 +80,7 @@ def test_the_state_is_told_once_for_each_version(site):
     assert state["missing"]["tied"] == [effect_words(name) for name in MISSING.set]
     scores = {one["quantity"]: one["value"] for one in state["ladder"]["steps"][0]["scores"]}
     assert scores == pytest.approx({"motor.position": 79.0, "motor.velocity": 58.0})
-    _, again = ask(f"{site.address}state?have={state['run']}:{state['version']}")
+    _, again = ask(f"{site.address}state?have={state['run']}:{state['change']}")
     assert json.loads(again) == {"run": state["run"], "change": state["change"]}
 
 

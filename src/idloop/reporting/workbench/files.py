@@ -83,8 +83,7 @@ def commands(snapshot: Snapshot) -> list[str]:
         return []
     judged = f" --validate {unseen}" if unseen else ""
     return [
-        *([f"idloop compare {MODEL} {unseen}"] if unseen else []),
-        f"idloop compare {MODEL} {fitted}",
+        *(f"idloop compare {MODEL} {shlex.quote(path)}" for path in (*snapshot.validate, *snapshot.bags)),
         f"idloop diagnose {MODEL} {fitted}",
         f"idloop refine {MODEL} {fitted}{judged} --output RUN",
     ]

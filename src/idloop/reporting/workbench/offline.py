@@ -125,10 +125,11 @@ class OfflineSource:
         shown = self.state.snapshot.shown if number is None else number
         found = self._coordinator.work(assess, model, self._records[shown])
         self._model = model
+        # The page asks for its words less often than for its curves.
+        self.state.change(model=model, assessment=found, shown=shown, **changes)
         if number is not None:
             self.signals.load(self._records[shown])
         self.signals.show(found, every=True)
-        self.state.change(model=model, assessment=found, shown=shown, **changes)
 
     def _show(self, number: int) -> None:
         self._show_model(self._model, number)

@@ -25,7 +25,7 @@ from idloop.reporting.terms import (
     sentence,
     unbroken,
 )
-from idloop.reporting.verdicts import basis, conclusion, confounding_effects, explained_of, scope_text
+from idloop.reporting.verdicts import CRITERIA, basis, conclusion, confounding_effects, explained_of, scope_text
 from idloop.reporting.workbench.files import commands, offered
 from idloop.reporting.workbench.state import model_version
 from idloop.validation.characteristic import no_picture
@@ -288,11 +288,12 @@ def _points(x: Any, y: Any) -> list[list[float]]:
 def _ladder(ladder: Ladder, recordings: Sequence[str]) -> dict[str, Any]:
     kind = judging(ladder)
     count = _count(recordings, DATA_USE[kind])
+    by = CRITERIA[ladder.criterion] if ladder.criterion != "auto" else "what the data show best"
     together = f" ({count} recordings together)" if count > 1 else ""
     return {
         "steps": [_step(number, step, ladder, kind) for number, step in enumerate(ladder.steps)],
         "verdict": ladder.verdict,
-        "data": f"Errors of the {DATA_USE[kind]} data{together}.",
+        "data": f"Errors of the {DATA_USE[kind]} data{together}. Effects are judged by {by}.",
         "beware": [sentence(in_words(f"warning: {one.text}")) for one in ladder.worsened],
     }
 

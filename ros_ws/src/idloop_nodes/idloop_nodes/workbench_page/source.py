@@ -119,8 +119,8 @@ class LiveSource:
 
     def _assess(self, model: Model, record: Record) -> None:
         found = self._coordinator.work(assess, model, record)
-        self.signals.show(found, every=False)
         self.state.change(assessment=found)
+        self.signals.show(found, every=False)
 
     def _record(self) -> Record | None:
         newest = self.signals.newest

@@ -1,0 +1,179 @@
+"""Every number that stands on the page, with its unit, is one of the JSON documents of the command line."""
+
+from __future__ import annotations
+
+import json
+import re
+import threading
+import urllib.request
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("bokeh", reason="no Bokeh: launch_scripts/test installs it")
+
+from idloop.cli.main import run
+from idloop.physics import load_model
+from idloop.physics.simulation import simulate
+from idloop.records import Record, read_record, write_bag
+from idloop.reporting.workbench.offline import OfflineSource
+from idloop.reporting.workbench.server import Place, Site
+from idloop.reporting.workbench.state import model_version
+from idloop.reporting.workbench.steps import Study
+
+EXPONENTS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹−", "-0123456789-")
+NUMBER = r"[−-]?\d+(?:\.\d+)?(?:e[+-]?\d+)?"
+WITH_UNIT = re.compile(rf"({NUMBER})(?: · 10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+))?\s(%|s|Hz|rad|rad/s|m/s|m|N·m|N|V|A)(?![\w/·])")
+# Parts of the page whose numbers are measured values of the recording, not of the model.
+TEXTS = ("#fits", "#where-words", "#where-hint", "#error", "#candidates", "#steps", "#parameters", "#beware")
+
+
+@dataclass(frozen=True)
+class Machine:
+    name: str
+    model: str
+    effect: str
+    values: str
+    amplitude: float
+    choice: tuple[str, ...]
+    step: float = 0.005
+
+
+MACHINES = (
+    Machine("motor", "dc_motor", "dead_zone@input", "(width=0.4)", 3.0, ("dead_zone", "coulomb_friction")),
+    Machine("axis", "axis", "coulomb_friction@axis", "(level=0.1)", 0.5, ("coulomb_friction", "quadratic_drag")),
+    Machine(
+        "screw", "lead_screw", "coulomb_friction@{body}", "(level={level})", 0.0, ("coulomb_friction", "dead_zone")
+    ),
+)
+
+
+def recorded(machine: Machine, folder: Path) -> tuple[list[Path], str]:
+    """Bags of a machine with its effect, one to fit and one unseen, and the name of the effect."""
+    plain = load_model(machine.model)
+    body = plain.bodies[0]
+    gain, drag = plain.values["drive.gain"], plain.values[f"{body}.viscous_friction"]
+    # A command that moves the plain machine at a speed at which its viscous friction is as large as the dry one.
+    amplitude = machine.amplitude or 0.5 * drag / abs(gain)
+    effect = machine.effect.format(body=body)
+    true = plain.with_effects([effect + machine.values.format(level=0.3 * amplitude * abs(gain))])
+    bags = []
+    for seed in (1, 2):
+        rng = np.random.default_rng(seed)
+        time = np.arange(0.0, 12.0, machine.step)
+        command = amplitude * rng.uniform(-1.5, 1.5, 61)[(5.0 * time).astype(int)]
+        noise = np.column_stack([rng.normal(size=len(time)) * float(o.noise or 0.0) for o in plain.outputs])
+        output = simulate(true, time, command, time, noise=noise).output
+        signals = tuple(plain.output_names), tuple(o.unit for o in plain.outputs)
+        record = Record(
+            f"run{seed}", time, command, time, output, plain.input.name, plain.input.unit, *signals, start_ns=10**9
+        )
+        bags.append(write_bag(folder / f"run{seed}", record))
+    return bags, effect
+
+
+def numbers_of(part: Any) -> Iterator[float]:
+    """Every number of a document; half the interval of a parameter, and shares in percent."""
+    if isinstance(part, dict):
+        if isinstance(part.get("stderr"), float):
+            yield 1.959964 * part["stderr"]
+        for value in part.values():
+            yield from numbers_of(value)
+    elif isinstance(part, list):
+        for value in part:
+            yield from numbers_of(value)
+    elif isinstance(part, str):
+        yield from (float(text.replace("−", "-")) for text in re.findall(NUMBER, part))
+    elif isinstance(part, int | float) and not isinstance(part, bool):
+        yield float(part)
+        yield 100.0 * part
+
+
+def stands(number: str, power: str, known: np.ndarray) -> bool:
+    """Whether a number that is written is one of the known ones, to its last digit."""
+    factor = 10.0 ** int(power.translate(EXPONENTS)) if power else 1.0
+    plain = number.replace("−", "-")
+    digits = len(plain.partition("e")[0].partition(".")[2]) - int(plain.partition("e")[2] or 0)
+    value = float(plain) * factor
+    return bool(np.any(np.abs(known - value) <= 0.5001 * factor * 10.0**-digits + 1e-12))
+
+
+def ask(capsys: pytest.CaptureFixture[str], *words: object) -> dict[str, Any]:
+    capsys.readouterr()
+    assert run([str(word) for word in words]) == 0
+    return dict(json.loads(capsys.readouterr().out))
+
+
+def settled(source: OfflineSource, condition: Any) -> None:
+    waited = threading.Event()
+    for _ in range(4000):
+        if source.state.snapshot.activity is None and condition(source.state.snapshot):
+            return
+        waited.wait(0.05)
+    raise AssertionError(source.state.snapshot.note)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("machine", MACHINES, ids=lambda one: one.name)
+def test_every_number_on_the_page_is_one_of_the_command_line(machine, tmp_path, visit, capsys):
+    (fitted, unseen), effect = recorded(machine, tmp_path)
+    plain = load_model(machine.model)
+    study = Study((read_record(fitted, plain),), (read_record(unseen, plain),), effects=machine.choice)
+    source = OfflineSource(plain, study, paths=((fitted,), (unseen,)))
+    site = Site(source, Place())
+    try:
+        visitor = visit(site.address)
+        page = visitor.page
+        settled(source, lambda s: s.assessment is not None)
+        source.order("diagnose")
+        settled(source, lambda s: s.missing is not None)
+        page.wait_for_selector(f"[data-candidate='{effect}']")
+        choice = [word for name in machine.choice for word in ("--effects", name)]
+        said = [ask(capsys, "diagnose", machine.model, fitted, *choice, "--json", "--quiet")]
+        check(site, page, said, unseen, tmp_path, capsys)
+
+        source.order("add", effect)
+        settled(source, lambda s: s.effects == (effect,))
+        page.wait_for_selector("[data-step='1']")
+        check(site, page, [], unseen, tmp_path, capsys)
+    finally:
+        site.close()
+        source.close()
+
+
+def check(site, page, said, unseen, folder, capsys):
+    """Compare the page with the files that it offers, and with what the command line says of them."""
+    model, ladder = folder / "model.yaml", folder / "ladder.json"
+    for path in (model, ladder):
+        with urllib.request.urlopen(f"{site.address}files/{path.name}") as answer:
+            path.write_bytes(answer.read())
+    compared = ask(capsys, "compare", model, unseen, "--json", "--quiet")
+    climbed = json.loads(ladder.read_text(encoding="utf-8"))
+    one = compared["comparisons"][0]
+    page.wait_for_function(
+        "model => document.body.dataset.model === model", arg=model_version(site.source.state.snapshot.model)
+    )
+    # Head, ladder and command line say the same of the same model, to the last digit that is shown.
+    last = climbed["ladder"][-1]["validation"]
+    shown = page.evaluate("() => [...document.querySelectorAll('#fits .fit')].map((e) => e.dataset.output)")
+    assert [name for name in shown if name != "force"] == list(one["free_run"]["fit"])
+    for name, fit in one["free_run"]["fit"].items():
+        assert last["fit"][name] == pytest.approx(fit, abs=0.02)
+        head = page.inner_text(f"#fits [data-output='{name}'] .value")
+        assert stands(head.split()[0], "", np.array([fit])), (head, fit)
+        steps = page.locator(f"#steps li:last-child [data-output='{name}']").inner_text()
+        assert head.replace("\u00a0", " ") in steps.replace("\u00a0", " ")
+    if last["force"] is not None:
+        assert last["force"] == pytest.approx(one["force"]["relative_error"], rel=1e-6)
+        head = page.inner_text("#fits [data-output='force'] .value")
+        assert stands(head.split()[0], "", np.array([100.0 * last["force"]])), head
+    # And no other number of the model stands anywhere.
+    known = np.array(list(numbers_of([*said, compared, climbed])))
+    for place in TEXTS:
+        text = page.evaluate("place => document.querySelector(place).textContent", place)
+        for number, power, unit in WITH_UNIT.findall(text):
+            assert stands(number, power, known), (place, number, power, unit, text[:300])
