@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -190,12 +190,15 @@ def recognise(
     InputError
         A file cannot be read, or has no time, no command or no motion.
     """
+    from idloop.records.bags.storage.storage_files import is_bag
     from idloop.records.recognition.recognise import recognise_table
     from idloop.records.tables.table_files import read_table
 
     paths = tuple(Path(one) for one in ([files] if isinstance(files, str | Path) else files))
     if not paths:
         raise InputError("name at least one file")
+    if any(is_bag(path) for path in paths):
+        return _of_bags(paths, given or {})
     options = {"skip_text": True, **(csv or {})}
     tables = [read_table(path, options=options) for path in paths]
     said = _given(given or {}, [name for table in tables for name in table.columns])
@@ -373,6 +376,20 @@ def _joined(tables: list[Any], said: dict[str, Given], period: float | None) -> 
     return recognise_table(joined_tables(tables[0].path.parent, tables), said)
 
 
+def _of_bags(paths: tuple[Path, ...], given: Mapping[str, str]) -> Log:
+    """Recognise the topics of bags, each a record."""
+    from idloop.records.recognition.bag_table import bag_table
+    from idloop.records.recognition.recognise import recognise_table
+
+    found = []
+    for path in paths:
+        read = bag_table(path)
+        said = _given(given, list(read.table.columns))
+        one = recognise_table(read.table, said, sources=read.sources, joints=read.joints)
+        found.append(replace(one, definitions=read.definitions))
+    return Log(paths, tuple(found))
+
+
 def _given(given: Mapping[str, str], columns: list[str]) -> dict[str, Given]:
     from idloop.records.recognition.guess import Given
     from idloop.records.recognition.recognise import ROLES
@@ -389,7 +406,9 @@ def _folder_of(log: Log) -> Path:
 
 def _plain_name(path: Path) -> str:
     """Name of a file without its suffix, of characters that every file system and ROS takes."""
-    return _plain(path.stem or path.name) or "log"
+    from idloop.records.bags.storage.storage_files import bag_name, is_bag
+
+    return _plain(bag_name(path) if is_bag(path) else path.stem or path.name) or "log"
 
 
 def _plain(text: str) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap
+from ruamel.yaml.scalarstring import LiteralScalarString
 
 from idloop.records.recognition.guess import Guess
 from idloop.records.recognition.recognise import MOTION, Recognition
@@ -32,8 +33,9 @@ def mapping_of(found: Recognition, name: str, joint: str, *, files: tuple[str, .
     if _skips_text(found.table):
         mapping["csv"] = CommentedMap({"skip_text": True})
         mapping.yaml_add_eol_comment(_one_line(found.table.notes[-1]), "csv")
-    mapping["time"] = _time(found.base.time)
-    mapping.yaml_add_eol_comment(_one_line(found.base.reason), "time")
+    if not found.sources:
+        mapping["time"] = _time(found.base.time)
+        mapping.yaml_add_eol_comment(_one_line(found.base.reason), "time")
     reference: dict[str, Any] = {}
     conditions: dict[str, Any] = {}
     for guess in found.guesses:
@@ -45,7 +47,8 @@ def mapping_of(found: Recognition, name: str, joint: str, *, files: tuple[str, .
         else:
             mapping[guess.role] = channel
             mapping.yaml_add_eol_comment(_one_line(guess.reason), guess.role)
-    for key, section in (("reference", reference), ("conditions", conditions)):
+    definitions = {name: LiteralScalarString(text) for name, text in found.definitions.items()}
+    for key, section in (("reference", reference), ("conditions", conditions), ("definitions", definitions)):
         if section:
             mapping[key] = section
     return mapping
@@ -72,11 +75,11 @@ def _time(time: Time) -> dict[str, Any]:
 def _channel(found: Recognition, guess: Guess) -> dict[str, Any]:
     channel: dict[str, Any] = {}
     if not {"compute", "value", "file_name"} & set(guess.options):
-        channel["column"] = guess.column
+        channel |= found.sources.get(guess.column, {"column": guess.column})
     channel |= guess.options
     if guess.unit:
         channel["unit"] = guess.unit
-    if guess.column in found.clocks:
+    if guess.column in found.clocks and not found.sources:
         channel["time"] = _time(found.clocks[guess.column])
     return channel
 

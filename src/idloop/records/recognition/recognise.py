@@ -42,7 +42,7 @@ _COMMAND_WORDS = {"V", "mV", "A", "mA", "%"}
 _UNITS_OF_WORDS = (
     ({"voltage", "volt", "volts", "spannung"}, "V"),
     ({"current", "i", "iq", "strom"}, "A"),
-    ({"torque", "tau", "moment", "drehmoment"}, "N·m"),
+    ({"torque", "tau", "moment", "drehmoment", "effort", "efforts"}, "N·m"),
     ({"force", "kraft"}, "N"),
 )
 
@@ -65,6 +65,10 @@ class Recognition:
         Columns that are not used.
     doubts : tuple of str
         What is uncertain beside the columns.
+    sources : mapping of str to mapping
+        Of a bag: how a mapping file names each column.
+    definitions : mapping of str to str
+        Of a bag: message types that a mapping has to define.
     """
 
     table: Table
@@ -74,6 +78,8 @@ class Recognition:
     rows: tuple[slice, ...] = ()
     other: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
+    sources: Map[str, Map[str, str]] = field(default_factory=dict)
+    definitions: Map[str, str] = field(default_factory=dict)
 
     def of(self, role: str) -> Guess | None:
         """Return the guess of one role."""
@@ -128,7 +134,12 @@ def numbers_of(table: Table) -> dict[str, Floats]:
 
 
 def recognise_table(
-    table: Table, given: Map[str, Given] | None = None, *, period: float | None = None, select: str = ""
+    table: Table,
+    given: Map[str, Given] | None = None,
+    *,
+    period: float | None = None,
+    sources: Map[str, Map[str, str]] | None = None,
+    joints: Map[str, str] | None = None,
 ) -> Recognition:
     """Find out what the columns of a table are.
 
@@ -139,8 +150,10 @@ def recognise_table(
         What the user says, by role; ``none`` as the column leaves the role out.
     period : float, optional
         Sampling period [s], where there is no time column.
-    select : str
-        Only columns with this text in their name are looked at, and the time.
+    sources : mapping of str to mapping, optional
+        Of a bag: how a mapping file names each column.
+    joints : mapping of str to str, optional
+        Joint of each column, where the file says it.
 
     Raises
     ------
@@ -154,8 +167,10 @@ def recognise_table(
     columns = {}
     for name, value in numbers.items():
         parsed = parse_column_name(name, table.units.get(name, ""))
-        if name == base.time.column or name in table.clocks.values() or (select and select not in name):
+        if name == base.time.column or name in table.clocks.values():
             continue
+        if joints is not None:
+            parsed = replace(parsed, index=joints.get(name, ""))
         columns[name] = _Column(name, parsed, role_by_name(parsed), value)
     named = {one.column for one in given.values()}
     columns = _one_joint(columns, named, doubts)
@@ -187,7 +202,7 @@ def recognise_table(
     }
     rows = () if table.clocks else tuple(base.runs)
     other = tuple(name for name in table.columns if name not in used and name not in table.clocks.values())
-    return Recognition(table, base, guesses, clocks, rows, other, tuple(doubts))
+    return Recognition(table, base, guesses, clocks, rows, other, tuple(doubts), sources or {})
 
 
 def _time(table: Table, numbers: dict[str, Floats], given: Given | None, period: float | None) -> TimeBase:

@@ -28,31 +28,34 @@ _TIME = {
 }
 _WANTED = {
     "ref", "reference", "target", "goal", "setpoint", "desired", "des", "soll", "sollwert", "sp", "demand", "demanded",
-    "command", "commanded", "cmd", "planned", "desire", "setp", "request", "requested",
+    "command", "commands", "commanded", "cmd", "planned", "desire", "setp", "request", "requested",
 }  # fmt: skip
 _MEASURED = {
     "actual", "act", "meas", "measured", "measurement", "feedback", "fb", "ist", "istwert", "est", "estimate",
     "estimated", "present", "sensor", "filtered", "filt",
 }  # fmt: skip
 _FORCES = {
-    "u", "voltage", "volt", "volts", "pwm", "duty", "dutycycle", "throttle", "effort", "torque", "tau", "force",
+    "u", "voltage", "volt", "volts", "pwm", "duty", "dutycycle", "throttle", "effort", "efforts", "torque", "tau",
+    "force",
     "current", "i", "iq", "spannung", "strom", "moment", "drehmoment", "kraft", "stellgroesse", "stellgröße", "input",
     "output", "out", "pid", "tension", "corriente", "courant", "corrente", "couple",
     "drive", "load", "motorpwm", "esc", "power", "signal", "servo", "pulse", "pulsewidth",
 }  # fmt: skip
 _POSITIONS = {
-    "position", "pos", "angle", "theta", "q", "phi", "enc", "encoder", "count", "counts", "ticks", "tick", "inc",
-    "winkel", "lage", "weg", "posicion", "posizione", "angulo", "angolo", "x", "y", "alpha",
+    "position", "positions", "pos", "angle", "theta", "q", "phi", "enc", "encoder", "count", "counts", "ticks", "tick",
+    "inc", "winkel", "lage", "weg", "posicion", "posizione", "angulo", "angolo", "x", "y", "alpha",
     "beta", "rot", "rotation", "rotations", "deg", "degrees", "rad", "turns", "displacement", "distance", "stroke",
     "pose", "z",
 }  # fmt: skip
 _VELOCITIES = {
-    "velocity", "vel", "speed", "omega", "w", "qd", "dq", "rpm", "rps", "drehzahl", "geschwindigkeit", "qdot",
-    "velocidad", "vitesse", "velocita", "thetadot", "dtheta", "angvel", "v", "n", "tacho", "tachometer",
+    "velocity", "velocities", "vel", "speed", "omega", "w", "qd", "dq", "rpm", "rps", "drehzahl", "geschwindigkeit",
+    "qdot", "velocidad", "vitesse", "velocita", "thetadot", "dtheta", "angvel", "v", "n", "tacho", "tachometer",
 }  # fmt: skip
 _RATES = {"dot", "rate", "derivative"}
+# Names that are no signal of an axis whatever else they say, and those that are none by themselves.
+_NEVER = {"acc", "accel", "acceleration", "accelerations", "qdd", "ddq", "error", "errors", "err"}
 _OTHER = {
-    "acc", "accel", "acceleration", "qdd", "ddq", "id", "status", "state", "error", "err", "flag", "mode", "seq",
+    "id", "state", "status", "flag", "mode", "seq",
     "crc", "checksum", "moving", "fault", "frame", "procedure", "result", "index", "sample", "samples", "done", "step",
     "bus",
 }  # fmt: skip
@@ -83,9 +86,9 @@ _COMMANDS = {
 }
 # Which of several columns is the command: what says so, then what acts first in the chain from command to force.
 _ORDER = (
-    {"u", "input", "cmd", "command", "stellgroesse", "stellgröße"},
+    {"u", "input", "cmd", "command", "commands", "stellgroesse", "stellgröße"},
     {"voltage", "volt", "volts", "spannung", "v", "pwm", "duty", "dutycycle", "throttle", "motorpwm", "esc"},
-    {"torque", "tau", "force", "effort", "moment", "drehmoment", "kraft"},
+    {"torque", "tau", "force", "effort", "efforts", "moment", "drehmoment", "kraft"},
     {"current", "i", "iq", "strom"},
 )
 
@@ -118,9 +121,9 @@ def role_by_name(name: ColumnName) -> RoleByName:
         return RoleByName("supply", 1.0, "by its name")
     if words & _TIME or (unit in TIME_UNITS and not words & _FORCES):
         return RoleByName("time", 1.0 + (len(words) == 1) + bool(words & _TIME), _because(words & _TIME, unit))
-    if words & _OTHER and not unit:
-        return RoleByName("", 0.0, "")
     kind = _kind(name, words, unit)
+    if (words & _NEVER and not unit) or (words & _OTHER and not kind):
+        return RoleByName("", 0.0, "")
     if kind == "force":
         order = next((k for k, some in enumerate(_ORDER) if words & some), len(_ORDER) - 1)
         if measured and not wanted:
@@ -133,7 +136,7 @@ def role_by_name(name: ColumnName) -> RoleByName:
     if kind == "velocity":
         role = "reference velocity" if wanted else "velocity"
         return RoleByName(role, 2.0 + bool(measured) + bool(unit), _because(wanted | words & _VELOCITIES, unit))
-    if words & {"cmd", "command", "commanded"}:
+    if words & {"cmd", "command", "commands", "commanded"}:
         return RoleByName("command", 3.0, _because(wanted, unit))
     if wanted:
         return RoleByName("reference", 1.0, _because(wanted, unit))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 from importlib.resources import files
 from pathlib import Path
@@ -290,6 +291,12 @@ def ready_mappings() -> dict[str, Path]:
     folder = files("idloop.records") / "mappings"
     found = {Path(str(entry)).stem: Path(str(entry)) for entry in folder.iterdir() if entry.name.endswith(".yaml")}
     return dict(sorted(found.items()))
+
+
+@functools.cache
+def ready_definitions() -> dict[str, str]:
+    """Message types that the ready mappings define; read once, because this takes longer than reading many a bag."""
+    return {name: text for ready in ready_mappings() for name, text in load_mapping(ready).definitions.items()}
 
 
 def load_mapping(name_or_path: str | Path) -> Mapping:

@@ -1,0 +1,99 @@
+"""The numbers of a foreign bag as a table whose columns have stamps of their own."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from idloop.errors import InputError
+from idloop.records.bags.bag import Bag
+from idloop.records.bags.fields import BagField, bag_fields
+from idloop.records.bags.read import read_streams
+from idloop.records.bags.stream import JOINT_STATE
+from idloop.records.tables.mapping import ready_definitions
+from idloop.records.tables.table import Table
+
+# Units of sensor_msgs/JointState as REP 103 has them; the effort is that of the drive, whatever it measures.
+_UNITS = {"position": "rad", "velocity": "rad/s"}
+# Words of topics on which a JointState was sent and not measured.
+_SENT = {"command", "commands", "cmd", "reference", "goal", "target", "desired", "excitation"}
+_MOST = 200
+
+
+@dataclass(frozen=True)
+class BagTable:
+    """A bag as a table.
+
+    Attributes
+    ----------
+    table : Table
+    fields : dict of str to BagField
+        Where a column stands in the bag.
+    """
+
+    table: Table
+    fields: dict[str, BagField]
+
+    @property
+    def sources(self) -> dict[str, dict[str, str]]:
+        """How a mapping file names each column."""
+        return {
+            name: {"topic": one.topic}
+            | ({"source_joint": one.joint} if one.joint else {})
+            | ({"field": one.field} if one.field else {})
+            for name, one in self.fields.items()
+        }
+
+    @property
+    def definitions(self) -> dict[str, str]:
+        """Definitions of its message types that a mapping has to carry."""
+        ready = ready_definitions()
+        return {one.type: ready[one.type] for one in self.fields.values() if one.type in ready}
+
+    @property
+    def joints(self) -> dict[str, str]:
+        """Joint of each column; empty where it has none."""
+        return {name: one.joint for name, one in self.fields.items()}
+
+
+def bag_table(path: Path, readable: Callable[[BagField], bool] = lambda one: one.count > 1) -> BagTable:
+    """Read the numbers of a bag.
+
+    Parameters
+    ----------
+    path : Path
+    readable : callable
+        Which of its fields are read.
+
+    Raises
+    ------
+    InputError
+        The bag is missing, damaged, or holds no numbers.
+    """
+    definitions = ready_definitions()
+    fields = [one for one in bag_fields(path, definitions=definitions) if readable(one)][:_MOST]
+    if not fields:
+        raise InputError(f"{path}: no topic carries numbers that change; check that this is the recording")
+    with Bag(path, definitions=definitions) as bag:
+        streams = read_streams(bag, {one.topic for one in fields})
+    table, found = Table(path, {}), {}
+    for one in fields:
+        stream = streams[one.topic]
+        name, clock = _name(one), f"{one.topic} stamps"
+        table.columns[name] = stream.number(one.joint, one.field)
+        table.columns.setdefault(clock, 1e-9 * (stream.stamp_ns - min(s.stamp_ns[0] for s in streams.values())))
+        table.clocks[name] = clock
+        unit = one.unit or (_UNITS.get(one.field, "") if one.type == JOINT_STATE else "")
+        if unit:
+            table.units[name] = unit
+        found[name] = one
+    return BagTable(table, found)
+
+
+def _name(one: BagField) -> str:
+    """Name of a column by topic, joint and field; what a JointState carries beside commands was measured."""
+    name = " ".join(part for part in (one.topic, one.joint, one.field) if part)
+    measured = one.type == JOINT_STATE and not _SENT & set(re.split(r"[/_]", one.topic))
+    return f"{name} measured" if measured else name

@@ -1,0 +1,83 @@
+"""A foreign bag as a table: columns with their places in the bag, units and stamps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+import idloop
+from idloop.errors import InputError
+from idloop.records.recognition.bag_table import bag_table
+from idloop.records.recognition.recognise import recognise_table
+
+STORE = get_typestore(Stores.ROS2_HUMBLE)
+
+
+def robot_bag(folder, torques, angles, speeds, period=0.01):
+    """A bag as ros2_control records it: commands by their place, joint states by their names."""
+    types = STORE.types
+    Header, Time = types["std_msgs/msg/Header"], types["builtin_interfaces/msg/Time"]
+    JointState, Layout = types["sensor_msgs/msg/JointState"], types["std_msgs/msg/MultiArrayLayout"]
+    Commands = types["std_msgs/msg/Float64MultiArray"]
+    with Writer(folder, version=8, storage_plugin=StoragePlugin.MCAP) as bag:
+        states = bag.add_connection("/joint_states", JointState.__msgtype__, typestore=STORE)
+        commands = bag.add_connection("/effort_controller/commands", Commands.__msgtype__, typestore=STORE)
+        for k in range(len(torques)):
+            stamp = 1_700_000_000 * 10**9 + round(k * period * 1e9)
+            header = Header(Time(stamp // 10**9, stamp % 10**9), "")
+            empty = np.zeros(0)
+            state = JointState(
+                header, ["elbow", "wrist"], np.array([angles[k], 0.3]), np.array([speeds[k], 0.0]), empty
+            )
+            bag.write(
+                commands,
+                stamp,
+                STORE.serialize_cdr(Commands(Layout([], 0), np.array([torques[k]])), Commands.__msgtype__),
+            )
+            bag.write(states, stamp + 1000, STORE.serialize_cdr(state, JointState.__msgtype__))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    signal = idloop.excitation("multilevel", sample_time=0.01, duration=10.0, amplitude=0.5, seed=3)
+    record = idloop.simulate(idloop.load_model("axis"), signal, seed=3)
+    folder = tmp_path_factory.mktemp("bags") / "robot_1.5"
+    return robot_bag(folder, record.input_at(record.time), record.output[:, 0], record.output[:, 1])
+
+
+def test_columns_have_their_place_their_unit_and_their_stamps(bag):
+    found = bag_table(bag)
+    assert found.sources["/joint_states elbow position measured"] == {
+        "topic": "/joint_states", "source_joint": "elbow", "field": "position"
+    }  # fmt: skip
+    assert found.table.units["/joint_states elbow velocity measured"] == "rad/s"
+    assert found.table.clocks["/joint_states elbow position measured"] == "/joint_states stamps"
+    assert np.diff(found.table.numbers("/joint_states stamps")) == pytest.approx(0.01)
+
+
+def test_the_joint_that_moves_and_its_command_are_recognised(bag):
+    read = bag_table(bag)
+    found = recognise_table(read.table, sources=read.sources, joints=read.joints)
+    columns = {one.role: one.column for one in found.guesses}
+    assert columns["position"] == "/joint_states elbow position measured"
+    assert columns["velocity"] == "/joint_states elbow velocity measured"
+    assert columns["command"].startswith("/effort_controller/commands")
+    assert found.of("command").unit == "N·m"
+
+
+def test_a_robot_bag_is_started_with_in_one_step(bag, tmp_path):
+    begun = idloop.start(bag, tmp_path / "begun")
+    assert begun.bags[0].name == "robot_1.5"
+    assert begun.fit.values["axis.inertia"] == pytest.approx(0.01, rel=0.05)
+
+
+def test_a_bag_without_numbers_is_one_line(tmp_path):
+    Text = STORE.types["std_msgs/msg/String"]
+    with Writer(tmp_path / "talk", version=8) as writer:
+        topic = writer.add_connection("/chatter", Text.__msgtype__, typestore=STORE)
+        writer.write(topic, 1, STORE.serialize_cdr(Text("hello"), Text.__msgtype__))
+    with pytest.raises(InputError, match="no topic carries numbers"):
+        bag_table(tmp_path / "talk")
