@@ -24,7 +24,9 @@ from numpy.typing import NDArray
 from idloop.physics import load_model
 from idloop.physics.plant import Plant
 from idloop.records import make_stream
+from idloop.records.bags.publishers import find_publishers
 from idloop.records.inspection.axis import Axis
+from idloop.records.inspection.between import between_records
 from idloop.records.inspection.faults.checks import inspect_axis
 from idloop.signals import build_signal
 
@@ -102,6 +104,9 @@ def record(
     machine: Machine | None = None,
     closed: bool | None = None,
     clip: float | None = None,
+    limit: float | None = None,
+    rates: tuple[float, ...] = (100.0, 200.0, 500.0, 1000.0, 2000.0),
+    lags: float = 12.0,
     levels: str | None = None,
     scale: float = 1.0,
     one_sided: bool = False,
@@ -109,11 +114,13 @@ def record(
     """Simulate one clean recording."""
     random = np.random.default_rng(seed)
     machine = machine or MACHINES[int(random.integers(len(MACHINES)))]
-    rate = float(random.choice([100.0, 200.0, 500.0, 1000.0, 2000.0]))
-    duration = max(2500.0 / rate, 12.0 * machine.lag)
+    rate = float(random.choice(rates))
+    duration = max(2500.0 / rate, lags * machine.lag)
     duration *= min(1.0, 12_000.0 / (duration * rate))
     closed = bool(random.uniform() < 0.4) if closed is None else closed
-    kind = levels or str(random.choice(["multilevel", "multisine", "chirp", "smooth"]))
+    kinds_of = ["multilevel", "multisine", "chirp", "smooth", "one way"]
+    kinds_of = kinds_of[:-1] if levels == "any" else kinds_of
+    kind = levels if levels not in (None, "any") else str(random.choice(kinds_of))
     amplitude = machine.command * scale
     signal = excitation(random, kind, rate, duration, amplitude, machine.lag)
     plant = Plant(load_model(machine.model).with_effects(list(machine.effects)), seed, noise=False)
@@ -132,17 +139,22 @@ def record(
     true_velocity = np.empty(count)
     top = machine.gain * amplitude / machine.viscous
     speed_noise = top * 10.0 ** random.uniform(-3.0, -1.7)
+    with_velocity, smooth, last = bool(random.uniform() < 0.6), 0.0, 0.0
     for k in range(count):
         p, v = float(plant.position[machine.body]), float(plant.velocity[machine.body])
         true_velocity[k] = v
         position[k] = span / steps * np.round(p * steps / span) if quantised else p + noise * span * random.normal()
         velocity[k] = v + speed_noise * random.normal()
-        command[k] = stiffness * (reference[k] - position[k]) - damping * velocity[k] if closed else signal[k]
+        # Without a tachometer the controller takes the filtered difference of the position.
+        smooth += 0.2 * ((position[k] - last) * rate - smooth) if k else 0.0
+        last = position[k]
+        speed = velocity[k] if with_velocity else smooth
+        command[k] = stiffness * (reference[k] - position[k]) - damping * speed if closed else signal[k]
         if clip is not None:
             command[k] = float(np.clip(command[k], -clip * amplitude, clip * amplitude))
-        plant.step(float(command[k]), (k + 1) / rate)
+        applied = command[k] if limit is None else np.clip(command[k], -limit * amplitude, limit * amplitude)
+        plant.step(float(applied), (k + 1) / rate)
     time = np.arange(count) / rate
-    with_velocity = bool(random.uniform() < 0.6)
     axis = Axis(
         "j",
         time,
@@ -178,19 +190,26 @@ def excitation(random: Random, kind: str, rate: float, duration: float, amplitud
         signal = build_signal(
             "chirp", frequency_start=0.05 / lag, frequency_end=min(2.0 / lag, 0.1 * rate), sweep_time=duration, **common
         )
+    elif kind == "one way":
+        # With gravity, springs or cogging the axis goes back where the command is small.
+        levels = build_signal("multilevel", seed=seed, hold_min=0.2 * lag, hold_max=2.0 * lag, **common)
+        return np.asarray(0.5 * amplitude + 0.5 * levels.value)
     elif kind == "two levels":
         signal = build_signal("prbs", seed=seed, band_hz=1.0 / lag, **common)
         return np.asarray(np.where(signal.value >= 0.0, amplitude, -amplitude))
     elif kind == "slow":
-        # The inertia makes a thousandth of the force.
-        signal = build_signal(
-            "multisine", seed=seed, period=duration, frequency_min=0.0, frequency_max=3.0 / duration, **common
-        )
+        # The inertia makes about a hundredth of the force.
+        return _sines(random, rate, duration, amplitude, (0.003 / lag, 0.015 / lag))
     else:
-        time = np.arange(round(duration * rate)) / rate
-        turn = random.uniform(0.3, 1.2, size=3) / lag
-        return np.asarray(amplitude / 3.0 * np.sum([np.sin(w * time + k) for k, w in enumerate(turn)], axis=0))
+        return _sines(random, rate, duration, amplitude, (0.3 / lag, 1.2 / lag))
     return np.asarray(signal.value)
+
+
+def _sines(random: Random, rate: float, duration: float, amplitude: float, turns: tuple[float, float]) -> Floats:
+    """Three sines [rad/s]."""
+    time = np.arange(round(duration * rate)) / rate
+    sines = [np.sin(turn * time + k) for k, turn in enumerate(random.uniform(*turns, size=3))]
+    return np.asarray(amplitude / 3.0 * np.sum(sines, axis=0))
 
 
 def _with(recorded: Recorded, **changes: object) -> Recorded:
@@ -285,13 +304,13 @@ def _held(recorded: Recorded, old: NDArray[np.bool_]) -> dict[str, Floats]:
 
 
 def pulses(random: Random, recorded: Recorded) -> Recorded:
-    """Ten times some pulses are missed, as far as the axis moves in three samples."""
+    """Ten times pulses are missed or counted twice, 1 % of the range each."""
     axis = recorded.axis
     step = np.gradient(axis.position)
     fast = np.flatnonzero(np.abs(step) > 0.3 * np.max(np.abs(step)))
     rows = random.choice(fast, 10, replace=False)
     shift = np.zeros(step.size)
-    shift[rows] = -3.0 * step[rows] * random.choice([1.0, -1.0], size=10)
+    shift[rows] = 0.01 * np.ptp(axis.position) * random.choice([1.0, -1.0], size=10)
     return _with(recorded, position=axis.position + np.cumsum(shift))
 
 
@@ -345,6 +364,18 @@ def measured(random: Random, recorded: Recorded) -> Recorded:
     return _with(recorded, command=mean)
 
 
+def two_publishers(random: Random, recorded: Recorded) -> Recorded:
+    """A second node sends zeros, at a fifth of the rate and from another phase."""
+    axis = recorded.axis
+    every = axis.time[::5] + 0.4 / recorded.rate
+    time = np.concatenate([axis.time, every])
+    order = np.argsort(time, kind="stable")
+    position = np.concatenate([axis.position, np.full(every.size, axis.position.max() + np.ptp(axis.position))])
+    stamps = (1e9 + 1e9 * time[order]).astype(np.int64)
+    both = find_publishers(make_stream("joint_states", stamps, {"j": {"position": position[order]}}))
+    return _with(recorded, publishers=() if both is None else (both,))
+
+
 def same(random: Random, recorded: Recorded) -> Recorded:
     """Nothing: the fault is in the way the record is made."""
     return recorded
@@ -366,20 +397,34 @@ CASES = (
     Case("velocity constant", ("wrong_velocity",), dead_velocity, {}),
     Case("velocity of the other side of a gear", ("wrong_velocity",), gear, {}),
     Case("velocity behind a filter, 0.1 time constants", ("late_velocity",), filtered_velocity, {}),
-    Case("command without its sign", ("sign_lost",), sign_lost, {}),
+    Case("command without its sign", ("sign_lost",), sign_lost, {"levels": "any"}),
     Case("command turned against the motion", ("turned_command",), turned_command, {}),
     Case("simulated time against receive time", ("two_clocks",), two_clocks, {}),
     Case("receive times as stamps, 0.2 periods", ("wrong_stamps",), receive_times, {}),
     Case("5 % of the samples repeated", ("repeated_samples",), repeated, {}),
     Case("log three times as fast as the sensor", ("repeated_samples",), fast_log, {}),
     Case("position wraps", ("wrapped_position",), wrapped, {}),
-    Case("encoder pulses missed, 10 times", ("missed_pulses",), pulses, {}),
+    Case("10 times encoder pulses of 1 % missed", ("missed_pulses",), pulses, {}),
     Case("5 single bad readings of 5 %", ("spikes",), spikes, {}),
     Case("40 steps over the range", ("coarse",), coarse, {}),
     Case("command cut off at 60 %", ("saturated_command",), same, {"levels": "smooth", "closed": False, "clip": 0.6}),
     Case("command is a set-point of the position", ("inner_loop",), inner_position, {}),
     Case("command is a set-point of the velocity", ("inner_loop",), inner_velocity, {}),
     Case("loop closed, no reference", ("unrecorded_reference",), no_reference, {"closed": True}),
+    Case(
+        "command measured, not held",
+        ("measured_input",),
+        measured,
+        {"levels": "multilevel", "closed": False, "rates": (50.0, 100.0)},
+    ),
+    Case("drive limits the command to 40 %", ("not_followed",), same, {"closed": False, "limit": 0.4}),
+    Case(
+        "motion too slow for the inertia",
+        ("weak_excitation",),
+        same,
+        {"levels": "slow", "closed": False, "rates": (20.0,), "lags": 1200.0},
+    ),
+    Case("two publishers on one topic", ("two_publishers",), two_publishers, {}),
     Case("two levels only", ("two_levels",), same, {"levels": "two levels", "closed": False}),
 )
 
@@ -402,6 +447,16 @@ def planted(job: tuple[int, int]) -> bool:
     return bool(kinds(case.plant(np.random.default_rng(seed), recorded)) & set(case.kinds))
 
 
+def pair(job: tuple[float, int]) -> bool:
+    """Whether two records of one machine, the gain of the second so many times that of the first, are told apart."""
+    ratio, seed = job
+    machine = MACHINES[seed % len(MACHINES)]
+    records = [record(30_000 + 2 * seed + k, machine=machine) for k in range(2)]
+    records[1] = _with(records[1], command=records[1].axis.command / ratio)
+    found = between_records({str(k): [one.axis] for k, one in enumerate(records)})
+    return any(one.kind == "other_gain" for one in found)
+
+
 def main() -> None:
     """Print the counts."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -415,10 +470,12 @@ def main() -> None:
         hits = Counter(
             number for (number, _), hit in zip(jobs, pool.imap(planted, jobs, chunksize=8), strict=True) if hit
         )
+        gains = [sum(pool.imap(pair, [(ratio, seed) for seed in range(runs)], chunksize=8)) for ratio in (2.0, 1.0)]
     print(f"{'fault':46s}{'check':24s}{'hits':>10s}{'false, simulated':>18s}")
     for number, case in enumerate(CASES):
         false = sum(alarms[kind] for kind in case.kinds)
         print(f"{case.title:46s}{case.kinds[0]:24s}{hits[number]:>6d}/{runs}{false:>14d}/{many}")
+    print(f"{'second record with twice the gain':46s}{'other_gain':24s}{gains[0]:>6d}/{runs}{gains[1]:>14d}/{runs}")
     known = {kind for case in CASES for kind in case.kinds}
     for kind in sorted(set(alarms) - known):
         print(f"{'':46s}{kind:24s}{'':>10s}{alarms[kind]:>14d}/{many}")

@@ -98,3 +98,66 @@ def test_numbers_that_nobody_measures_are_one_line(tmp_path, capsys):
     )
     assert "warning: motor.position reaches 1e+300, no measurement is above 1e+50; check its unit" in done.stdout
     assert done.stderr == "", "no warning of a library"
+
+
+def _motor(path, *, joints=("motor",), gain=1.0, wrong=(), spike=False):
+    """Bag of joints under random steps; the velocity of those in `wrong` is in rpm."""
+    stamps = 10**9 + 10**7 * np.arange(1500)
+    commands, states = {}, {}
+    for index, joint in enumerate(joints):
+        rng = np.random.default_rng(index)
+        command = np.repeat(rng.normal(size=50), 30)
+        velocity, v = np.empty(1500), 0.0
+        for k, value in enumerate(command):
+            velocity[k] = v
+            v += 0.01 * (gain * 20.0 * value - 3.0 * v)
+        position = np.cumsum(velocity) * 0.01 + 1e-5 * rng.normal(size=1500)
+        position[[500, 900]] += 5.0 * spike
+        commands[joint] = {"effort": command}
+        measured = velocity + 1e-3 * rng.normal(size=1500)
+        states[joint] = {"position": position, "velocity": measured * (30 / np.pi if joint in wrong else 1.0)}
+    return write_bag(
+        path, [make_stream("joint_command", stamps, commands), make_stream("joint_states", stamps, states)]
+    )
+
+
+def test_a_clean_bag_is_usable(tmp_path, capsys):
+    code, out, _ = _run(capsys, _motor(tmp_path / "good"))
+    assert code == 0
+    assert out.startswith("Verdict: usable: no fault found\n")
+
+
+def test_several_bags_have_a_row_each_and_the_faults_between_them(tmp_path, capsys):
+    bags = [_motor(tmp_path / "run_0.5"), _motor(tmp_path / "run_0.7"), _motor(tmp_path / "loaded", gain=0.4)]
+    code, out, _ = _run(capsys, *bags)
+    assert code == 0
+    rows = out.splitlines()[2:5]
+    assert [row.split()[0] for row in rows] == ["run_0.5", "run_0.7", "loaded"]
+    assert "in loaded as in run_0." in out
+    document = json.loads(_run(capsys, *bags, "--json")[1])
+    assert document["schema"] == "idloop/inspections/1"
+    assert [one["kind"] for one in document["between"]] == ["other_gain"]
+    assert [one["grade"] for one in document["bags"]] == ["usable"] * 3
+    code, _, err = _run(capsys, *bags, "--plot", tmp_path / "x.png")
+    assert (code, err.count("\n")) == (2, 1)
+
+
+def test_a_robot_has_a_row_for_each_joint(tmp_path, capsys):
+    bag = _motor(tmp_path / "robot", joints=("hip", "knee", "toe"), wrong=("knee",))
+    _, out, _ = _run(capsys, bag)
+    rows = {line.split()[0]: line for line in out.splitlines() if line.startswith(("hip ", "knee ", "toe "))}
+    assert list(rows) == ["hip", "knee", "toe"]
+    assert rows["knee"].split()[1] == "knee.effort"
+    assert "usable with care  wrong_velocity" in rows["knee"]
+    document = json.loads(_run(capsys, bag, "--json")[1])
+    assert document["joints"]["hip"]["grade"] == "usable"
+    (fault,) = document["faults"]
+    assert (fault["where"], fault["kind"]) == ("knee.velocity", "wrong_velocity")
+    assert fault["evidence"]["slope"] == pytest.approx(9.55, rel=0.01)
+    assert "unit: rpm" in fault["cure"]
+
+
+def test_the_plot_marks_the_faulty_places(tmp_path, capsys):
+    figure = tmp_path / "figure.svg"
+    _run(capsys, _motor(tmp_path / "bad", spike=True), "--plot", figure)
+    assert "spikes (2)" in figure.read_text()

@@ -9,7 +9,7 @@ import numpy as np
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import fault
-from idloop.records.inspection.response import response
+from idloop.records.inspection.response import Response, response
 
 # Gains of two records differ by so many standard errors of their difference, and by this share of the larger.
 _ERRORS, _DIFFER = 5.0, 0.25
@@ -85,7 +85,7 @@ def _rates(first: str, other: str, one: Axis, two: Axis) -> list[Finding]:
 
 
 def _gains(joint: str, axes: Mapping[str, Axis]) -> list[Finding]:
-    """Compare the gain of each record with the most certain one: a Chow test of the gain, with jackknife errors."""
+    """Compare the gain of each record with that of the most: a Chow test of the gain, with jackknife errors."""
     known = {
         name: found
         for name, axis in axes.items()
@@ -93,25 +93,28 @@ def _gains(joint: str, axes: Mapping[str, Axis]) -> list[Finding]:
     }
     if len(known) < 2:
         return []
-    best = max(known, key=lambda name: abs(known[name].certainty))
-    faults = []
-    for name, one in known.items():
-        if name == best:
-            continue
-        two = known[best]
-        off = abs(one.gain - two.gain)
-        error = float(np.hypot(one.error, two.error))
-        if off < _ERRORS * error or off < _DIFFER * max(abs(one.gain), abs(two.gain)):
-            continue
-        faults.append(
-            fault(
-                "other_gain",
-                name,
-                f"{joint}: the same command accelerates {one.gain / two.gain:.3g} times as much in {name} as in {best}"
-                f" ({one.gain:.3g} ± {one.error:.1g} and {two.gain:.3g} ± {two.error:.1g}): another load, gear or unit",
-                "fit the records apart, or correct the units of one",
-                evidence={"ratio": one.gain / two.gain, "difference": off, "error": error},
-                spoils=("a common fit",),
-            )
+    agree = {name: sum(not _differ(one, two) for two in known.values()) for name, one in known.items()}
+    usual = max(known, key=lambda name: (agree[name], abs(known[name].certainty)))
+    two = known[usual]
+    return [
+        fault(
+            "other_gain",
+            name,
+            f"{joint}: the same command accelerates {one.gain / two.gain:.3g} times as much in {name} as in {usual}"
+            f" ({one.gain:.3g} ± {one.error:.1g} and {two.gain:.3g} ± {two.error:.1g}): another load, gear or unit",
+            "fit the records apart, or correct the units of one",
+            evidence={
+                "ratio": one.gain / two.gain,
+                "difference": abs(one.gain - two.gain),
+                "error": float(np.hypot(one.error, two.error)),
+            },
+            spoils=("a common fit",),
         )
-    return faults
+        for name, one in known.items()
+        if _differ(one, two)
+    ]
+
+
+def _differ(one: Response, two: Response) -> bool:
+    off = abs(one.gain - two.gain)
+    return off > _ERRORS * float(np.hypot(one.error, two.error)) and off > _DIFFER * max(abs(one.gain), abs(two.gain))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -308,7 +308,7 @@ def inspect_bag(
         },
         imported=import_metadata(metadata),
         streams=streams,
-        axes=tuple(axes),
+        axes=tuple(replace(one, trusts_velocity=one.name("velocity") not in left_out) for one in axes),
     )
 
 
@@ -320,7 +320,10 @@ def compare_inspections(inspections: Iterable[Inspection]) -> list[Finding]:
     inspections : iterable of Inspection
         One for each recording.
     """
-    return between_records({str(one.path): one.axes for one in inspections})
+    found = list(inspections)
+    names = [one.path.name for one in found]
+    unique = len(set(names)) == len(names)
+    return between_records({one.path.name if unique else str(one.path): one.axes for one in found})
 
 
 @functools.cache

@@ -1,4 +1,4 @@
-"""Figure: what a bag holds: command, measurements, spectrum of the command, intervals between stamps."""
+"""Figure: what a bag holds: command and measurements with their faults, power of the command, intervals of stamps."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _MOST_ROWS = 6
+# Narrowest mark of a faulty place, as a share of the duration.
+_LEAST_WIDTH = 0.004
 _FIELD_UNITS = {"position": "rad or m", "velocity": "rad/s or m/s", "effort": "command unit"}
 
 
@@ -27,12 +29,16 @@ def plot_recording(inspection: Inspection) -> Figure:
     """
     from matplotlib.figure import Figure
 
-    signals = [(topic, name) for topic, found in inspection.signals.items() for name in found][:_MOST_ROWS]
+    signals = [(topic, name) for topic, found in inspection.signals.items() for name in found]
+    marked = {fault.where for fault in inspection.faults if fault.places}
+    # Those with faults are shown where there are too many.
+    shown = sorted(signals, key=lambda signal: signal[1] not in marked)[:_MOST_ROWS]
+    signals = [signal for signal in signals if signal in shown]
     commands = [(inspection.command_topic, name) for name in inspection.commands]
     rows = commands + signals
     start = min((int(stream.stamp_ns.min()) for stream in inspection.streams.values()), default=0)
     with drawing.styled():
-        height = 1.6 * (len(rows) + 1) + 0.9
+        height = 2.1 * (len(rows) + 1) + 0.9
         figure = Figure(figsize=(7.5, height), layout="constrained")
         grid = figure.add_gridspec(len(rows) + 1, 2)
         first: Any = None
@@ -46,11 +52,25 @@ def plot_recording(inspection: Inspection) -> Figure:
             draw(axes, time, stream.columns()[name], color=color)
             axes.set_ylabel(drawing.label(name, _unit(inspection, name)))
             axes.set_title(topic, loc="left")
+            _mark_faults(axes, inspection, name, float(time[-1] - time[0]) if time.size else 0.0)
         if first is not None:
             figure.axes[len(rows) - 1].set_xlabel(drawing.label("time", "s"))
         _draw_spectrum(figure.add_subplot(grid[len(rows), 0]), inspection)
         _draw_intervals(figure.add_subplot(grid[len(rows), 1]), inspection)
     return figure
+
+
+def _mark_faults(axes: Any, inspection: Inspection, name: str, duration: float) -> None:
+    """Shade the places of the faults of one signal, each kind in one colour."""
+    least = _LEAST_WIDTH * duration
+    for index, fault in enumerate(one for one in inspection.faults if one.where == name and one.places):
+        look = {"color": drawing.MODELS[(index + 1) % len(drawing.MODELS)], "alpha": 0.45, "linewidth": 0.0}
+        for start, stop in fault.places:
+            middle, half = 0.5 * (start + stop), 0.5 * max(stop - start, least)
+            axes.axvspan(middle - half, middle + half, **look)
+        axes.fill_between([], [], label=f"{fault.kind.replace('_', ' ')} ({fault.count})", **look)
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="upper right", frameon=True, framealpha=0.8, edgecolor="none")
 
 
 def _unit(inspection: Inspection, name: str) -> str:

@@ -1,7 +1,8 @@
 """A command that lost its sign: never negative, although it drives the axis both ways.
 
-Under a load or a spring an axis goes back where the command is small; where the sign was lost, it goes back the faster
-the larger the command is.
+Under a load or a spring an axis goes back where the command is small. Where the sign was lost, it goes back the faster
+the larger the command is; and where the inertia counts, the force that the motion needs has the size of the command
+with either sign.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import fault
+from idloop.records.inspection.response import responses
 
 Floats = NDArray[np.float64]
 
@@ -20,6 +22,10 @@ _RELATED, _ERRORS = 0.4, 4.0
 # Share of the travel that goes the other way.
 _BACK = 0.1
 _WINDOWS, _FEWEST, _PARTS = (3, 9, 27, 81), 12, 8
+# Acceleration left by a command with a free sign: at most the first share, and the second of what the command leaves
+# that is shifted in time, or that is taken as it is.
+_LEFT, _CLEARER = 0.3, 0.55
+_SHIFTS, _TURNS = 8, 12
 
 
 def check(axis: Axis) -> list[Finding]:
@@ -37,8 +43,16 @@ def check(axis: Axis) -> list[Finding]:
     travel = np.array([np.sum(speed[speed > 0.0]), -np.sum(speed[speed < 0.0])])
     if size.size < 200 or travel.min() < _BACK * travel.max():
         return []
-    found = max((_both_ways(size, speed, width, grid.noise) for width in _WINDOWS), key=min)
-    if min(found) < _RELATED:
+    static = max((_both_ways(size, speed, width, grid.noise) for width in _WINDOWS), key=min)
+    explained, plain = _with_sign(axis)
+    if min(static) >= _RELATED:
+        why = f"the faster the larger it is (correlation {static[0]:.2f} forwards and {static[1]:.2f} backwards)"
+    elif explained > 0.0:
+        why = (
+            f"with a sign of its own at each instant it explains {100 * explained:.0f} % of the acceleration, as it is"
+            f" {100 * plain:.0f} %"
+        )
+    else:
         return []
     still = float(np.mean(np.abs(speed[size == 0.0]) < 0.05 * np.max(np.abs(speed)))) if np.any(size == 0.0) else np.nan
     at_rest = f", and stands still in {100 * still:.0f} % of the time at zero" if np.isfinite(still) else ""
@@ -48,12 +62,17 @@ def check(axis: Axis) -> list[Finding]:
         fault(
             "sign_lost",
             name,
-            f"{name} is never {'negative' if high > 0.0 else 'positive'}, but the axis goes both ways, the faster the"
-            f" larger it is (correlation {found[0]:.2f} forwards and {found[1]:.2f} backwards; {100 * back:.0f} % of"
-            f" the travel backwards){at_rest}: its sign was not recorded",
+            f"{name} is never {'negative' if high > 0.0 else 'positive'}, but the axis goes both ways"
+            f" ({100 * back:.0f} % of the travel backwards), {why}{at_rest}: its sign was not recorded",
             "record the command with its sign, or give the sign by the direction pin or the sign of the control error"
             " before the import",
-            evidence={"forwards": found[0], "backwards": found[1], "backward_travel": back},
+            evidence={
+                "forwards": static[0],
+                "backwards": static[1],
+                "backward_travel": back,
+                "explained_with_sign": explained,
+                "explained": plain,
+            },
             spoils=("identification",),
         )
     ]
@@ -77,3 +96,40 @@ def _certain(size: Floats, speed: Floats) -> float:
     each = [float(np.corrcoef(size[which != k], speed[which != k])[0, 1]) for k in range(parts)]
     whole, error = float(np.corrcoef(size, speed)[0, 1]), float(np.sqrt((parts - 1.0) * np.var(each)))
     return whole if np.isfinite(whole) and np.isfinite(error) and whole > _ERRORS * error else -1.0
+
+
+def _with_sign(axis: Axis) -> tuple[float, float]:
+    """Shares of the acceleration explained by the command with the sign that fits best, and as it is; 0, 0 if unsure.
+
+    Any signal with a free sign explains a lot. So the command must explain far more than itself shifted in time.
+    """
+    best = (0.0, 0.0)
+    for one in responses(axis):
+        target, size, others = (part[one.known] for part in (one.acceleration, np.abs(one.command), one.others))
+        alone = float(np.mean(_residual(target, others) ** 2))
+        if alone == 0.0:
+            continue
+        left = _left_with_sign(target, size, others) / alone
+        shifts = [size.size * k // _SHIFTS for k in range(1, _SHIFTS)]
+        shifted = min(_left_with_sign(target, np.roll(size, shift), others) for shift in shifts) / alone
+        if left < _LEFT and left < _CLEARER * shifted and left < _CLEARER * (1.0 - one.share) and 1.0 - left > best[0]:
+            best = (1.0 - left, one.share)
+    return best
+
+
+def _left_with_sign(target: Floats, size: Floats, others: Floats) -> float:
+    """Mean square of the acceleration left by the command with the sign that fits best, found by turns."""
+    least = float("inf")
+    # From the acceleration beside friction, the acceleration itself, and the motion: the turns stop at the nearest fit.
+    for start in (_residual(target, others), target, others[:, 0]):
+        force = start
+        for _ in range(_TURNS):
+            table = np.column_stack([np.sign(force) * size, others])
+            weights = np.linalg.lstsq(table, target, rcond=None)[0]
+            force = target - others @ weights[1:]
+        least = min(least, float(np.mean((target - table @ weights) ** 2)))
+    return least
+
+
+def _residual(target: Floats, table: Floats) -> Floats:
+    return np.asarray(target - table @ np.linalg.lstsq(table, target, rcond=None)[0])

@@ -14,9 +14,13 @@ from idloop.records.inspection.response import response
 _SMALL = 20.0
 # Share of the time under a command in which the axis stands still.
 _STILL = 0.85
+# Shares of the largest speed below which an axis stands still: at least, and at most for noise.
+_REST = (0.002, 0.02)
 # Standard errors of the gain below which the command shows no effect, and share of the command that friction and
 # position explain where it is too slow.
 _ERRORS, _SLOW = 3.0, 0.8
+# ... and the share of the acceleration, beside friction, above which it is visible all the same, in one part only.
+_VISIBLE = 0.3
 
 
 def check(axis: Axis) -> list[Finding]:
@@ -52,6 +56,8 @@ def _small(axis: Axis) -> list[Finding]:
         if value is None or (values := value[np.isfinite(value)]).size < 30:
             continue
         low, high = np.percentile(values, [1.0, 99.0])
+        if signal == "velocity":
+            low, high = min(low, 0.0), max(high, 0.0)
         noise = white_noise(values)
         unit = "steps of the sensor" if axis.resolution[signal] > noise else "standard deviations of the noise"
         found.append((float(high - low) / max(noise, axis.resolution[signal], 1e-300), signal, unit))
@@ -80,7 +86,8 @@ def _still(axis: Axis) -> list[Finding]:
     speed, command = np.abs(grid.speed), np.abs(grid.command)
     known = np.isfinite(speed) & np.isfinite(command)
     acts = known & (command > 0.05 * np.max(command[known], initial=0.0))
-    still = speed < max(3.0 * grid.noise, 0.01 * float(np.max(speed[known], initial=0.0)))
+    top = float(np.max(speed[known], initial=0.0))
+    still = speed < np.clip(3.0 * grid.noise, _REST[0] * top, _REST[1] * top)
     share = float(np.mean(still[acts])) if acts.any() else 0.0
     if share < _STILL:
         return []
@@ -99,7 +106,7 @@ def _still(axis: Axis) -> list[Finding]:
 def _slow(axis: Axis) -> list[Finding]:
     """A command that shows no effect on the acceleration."""
     found = response(axis)
-    if found is None or abs(found.certainty) > _ERRORS:
+    if found is None or abs(found.certainty) > _ERRORS or found.share > _VISIBLE:
         return []
     name = axis.command_name
     if found.motion_share > _SLOW:

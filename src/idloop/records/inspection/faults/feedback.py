@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import fault
+from idloop.spelling import joined_names
 
 Floats = NDArray[np.float64]
 
@@ -21,6 +22,8 @@ _PAST, _OLD, _NEW, _MOST, _FEWEST = 8, 6, 4, 20_000, 300
 # of a reference.
 _SHARE, _STEPS = 0.3, 0.1
 _SAME_RATE = 0.1
+# Share of the samples at which the command changes; and of its changes that are rounding.
+_CHANGES, _ROUNDING = 0.2, 1e-9
 
 
 def check(axis: Axis) -> list[Finding]:
@@ -29,57 +32,53 @@ def check(axis: Axis) -> list[Finding]:
         return []
     if abs(float(np.median(np.diff(axis.input_time))) / axis.period - 1.0) > _SAME_RATE:
         return []
-    best = 0.0
-    for signal, value in (("position", axis.place), ("velocity", axis.velocity)):
-        if value is not None and (share := _explained(axis, value)) > best:
-            best, which = share, signal
-    if best < _SHARE:
+    signals = {
+        axis.name(name): one for name, one in (("position", axis.place), ("velocity", axis.velocity)) if one is not None
+    }
+    share = _explained(axis, list(signals.values()))
+    if share < _SHARE:
         return []
-    name, source = axis.command_name, axis.name(which)
+    name = axis.command_name
     return [
         fault(
             "unrecorded_reference",
             name,
-            f"{name} answers to the newest {source} ({100 * best:.0f} % of what is new in it): a loop was closed, and"
-            " its reference is not on record",
+            f"{name} answers to the newest {joined_names(list(signals))} ({100 * share:.0f} % of what is new in it): a"
+            " loop was closed, and its reference is not on record",
             "record the reference (topic `reference`, `reference:` in the mapping), and judge a model by the command",
-            evidence={"share": best},
+            evidence={"share": share},
             spoils=("open-loop black-box models",),
         )
     ]
 
 
-def _explained(axis: Axis, value: Floats) -> float:
+def _explained(axis: Axis, signals: list[Floats]) -> float:
     """Share of the newest command, beyond its past, that the newest measurements explain."""
     after = np.searchsorted(axis.input_time, axis.time - 1e-3 * axis.period)
-    good = (after < axis.command.size) & np.isfinite(value)
     command = axis.command[np.minimum(after, axis.command.size - 1)]
-    good &= np.isfinite(command)
-    value, command = value[good], command[good]
-    if value.size < _FEWEST:
-        return 0.0
-    value, command = value[-_MOST:], command[-_MOST:]
-    if np.ptp(command) == 0.0 or np.ptp(value) == 0.0:
+    good = (after < axis.command.size) & np.isfinite(command) & np.isfinite(signals).all(axis=0)
+    if good.sum() < _FEWEST:
         return 0.0
     # Differences: no offset, no drift, and no large common part.
-    value, command = np.diff(value), np.diff(command)
+    command = np.diff(command[good][-_MOST:])
+    motions = [np.diff(one[good][-_MOST:]) for one in signals]
     last = _OLD + _NEW
     rows = np.arange(max(_PAST, last), command.size)
     # Where the command is held over many samples, only its changes may answer to anything.
     target = command[rows]
-    if np.mean(target != 0.0) < 0.2:
+    if np.mean(target != 0.0) < _CHANGES or not all(np.any(one) for one in motions):
         return 0.0
-    past = [command[rows - k] for k in range(1, _PAST + 1)]
-    old = [value[rows - k] for k in range(_NEW, last)]
-    new = [value[rows - k] for k in range(_NEW)]
-    known = np.column_stack([*past, *old])
+    known = np.column_stack(
+        [command[rows - k] for k in range(1, _PAST + 1)] + [one[rows - k] for one in motions for k in range(_NEW, last)]
+    )
+    new = np.column_stack([one[rows - k] for one in motions for k in range(_NEW)])
     keep = np.ones(rows.size, dtype=bool)
     for _ in range(2):
-        left = np.abs(_left(known, target, keep))
-        with_new = np.abs(_left(np.column_stack([known, *new]), target, keep))
-        keep = with_new <= np.quantile(with_new, 1.0 - _STEPS)
+        left = _left(known, target, keep)
+        with_new = _left(np.hstack([known, new]), target, keep)
+        keep = np.abs(with_new) <= np.quantile(np.abs(with_new), 1.0 - _STEPS)
     power = float(np.mean(left[keep] ** 2))
-    floor = (1e-9 * float(np.std(target))) ** 2
+    floor = (_ROUNDING * float(np.std(target))) ** 2
     return 1.0 - float(np.mean(with_new[keep] ** 2)) / power if power > floor else 0.0
 
 

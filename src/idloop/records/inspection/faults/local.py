@@ -10,9 +10,9 @@ Floats = NDArray[np.float64]
 # Samples of a block whose median deviation is the scatter there.
 _BLOCK = 32
 # A sample lies off by this many scatters, and off the courses before and after it alike.
-_FAR, _ALIKE = 10.0, 0.5
+_FAR, _ALIKE = 7.0, 0.5
 # ... and by this many times the largest bend beside it: a start of a motion bends over several samples.
-_BENDS, _BESIDE = 4.0, 4
+_BENDS, _BESIDE = 3.0, 4
 # Off by so many steps of the signal: fewer are its rounding.
 _STEPS = 4.0
 

@@ -40,7 +40,8 @@ def _jumps(axis: Axis, time: Floats, place: Floats) -> list[Finding]:
     even = np.abs(period / axis.period - 1.0) < _UNEVEN
     rows = isolated(step, axis.resolution["position"], even)
     rows = rows[(rows > 1) & (rows < step.size - 2)]
-    rows = rows[~np.isin(rows, driven(axis))]
+    # Values that are repeated jump as well, when the next one catches up.
+    rows = rows[~np.isin(rows, driven(axis)) & (step[rows - 1] != 0.0) & (step[rows + 1] != 0.0)]
     if rows.size < _FEWEST or rows.size > 0.02 * step.size:
         return []
     off = step[rows] - 0.5 * (step[rows - 1] + step[rows + 1])

@@ -18,7 +18,9 @@ def check(axis: Axis) -> list[Finding]:
     for signal, value in (("position", axis.place), ("velocity", axis.velocity)):
         if value is None:
             continue
-        step, span = axis.resolution[signal], float(np.nanmax(value) - np.nanmin(value))
+        ends = [float(np.nanmin(value)), float(np.nanmax(value))]
+        # A steady speed is a motion as well.
+        step, span = axis.resolution[signal], float(np.ptp([*ends, 0.0] if signal == "velocity" else ends))
         if not step > _COARSE * span:
             continue
         name, unit = axis.name(signal), axis.unit(signal)

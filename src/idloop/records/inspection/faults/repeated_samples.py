@@ -17,7 +17,9 @@ Floats = NDArray[np.float64]
 
 # Samples on each side that give the speed, the steps of the sensor that pass in a sample, and repeats that count.
 _BESIDE, _STEPS = 8, 4.0
-_FEWEST, _SHARE, _OFTENER = 5, 0.01, 5.0
+_FEWEST, _SHARE, _OFTENER = 10, 0.01, 5.0
+# Ratio of the speeds before and after; share of the travel since the last new value that the next one catches up.
+_STEADY, _CATCHES_UP = 0.3, 0.6
 
 
 def check(axis: Axis) -> list[Finding]:
@@ -29,7 +31,7 @@ def check(axis: Axis) -> list[Finding]:
         share = rows.size / max(moving, 1)
         if rows.size < _FEWEST or share < _SHARE:
             continue
-        fresh = 1.0 - share
+        fresh = max(1.0 - share, 0.01)
         rate = 1.0 / axis.period
         if share > 0.3:
             why = f"the log runs at {rate:.4g} Hz, the sensor at about {rate * fresh:.3g} Hz"
@@ -61,20 +63,21 @@ def _repeats(value: Floats) -> tuple[NDArray[np.int64], int]:
     if not changes.size:
         return nothing, 0
     resolution = float(np.percentile(changes, 1.0)) if np.unique(changes).size > 0.2 * changes.size else changes.min()
-    mean = np.full(step.size, 0.0)
-    mean[_BESIDE:-_BESIDE] = np.abs(value[2 * _BESIDE + 1 :] - value[: -2 * _BESIDE - 1])[: step.size - 2 * _BESIDE]
     # Under way on both sides: a standstill beside a motion is no repeat.
     early, late = np.zeros(step.size), np.zeros(step.size)
     early[_BESIDE:] = np.abs(value[_BESIDE:-1] - value[: -_BESIDE - 1])
     late[:-_BESIDE] = np.abs(value[_BESIDE + 1 :] - value[1:-_BESIDE])
     least = _STEPS * _BESIDE * resolution
-    moving = (
-        (mean > 2.0 * least)
-        & (early > least)
-        & (late > least)
-        & (np.minimum(early, late) > 0.3 * np.maximum(early, late))
-    )
-    rows = np.flatnonzero(moving & (step == 0.0))
-    # On steps of the sensor, noise alone makes as many small changes as none.
-    small = np.count_nonzero(moving & (step != 0.0) & (np.abs(step) < 1.5 * resolution))
+    moving = np.minimum(early, late) > np.maximum(least, _STEADY * np.maximum(early, late))
+    # The next value catches up with the motion; an axis that stops and starts does not.
+    change = np.flatnonzero(step != 0.0)
+    following = np.searchsorted(change, np.arange(step.size))
+    next_change = change[np.minimum(following, change.size - 1)]
+    before = np.where(following > 0, change[np.maximum(following, 1) - 1], -1)
+    travel = (next_change - before) * (early + late) / (2.0 * _BESIDE)
+    catches_up = np.abs(step[next_change]) > _CATCHES_UP * travel
+    rows = np.flatnonzero(moving & catches_up & (step == 0.0))
+    # On steps of the sensor, noise alone makes as many small changes as none, with the same step after them.
+    tiny = moving[:-1] & (step[:-1] != 0.0) & (np.abs(step[:-1]) < 1.5 * resolution)
+    small = np.count_nonzero(tiny & (np.abs(step[1:]) > _CATCHES_UP * (early + late)[:-1] / _BESIDE))
     return (rows if rows.size > _OFTENER * 0.5 * small else nothing), int(moving.sum())

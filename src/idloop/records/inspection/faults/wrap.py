@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from math import pi
+
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import around, fault
+
+# Usual ranges of encoders, in any unit, taken where the jumps are as large to this accuracy.
+_RANGES = (2.0 * pi, pi, 1.0, 360.0, 180.0, *(float(1 << bits) for bits in range(8, 25)))
+_NEAR = 0.01
 
 
 def check(axis: Axis) -> list[Finding]:
@@ -13,13 +19,14 @@ def check(axis: Axis) -> list[Finding]:
     if wraps is None:
         return []
     name, unit = axis.name("position"), axis.unit("position")
+    span = next((one for one in _RANGES if abs(wraps.span / one - 1.0) < _NEAR), wraps.span)
     many = "once" if wraps.rows.size == 1 else f"{wraps.rows.size} times"
     return [
         fault(
             "wrapped_position",
             name,
-            f"{name} jumps {many} by {wraps.span:.4g} {unit} from one end of its range to the other: the encoder wraps",
-            f"set `wrap: {wraps.span:.6g}` for it in the mapping, or use `Record.unwrapped`",
+            f"{name} jumps {many} by {span:.4g} {unit} from one end of its range to the other: the encoder wraps",
+            f"set `wrap: {span:.7g}` for it in the mapping, or use `Record.unwrapped`",
             evidence={"span": wraps.span, "jumps": float(wraps.rows.size)},
             spoils=("identification",),
             count=int(wraps.rows.size),

@@ -1,0 +1,225 @@
+"""Every fault is named on a record that has it, with its evidence and its cure; a clean record has none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from idloop.records import inspect_bag, make_stream
+from idloop.records.bags.publishers import find_publishers
+from idloop.records.inspection.axis import Axis
+from idloop.records.inspection.faults.checks import inspect_axis
+
+
+def kinds(axis: Axis) -> list[str]:
+    return [one.kind for one in inspect_axis(axis) if one.level == "warning"]
+
+
+def the(axis: Axis, kind: str):
+    (found,) = (one for one in inspect_axis(axis) if one.kind == kind)
+    assert found.text.endswith(found.cure)
+    assert found.cure
+    return found
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("rate", [20.0, 200.0, 5000.0])
+def test_a_clean_record_has_no_fault(make_axis, rate, size):
+    # The same axis in another unit of time: the motion of a sample is the same.
+    axis = make_axis(size=size)
+    time = axis.time * 200.0 / rate
+    axis = replace(axis, time=time, input_time=time, velocity=axis.velocity * rate / 200.0)
+    assert kinds(axis) == []
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_friction_cogging_and_play_are_no_faults(make_axis, seed):
+    axis = make_axis(seed, drive=lambda u: u - 0.1 * np.sign(u))
+    late = np.concatenate([axis.position[:1], axis.position[:-1]])
+    playing = np.where(np.diff(axis.position, prepend=0.0) > 0.0, axis.position, np.maximum(late, axis.position - 0.01))
+    assert kinds(replace(axis, position=playing, velocity=None)) == []
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [(30 / np.pi, "in rpm"), (-1.0, "wrong sign"), (0.0, "stays at 0"), (7.0, "other side of a gear")],
+)
+def test_a_velocity_that_is_no_derivative(make_axis, factor, words):
+    axis = make_axis()
+    found = the(replace(axis, velocity=factor * axis.velocity), "wrong_velocity")
+    assert words in found.text
+
+
+def test_a_late_velocity_is_measured_in_milliseconds(make_axis):
+    axis = make_axis()
+    slow = lfilter([0.1], [1.0, -0.9], axis.velocity)  # 9 samples of 5 ms late
+    found = the(replace(axis, velocity=slow), "late_velocity")
+    assert found.evidence["delay"] == pytest.approx(0.045, rel=0.15)
+
+
+def test_a_command_without_its_sign(make_axis):
+    axis = make_axis()
+    found = the(replace(axis, command=np.abs(axis.command)), "sign_lost")
+    assert found.spoils == ("identification",)
+    assert "never negative" in found.text
+
+
+def test_a_load_that_comes_back_by_itself_keeps_its_sign(make_axis):
+    lifted = make_axis(
+        drive=lambda u: u - 1.0, command=np.repeat(np.abs(np.random.default_rng(1).normal(1, 1, 75)), 40)
+    )
+    assert "sign_lost" not in kinds(lifted)
+
+
+def test_a_turned_command(make_axis):
+    axis = make_axis()
+    found = the(replace(axis, command=-axis.command), "turned_command")
+    assert found.evidence["gain"] == pytest.approx(-50.0, rel=0.1)
+
+
+def test_simulated_time_beside_receive_time(make_axis):
+    axis = make_axis()
+    receive = 1_700_000_000_000_000_000 + (1e9 * axis.time).astype(np.int64)
+    simulated = 12_000_000_000 + (1e9 * axis.time).astype(np.int64)
+    found = the(
+        replace(
+            axis,
+            measured_stream=make_stream("joint_states", simulated, {"j": {"position": axis.position}}, receive),
+            command_stream=make_stream("joint_command", receive, {"j": {"effort": axis.command}}),
+        ),
+        "two_clocks",
+    )
+    assert "simulated time" in found.text
+    assert found.spoils == ("identification",)
+
+
+def test_two_publishers(make_axis):
+    axis = make_axis()
+    other = np.arange(0, 3000, 5)
+    stamps = (1e9 * np.concatenate([axis.time, axis.time[other] + 0.002])).astype(np.int64) + 10**9
+    values = np.concatenate([axis.position, np.full(other.size, 99.0)])
+    order = np.argsort(stamps)
+    both = find_publishers(make_stream("joint_states", stamps[order], {"j": {"position": values[order]}}))
+    assert the(replace(axis, publishers=(both,)), "two_publishers").evidence["second"] == 600
+
+
+def test_stamps_of_reception(make_axis):
+    axis = make_axis()
+    late = np.random.default_rng(0).exponential(0.001, size=3000)
+    found = the(replace(axis, time=axis.time + np.minimum(late, 0.0045)), "wrong_stamps")
+    assert found.evidence["jitter"] == pytest.approx(0.001, rel=0.2)
+    assert abs(found.evidence["shown"]) < 0.1
+
+
+def test_uneven_stamps_that_are_true(make_axis):
+    axis = make_axis(rate=1000.0, count=12000)
+    rows = np.flatnonzero(np.random.default_rng(0).uniform(size=12000) < 0.3)
+    uneven = replace(axis, time=axis.time[rows], position=axis.position[rows], velocity=axis.velocity[rows])
+    assert "wrong_stamps" not in kinds(uneven)
+
+
+@pytest.mark.parametrize(("old", "share"), [(lambda k: k % 4 != 0, 0.75), (lambda k: k % 20 == 7, 0.05)])
+def test_repeated_values(make_axis, old, share):
+    axis = make_axis()
+    fresh = np.maximum.accumulate(np.where([old(k) for k in range(3000)], 0, np.arange(3000)))
+    found = the(replace(axis, position=axis.position[fresh], velocity=None), "repeated_samples")
+    assert found.evidence["share"] == pytest.approx(share, rel=0.2)
+    assert found.places
+
+
+def test_missed_pulses(make_axis):
+    axis = make_axis()
+    shift = np.zeros(3000)
+    shift[[400, 900, 1700, 2500]] = 0.02 * np.ptp(axis.position)
+    found = the(replace(axis, position=axis.position - np.cumsum(shift)), "missed_pulses")
+    assert found.evidence["jumps"] == 4
+
+
+def test_pulses_missed_above_a_speed(data_dir, tmp_path):
+    from idloop.records.tables.importing import import_bag
+
+    folder = data_dir / "failing_inputs" / "04_step_from_rest"
+    import_bag(folder / "ubc_12V_missed_pulses.csv", tmp_path / "fast", folder / "ubc_csv.yaml")
+    found = inspect_bag(tmp_path / "fast")
+    assert found.grade == "not usable for identification"
+    assert "above some speed pulses of the encoder are missed" in found.grade_reason
+    import_bag(folder / "ubc_8V.txt", tmp_path / "slow", folder / "ubc_8V.yaml")
+    assert "missed_pulses" not in {one.kind for one in inspect_bag(tmp_path / "slow").findings}
+
+
+def test_the_motor_that_lost_its_sign(data_dir, tmp_path):
+    from idloop.records.tables.importing import import_bag
+
+    folder = data_dir / "failing_inputs" / "06_sign_lost"
+    import_bag(folder / "eggdrop.csv", tmp_path / "egg", folder / "map.yaml")
+    found = inspect_bag(tmp_path / "egg")
+    assert [one.kind for one in found.faults] == ["sign_lost"]
+    assert found.grade == "not usable for identification"
+
+
+def test_spikes_are_found_where_they_are(make_axis):
+    axis = make_axis()
+    position = axis.position.copy()
+    position[[700, 1400]] += 0.05 * np.ptp(position)
+    found = the(replace(axis, position=position), "spikes")
+    assert found.count == 2
+    assert found.places[0][0] <= axis.time[700] <= found.places[0][1]
+
+
+def test_a_coarse_sensor(make_axis):
+    axis = make_axis()
+    step = np.ptp(axis.position) / 50
+    found = the(replace(axis, position=step * np.round(axis.position / step), velocity=None), "coarse")
+    assert found.evidence["step"] == pytest.approx(step)
+
+
+def test_a_command_that_is_cut_off(make_axis):
+    wave = 1.5 * np.sin(np.arange(3000) / 60) + 0.7 * np.sin(np.arange(3000) / 23)
+    found = the(make_axis(command=np.clip(wave, -1.0, 1.0)), "saturated_command")
+    assert found.evidence["limit"] == 1.0
+    assert "saturated_command" not in kinds(make_axis(command=wave))
+
+
+def test_a_command_that_the_drive_does_not_follow(make_axis):
+    axis = make_axis(drive=lambda u: float(np.clip(u, -0.6, 0.6)))
+    assert the(axis, "not_followed").evidence["gain_beyond"] < 0.35
+
+
+def test_a_set_point_of_the_position(make_axis):
+    axis = make_axis()
+    target = np.concatenate([axis.position[4:], np.full(4, axis.position[-1])])
+    found = the(replace(axis, command=target), "inner_loop")
+    assert "set-point of the position" in found.text
+    by_unit = replace(axis, units={**axis.units, "j.effort": "rad/s"})
+    assert "set-point of the velocity: it is given in rad/s" in the(by_unit, "inner_loop").text
+
+
+@pytest.mark.parametrize("recorded", [True, False])
+def test_a_loop_without_its_reference(recorded):
+    rng = np.random.default_rng(2)
+    time, p, v = np.arange(4000) / 500, 0.0, 0.0
+    position, velocity, command = np.empty((3, 4000))
+    for k in range(4000):
+        position[k], velocity[k] = p + 1e-4 * rng.normal(), v + 1e-2 * rng.normal()
+        command[k] = 40.0 * (np.sin(2.0 * time[k]) + np.sin(5.1 * time[k]) - position[k]) - 5.0 * velocity[k]
+        v += 0.002 * (command[k] - 2.0 * v - 0.5 * np.tanh(v / 0.01))
+        p += 0.002 * v
+    axis = Axis("j", time, position, velocity, time, command, "j.effort", has_reference=recorded)
+    assert ("unrecorded_reference" in kinds(axis)) == (not recorded)
+
+
+def test_two_levels_and_a_motion_that_is_lost_in_noise(make_axis):
+    axis = make_axis(command=np.where(np.random.default_rng(3).normal(size=75) > 0, 1.0, -1.0).repeat(40))
+    assert the(axis, "two_levels").spoils == ("dead zone", "saturation")
+    noise = np.std(axis.position) * np.random.default_rng(0).normal(size=3000)
+    assert "small_motion" in kinds(replace(axis, position=axis.position + noise, velocity=None))
+
+
+def test_a_wrapped_position_is_named_with_its_range(make_axis):
+    axis = make_axis()
+    found = the(replace(axis, position=np.mod(10.0 * axis.position, 360.0), velocity=None), "wrapped_position")
+    assert found.evidence["span"] == pytest.approx(360.0, rel=0.01)
+    assert "`wrap: 360`" in found.cure
