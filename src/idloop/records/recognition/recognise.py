@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
+from idloop.records.formats.known_columns import recognise as known_drive
 from idloop.records.inspection.motion import white_noise
 from idloop.records.recognition.column_name import ColumnName, parse_column_name
 from idloop.records.recognition.guess import Given, Guess
@@ -36,6 +37,7 @@ _LINEAR_WORDS = {"x", "stage", "slide", "carriage", "stroke", "displacement", "d
 _LINEAR_FORCES = {"N", "mN", "kN", "kip", "lbf"}
 _LINEAR_UNITS = {"m", "cm", "mm", "um", "in", "m/s", "cm/s", "mm/s", "um/s", "m/min", "mm/min", "in/s"}
 _NUMBER_IN_NAME = re.compile(r"(?P<before>[A-Za-z]*)[_\- ]?(?P<number>-?\d+(?:[.,]\d+)?)(?P<unit>[A-Za-z%]*)")
+_KNOWN_RANK = 10.0  # a known drive says more than a name
 _FOLLOWS = 0.6  # correlation of a velocity with the command
 _COMMAND_WORDS = {"V", "mV", "A", "mA", "%"}
 # Names of units by the word that a column of the command has.
@@ -113,6 +115,12 @@ class _Column:
     parsed: ColumnName
     by_name: RoleByName
     value: Floats
+    options: dict[str, Any] = field(default_factory=dict)
+    doubt: str = ""
+
+    def as_guess(self, role: str) -> Guess:
+        """What it is in this role, by its name or by the drive whose log it is of."""
+        return Guess(role, self.name, self.parsed.unit, self.by_name.reason, self.doubt, dict(self.options))
 
     @property
     def moves(self) -> bool:
@@ -172,6 +180,7 @@ def recognise_table(
         if joints is not None:
             parsed = replace(parsed, index=joints.get(name, ""))
         columns[name] = _Column(name, parsed, role_by_name(parsed), value)
+    _of_known_drive(columns, sources or {})
     named = {one.column for one in given.values()}
     columns = _one_joint(columns, named, doubts)
     chosen: dict[str, Guess] = {}
@@ -219,6 +228,36 @@ def _time(table: Table, numbers: dict[str, Floats], given: Given | None, period:
 def _clock_unit(table: Table, clock: str) -> Any:
     unit = known_unit(table.units.get(clock, ""))
     return unit if unit in SECONDS else "s"
+
+
+def _of_known_drive(columns: dict[str, _Column], sources: Map[str, Map[str, str]]) -> None:
+    """Set role, unit and conversion of the columns of a drive whose logs are known."""
+    fields = {name: sources.get(name, {}).get("field") or name for name in columns}
+    device = known_drive(fields.values())
+    if device is None:
+        return
+    known = device.known(fields.values())
+    for name, own in fields.items():
+        column, entry = columns[name], known.get(own)
+        if entry is None or entry.role == "time":
+            continue
+        raw = column.value[np.isfinite(column.value)]
+        # A log that was converted already holds no whole numbers.
+        if (entry.decode is not None or entry.scale != 1.0) and (raw != np.round(raw)).any():
+            continue
+        options = entry.model_dump(include={"scale", "offset", "decode", "wrap"}, exclude_defaults=True)
+        doubts = [f"{entry.role}: {entry.note}"] if entry.note else []
+        if entry.divide_by:
+            doubts.append(
+                f"{name!r} counts by {entry.divide_by}, taken as 1: divide `scale` in the mapping by their number"
+            )
+        columns[name] = replace(
+            column,
+            parsed=replace(column.parsed, unit=entry.unit),
+            by_name=RoleByName(entry.role, _KNOWN_RANK, f"a column of {device.device}"),
+            options=options,
+            doubt="; ".join(doubts),
+        )
 
 
 def _one_joint(columns: dict[str, _Column], named: set[str], doubts: list[str]) -> dict[str, _Column]:
@@ -298,7 +337,7 @@ def _by_name(role: str, columns: dict[str, _Column], chosen: dict[str, Guess], g
     if not free:
         return None
     best = max(moving or free, key=lambda one: one.by_name.rank)
-    guess = Guess(role, best.name, best.parsed.unit, best.by_name.reason)
+    guess = best.as_guess(role)
     also = [one.name for one in moving if one is not best and one.by_name.rank > best.by_name.rank - 1.0]
     if also and role in ("command", *MOTION):
         guess = guess.with_doubt(f"{role}: {listed(also)} could be meant as well: --{role} COLUMN")
