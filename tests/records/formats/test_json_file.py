@@ -61,3 +61,12 @@ def test_values_that_each_sample_names_anew_are_one_line(tmp_path, monkeypatch):
     (tmp_path / "log.jsonl").write_text("".join(f'{{"k{k}": 1}}\n' for k in range(30)))
     with pytest.raises(InputError, match="more than 20 values in a sample"):
         read_table(tmp_path / "log.jsonl")
+
+
+def test_samples_below_any_key_are_found(tmp_path):
+    path = tmp_path / "a.json"
+    samples = [{"t": 0.1 * k, "u": k % 3} for k in range(20)]
+    path.write_text(json.dumps({"kp": 4.0, "motor": {"name": "m1"}, "entries": samples}))
+    table = read_table(path)
+    assert set(table.columns) == {"t", "u"}
+    assert table.attributes["kp"] == 4.0

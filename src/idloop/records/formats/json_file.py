@@ -17,6 +17,8 @@ from idloop.spelling import did_you_mean, listed
 
 # Entries of a list within a sample that become columns of their own.
 _MOST_ENTRIES = 64
+# A list of at most as many mappings holds records or settings, not samples.
+_HANDFUL = 9
 _JSON = re.compile(r'\s*(\{\s*["}]|\[\s*[\[\]{"\d-])')
 
 
@@ -93,6 +95,8 @@ def table_of_content(path: Path, content: Any, options: Options) -> Table:
             have = list(content) if isinstance(content, dict) else []
             raise InputError(f"{path}: no key {key!r} with the samples; it has {listed(have)}{did_you_mean(key, have)}")
         entries = content[key]
+    elif isinstance(content, dict) and (lists := [name for name, value in content.items() if _holds_samples(value)]):
+        entries = content[max(lists, key=lambda name: len(content[name]))]
     if isinstance(entries, list) and entries and all(isinstance(entry, dict) for entry in entries):
         return _of_samples(path, entries, attributes)
     if isinstance(entries, dict):
@@ -103,6 +107,16 @@ def table_of_content(path: Path, content: Any, options: Options) -> Table:
         return table_of_tree(path, {"": entries})
     raise InputError(
         f"{path}: neither a list of samples nor columns; name the key that holds them as `entries:` in the mapping"
+    )
+
+
+def _holds_samples(value: Any) -> bool:
+    """Whether a value is a list of samples: more than a handful of mappings, the first of numbers and texts."""
+    return (
+        isinstance(value, list)
+        and len(value) > _HANDFUL
+        and all(isinstance(one, dict) for one in value)
+        and all(isinstance(one, int | float | str | None) for one in value[0].values())
     )
 
 

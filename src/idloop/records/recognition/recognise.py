@@ -38,6 +38,7 @@ _LINEAR_FORCES = {"N", "mN", "kN", "kip", "lbf"}
 _LINEAR_UNITS = {"m", "cm", "mm", "um", "in", "m/s", "cm/s", "mm/s", "um/s", "m/min", "mm/min", "in/s"}
 _NUMBER_IN_NAME = re.compile(r"(?P<before>[A-Za-z]*)[_\- ]?(?P<number>-?\d+(?:[.,]\d+)?)(?P<unit>[A-Za-z%]*)")
 _KNOWN_RANK = 10.0  # a known drive says more than a name
+_STEADY = 0.1  # of its mean, for a supply
 _FOLLOWS = 0.6  # correlation of a velocity with the command
 _COMMAND_WORDS = {"V", "mV", "A", "mA", "%"}
 # Names of units by the word that a column of the command has.
@@ -181,6 +182,7 @@ def recognise_table(
             parsed = replace(parsed, index=joints.get(name, ""))
         columns[name] = _Column(name, parsed, role_by_name(parsed), value)
     _of_known_drive(columns, sources or {})
+    _supplies(columns)
     named = {one.column for one in given.values()}
     columns = _one_joint(columns, named, doubts)
     chosen: dict[str, Guess] = {}
@@ -258,6 +260,15 @@ def _of_known_drive(columns: dict[str, _Column], sources: Map[str, Map[str, str]
             options=options,
             doubt="; ".join(doubts),
         )
+
+
+def _supplies(columns: dict[str, _Column]) -> None:
+    """Take a voltage that hardly varies for the supply, where another column is a command."""
+    commands = [one for one in columns.values() if one.by_name.role == "command" and one.moves]
+    for one in commands if len(commands) > 1 else []:
+        mean, spread = float(np.nanmean(one.value)), float(np.nanstd(one.value))
+        if one.parsed.unit in ("V", "mV") and spread < _STEADY * mean:
+            columns[one.name] = replace(one, by_name=RoleByName("supply", 1.0, "a voltage that hardly varies"))
 
 
 def _one_joint(columns: dict[str, _Column], named: set[str], doubts: list[str]) -> dict[str, _Column]:
