@@ -101,6 +101,26 @@ def scores_of(errors: Mapping[str, Any], data: str = "", model: str = "") -> dic
     return found if force is None else {**found, DRIVE_FORCE: Score(FORCE, DRIVE_FORCE, force, data, model)}
 
 
+def disagreements(ladder: Ladder) -> list[str]:
+    """Steps after which the drive force is explained better and a free run is worse, or the other way about."""
+    kind, found = judging(ladder), []
+    scores = [step_scores(step, kind) for step in ladder.steps]
+    for step, before, after in zip(ladder.steps[1:], scores, scores[1:], strict=False):
+        force = (
+            before[DRIVE_FORCE].trend(after[DRIVE_FORCE]) if DRIVE_FORCE in before and DRIVE_FORCE in after else SAME
+        )
+        runs = [before[name].trend(one) for name, one in after.items() if one.view == FREE_RUN and name in before]
+        name = "" if step.added is None else step.added.name
+        if force == BETTER and runs and all(one == WORSE for one in runs):
+            found.append(
+                f"{name} makes the error of the drive force smaller and the free run worse: in a free run every force"
+                " that is still missing adds up, however small"
+            )
+        elif force == WORSE and runs and all(one == BETTER for one in runs):
+            found.append(f"{name} makes the free run better and the error of the drive force larger")
+    return found
+
+
 def comparison_errors(comparison: Comparison) -> dict[str, Any]:
     """Errors of a comparison as `idloop.diagnosis.model_errors` has those of a step, of one record."""
     force = comparison.force

@@ -50,7 +50,7 @@ def capitalised(text: str) -> str:
 
 def unbroken(text: str) -> str:
     """A text in which a number stays on one line with its unit and its interval."""
-    return _UNIT.sub("\u00a0", text.replace(" ± ", "\u00a0±\u00a0"))
+    return _UNIT.sub("\u00a0", text.replace(" ± ", "\u00a0±\u00a0").replace(" · 10", "\u00a0·\u00a010"))
 
 
 def sentence(text: str) -> str:

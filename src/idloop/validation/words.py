@@ -20,7 +20,7 @@ def percent(share: float) -> str:
 
 def short(value: float) -> str:
     """Write a number with three digits and a true minus sign."""
-    return f"{value:.3g}".replace("-", "−") if value else "0"
+    return tidy(f"{value:.3g}") if value else "0"
 
 
 def figure_text(value: float | None, digits: int = 4) -> str:

@@ -152,7 +152,7 @@ def test_a_number_keeps_its_unit_on_its_line():
     assert unbroken("level 20.13 ± 0.16 N·m, 26.3 % of 12 parts") == (
         "level 20.13\u00a0±\u00a00.16\u00a0N·m, 26.3\u00a0% of 12 parts"
     )
-    assert unbroken("(3.110 ± 0.020) · 10⁻⁷ rad/s") == "(3.110\u00a0±\u00a00.020)\u00a0· 10⁻⁷\u00a0rad/s"
+    assert unbroken("(3.110 ± 0.020) · 10⁻⁷ rad/s") == "(3.110\u00a0±\u00a00.020)\u00a0·\u00a010⁻⁷\u00a0rad/s"
 
 
 def test_a_tie_that_no_experiment_can_end_says_what_to_do_by_hand():

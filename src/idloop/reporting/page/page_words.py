@@ -18,7 +18,7 @@ from idloop.reporting.ladder_errors import step_evidence, step_title
 from idloop.reporting.page.contents import driven_step, step_force
 from idloop.reporting.page.page_figures import MOST_RECORDS, effect_place, maps_of, where_place, where_places
 from idloop.reporting.residual_findings import FEWEST_FOR_TESTS, ResidualFinding, residual_findings, residual_warnings
-from idloop.reporting.scores import TRAIN, VALIDATION, Score, judging, step_scores
+from idloop.reporting.scores import TRAIN, VALIDATION, Score, disagreements, judging, step_scores
 from idloop.reporting.terms import DATA_USE, FITTED, capitalised, effect_words, in_words, p_text, sentence
 from idloop.reporting.verdicts import (
     CRITERIA,
@@ -61,6 +61,7 @@ def page_words(contents: Contents) -> dict[str, Any]:
             sentence(line)
             for line in (
                 *(f"warning: {one.text}" for one in ladder.worsened),
+                *map(in_words, disagreements(ladder)),
                 *residual_warnings(ladder.verdict, _fitted_remainders(contents)),
             )
         ],

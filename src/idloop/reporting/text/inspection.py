@@ -88,7 +88,8 @@ def comparison_blocks(inspections: Sequence[Inspection], between: Sequence[Findi
 
 def _lines(findings: Sequence[Finding]) -> Iterator[str]:
     for finding in findings:
-        yield f"{finding.level}: {finding.text}"
+        more = "" if finding.cure in finding.text else f"; {finding.cure}"
+        yield f"{finding.level}: {finding.text}{more}"
 
 
 def _tables(inspection: Inspection) -> Iterator[Block]:

@@ -10,7 +10,7 @@ from idloop.estimation.statistics.interval_text import interval_text
 from idloop.reporting.detectability import significant_not_added, undetectable
 from idloop.reporting.estimates import held_parameters, parameter_estimates, read_off_parameters
 from idloop.reporting.residual_findings import residual_warnings
-from idloop.reporting.scores import judging, step_scores
+from idloop.reporting.scores import disagreements, judging, step_scores
 from idloop.reporting.terms import DATA_USE, p_value_text
 from idloop.reporting.text.blocks import Block, Table, number
 from idloop.reporting.text.parameters import parameters_text
@@ -64,6 +64,7 @@ def ladder_blocks(ladder: Ladder, left: Sequence[ResidualFinding] = ()) -> Itera
     yield f"verdict: {conclusion(ladder, left, scope_text(ladder))}"
     for one in ladder.worsened:
         yield f"warning: {one.text}"
+    yield from disagreements(ladder)
     if ladder.unknown is not None:
         yield ladder.unknown.text
     yield from residual_warnings(ladder.verdict, left)

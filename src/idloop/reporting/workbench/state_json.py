@@ -13,7 +13,7 @@ from idloop.reporting.breakdowns import along_text, is_notable, shown_first
 from idloop.reporting.estimates import held_parameters, parameter_rows, with_interval
 from idloop.reporting.ladder_errors import step_evidence, step_title
 from idloop.reporting.page.equations import equations, to_mathml
-from idloop.reporting.scores import Score, judging, scores_of, step_scores
+from idloop.reporting.scores import Score, disagreements, judging, scores_of, step_scores
 from idloop.reporting.terms import (
     DATA_USE,
     FITTED,
@@ -294,7 +294,10 @@ def _ladder(ladder: Ladder, recordings: Sequence[str]) -> dict[str, Any]:
         "steps": [_step(number, step, ladder, kind) for number, step in enumerate(ladder.steps)],
         "verdict": ladder.verdict,
         "data": f"Errors of the {DATA_USE[kind]} data{together}. Effects are judged by {by}.",
-        "beware": [sentence(in_words(f"warning: {one.text}")) for one in ladder.worsened],
+        "beware": [
+            sentence(in_words(text))
+            for text in (*(f"warning: {one.text}" for one in ladder.worsened), *disagreements(ladder))
+        ],
     }
 
 

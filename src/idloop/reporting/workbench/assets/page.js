@@ -385,7 +385,7 @@
       return make("div", { class: `equation ${one.new ? "new" : ""}` }, math, make("small", {}, [one.about, one.effect, one.new ? "new" : ""].filter(Boolean).join(", ")));
     }));
     render("parameters", s.parameters, () => s.parameters.map((one) => make("tr", { "data-parameter": one.key },
-      make("th", { scope: "row" }, one.name), make("td", {}, `${one.value} ${one.unit}`.trim()), make("td", {}, one.bounds), make("td", {}, one.kind))));
+      make("th", { scope: "row" }, one.name), make("td", {}, [one.value, one.unit].filter(Boolean).join("\u00a0")), make("td", {}, one.bounds), make("td", {}, one.kind))));
     say("version", s.version);
     render("commands", s.commands, () => s.commands.map((text) => make("code", {}, text)));
     $("commands-block").hidden = !s.commands.length;
