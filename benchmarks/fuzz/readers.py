@@ -296,7 +296,7 @@ def _jsons() -> list[bytes]:
 # Forms of files that are damaged by the tests as well, with the same valid ones.
 _FORMS = {
     "hdf5": "h5py", "parquet": "pyarrow", "feather": "pyarrow", "npy": "numpy", "torch": "pickletools", "wpilog": "",
-    "codesys": "", "sysid": "", "jsonl": "", "blocks": "",
+    "codesys": "", "lvm": "", "sysid": "", "jsonl": "", "blocks": "",
 }  # fmt: skip
 
 
@@ -333,7 +333,30 @@ def _bag(folder: Path, storage: str) -> Path:
         make_stream("joint_command", STAMPS, {"axis": {"effort": signals["u"]}}),
         make_stream("joint_states", STAMPS, {"axis": {"position": signals["angle"], "velocity": signals["speed"]}}),
     ]
-    return write_bag(folder / "bag", streams, storage=storage)
+    if storage in ("mcap", "sqlite3"):
+        return write_bag(folder / "bag", streams, storage=storage)
+    mcap = next(write_bag(folder / "mcap", streams).glob("*.mcap"))
+    (folder / "bag").mkdir()
+    if storage == "packed":
+        import zstandard
+
+        (folder / "bag" / "bag_0.mcap.zstd").write_bytes(zstandard.compress(mcap.read_bytes()))
+    else:
+        _ros1_bag(folder / "bag" / "bag.bag", mcap)
+    return folder / "bag"
+
+
+def _ros1_bag(path: Path, mcap: Path) -> None:
+    """The messages of a recording of ROS 2 in a bag of ROS 1."""
+    from rosbags.rosbag1 import Writer
+    from rosbags.rosbag2 import Reader as Ros2Reader
+    from rosbags.typesys import Stores, get_typestore
+
+    old, new = get_typestore(Stores.ROS1_NOETIC), get_typestore(Stores.LATEST)
+    with Ros2Reader(mcap) as reader, Writer(path) as writer:
+        topics = {one.topic: writer.add_connection(one.topic, one.msgtype, typestore=old) for one in reader.connections}
+        for connection, stamp, data in reader.messages():
+            writer.write(topics[connection.topic], stamp, new.cdr_to_ros1(data, connection.msgtype))
 
 
 class _BagReader:
@@ -352,7 +375,11 @@ class _BagReader:
         bag.mkdir(exist_ok=True)
         for name, content in files.items():
             (bag / name).write_bytes(data[1:] if name == damaged else content)
-        return self._use(bag, target)
+        tempfile.tempdir = str(target)  # for what is unpacked
+        try:
+            return self._use(bag, target)
+        finally:
+            tempfile.tempdir = None
 
     def files(self) -> dict[str, bytes]:
         if not self._files:
@@ -530,7 +557,7 @@ def readers() -> list[Reader]:
     bags = [
         Reader(f"{name}_{storage}", ".bin", one, one.seeds, (records, rosbags), share=0.25, bombs=one.bombs)
         for name, use in (("bag", _use_bag), ("recover", _recover))
-        for storage in ("mcap", "sqlite3")
+        for storage in ("mcap", "sqlite3", "packed", "ros1")
         for one in [_BagReader(storage, use)]
     ]
     return [

@@ -75,6 +75,14 @@ def _codesys():
     return text.encode()
 
 
+def _lvm():
+    rows = "\n".join("\t".join(f"{v:.6g}" for v in row) for row in ROWS)
+    return (
+        "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t.\n***End_of_Header***\t\n\t\nChannels\t3\n"
+        f"X_Dimension\tTime\tTime\tTime\n***End_of_Header***\t\t\t\nX_Value\tu\tangle\tspeed\tComment\n{rows}\n"
+    ).encode()
+
+
 def _mat_hdf5(path):
     mat_hdf5(path, {"log": SIGNALS, "cells": ["a", "bc"], "name": "x"})
 
@@ -123,6 +131,7 @@ def seeds() -> dict[str, tuple[str, list[bytes]]]:
         "torch": (".pt", [torch_archive(SIGNALS | {"gain": 2.5}), torch_legacy(SIGNALS)]),
         "wpilog": (".wpilog", [_wpilog()]),
         "codesys": (".trace.csv", [_codesys()]),
+        "lvm": (".lvm", [_lvm()]),
         "sysid": (".json", [json.dumps(tests | {"units": "Rotations"}).encode()]),
         "jsonl": (".jsonl", ["\n".join(map(json.dumps, samples)).encode()]),
         "json": (".json", [json.dumps(samples).encode(), json.dumps(series).encode()]),

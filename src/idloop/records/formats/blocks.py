@@ -86,10 +86,16 @@ def _blocks(lines: Iterable[str]) -> Iterator[_Block]:
             if block.rows:
                 yield block
                 block = _Block()
-            block.titles.append(text.lstrip("#% ").rstrip(":").strip('"[] '))
+            block.titles.append(_title(text))
         else:
             block.rows.append(row)
     yield block
+
+
+def _title(text: str) -> str:
+    """A line without the signs of a comment or a section."""
+    text = text.lstrip("#% ").rstrip(":").strip('" ')
+    return text[1:-1].strip() if text.startswith("[") and text.endswith("]") and text.count("[") == 1 else text
 
 
 def _numbers(text: str) -> list[float] | None:

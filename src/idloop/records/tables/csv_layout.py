@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
+from idloop.records.tables.base_units import known_unit
+
 Row: TypeAlias = list[str]
 
 _DELIMITERS = (";", "\t", ",", "|", " ")
@@ -172,4 +174,6 @@ def _names_columns(rows: Sequence[Row]) -> bool:
 
 def _are_units(row: Row) -> bool:
     cells = [cell.strip() for cell in row if cell.strip()]
-    return all(_UNIT_CELL.fullmatch(cell) for cell in cells)
+    units = [_UNIT_CELL.fullmatch(cell) for cell in cells]
+    # TIME,CH1,CH2 is no row of units: one of them is known, or all are in brackets.
+    return all(units) and any(known_unit(cell) or cell[0] in "[(<-" for cell in cells)
