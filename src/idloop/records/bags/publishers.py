@@ -108,7 +108,9 @@ def _rarer(second: Mask | None) -> Mask | None:
     if second is None:
         return None
     changes = np.count_nonzero(np.diff(second))
-    if changes < _FEWEST or min(second.sum(), second.size - second.sum()) < _FEWEST:
+    rarer = min(second.sum(), second.size - second.sum())
+    # Messages in long runs are those of one publisher that has changed its rate.
+    if changes < max(_FEWEST, rarer) or rarer < _FEWEST:
         return None
     return ~second if 2 * int(second.sum()) > second.size else second
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -24,6 +24,13 @@ _REORDERED = 3.0  # a step back of at most this many periods is due to the trans
 # messages by less than the second; beyond the third and fourth pair the streams cannot be used together.
 _DRIFT_NOTED, _DRIFTED_NOTED = 5e-5, 0.02
 _DRIFT_CERTAIN, _DRIFTED_CERTAIN = 1e-3, 0.1
+# What to do where stamps are wrong.
+_CURES = {
+    "lost_samples": "record on the machine that measures, to a faster disk, or at a lower rate",
+    "gap": "record again, or leave the part before or after it out",
+    "clock_reset": "record one run per bag",
+    "duplicate_stamps": "stamp each sample where the sensor is read",
+}
 
 
 @dataclass(frozen=True)
@@ -134,8 +141,15 @@ def stamp_findings(
     """
     found: list[Finding] = []
 
-    def add(kind: str, count: int, text: str, level: Literal["note", "warning"] = "warning") -> None:
-        found.append(Finding(kind, f"{where}: {text}", count, where, level))
+    def add(
+        kind: str,
+        count: int,
+        text: str,
+        level: Literal["note", "warning"] = "warning",
+        evidence: Mapping[str, float] | None = None,
+    ) -> None:
+        cure, said = _CURES.get(kind, ""), f"{where}: {text}"
+        found.append(Finding(kind, said, count, where, level, evidence=dict(evidence or {}), cure=cure))
 
     over = "; the command before is assumed to hold there" if held else ""
     resets, lost, gaps = len(statistics.resets), statistics.lost, len(statistics.gaps)
@@ -152,12 +166,12 @@ def stamp_findings(
     if lost:
         share = lost / (lost + statistics.count)
         text = f"{lost} samples are missing on the {statistics.period * 1e3:.4g} ms grid ({100 * share:.2g} %){over}"
-        add("lost_samples", lost, text, "warning" if share > 0.001 else "note")
+        add("lost_samples", lost, text, "warning" if share > 0.001 else "note", {"lost": lost, "share": share})
     if gaps:
         start, length = max(statistics.gaps, key=lambda gap: gap[1])
         many = "1 gap" if gaps == 1 else f"{gaps} gaps"
         text = f"{many} longer than ten periods, the longest {length:.4g} s at {start:.4g} s"
-        add("gap", gaps, text + ("" if lost else over))
+        add("gap", gaps, text + ("" if lost else over), evidence={"gaps": gaps, "longest": length})
     if not statistics.regular and statistics.count > 2 and np.isfinite(statistics.period):
         text = (
             f"irregular stamps, median interval {statistics.period * 1e3:.4g} ms, 95 % within"

@@ -146,11 +146,10 @@ def differenced_columns(time: Floats, columns: dict[str, Floats]) -> list[Findin
             continue
         how = difference(time, position, velocity)
         if how is not None:
-            text = (
-                f"{name} was computed from {joint}.position ({how.text}) and adds no information; fits leave it out,"
-                " free runs are compared with it"
-            )
-            found.append(Finding(KIND, text, where=name, level="warning"))
+            cure = "fits leave it out, free runs are compared with it"
+            text = f"{name} was computed from {joint}.position ({how.text}) and adds no information; {cure}"
+            evidence = {"delay": how.delay, "misfit": how.misfit}
+            found.append(Finding(KIND, text, where=name, level="warning", evidence=evidence, cure=cure))
     return found
 
 

@@ -14,7 +14,7 @@ _LEVELS, _GAIN = (0.35, 0.5, 0.65, 0.8), 0.35
 # Standard errors of the change of the gain, and of the gain itself.
 _ERRORS = 6.0
 # Share of the time beyond the level, and of the acceleration left by one gain that the change explains.
-_BEYOND, _EXPLAINS = 0.05, 0.2
+_BEYOND, _EXPLAINS = 0.05, 0.3
 
 
 def check(axis: Axis) -> list[Finding]:
