@@ -48,6 +48,11 @@ class Log:
         return self.recognitions[0]
 
     @property
+    def name(self) -> str:
+        """Name of the first file, as the folder that is written by default."""
+        return _plain_name(self.files[0])
+
+    @property
     def runs(self) -> dict[str, tuple[Path, dict[str, Any]]]:
         """Source of each record by its name, and what it is of the source, as a part of a mapping."""
         found = {}
@@ -303,7 +308,7 @@ def begin(
     from idloop.records.tables.importing import import_bag
     from idloop.reporting.plots.recognition import plot_recognition
 
-    name = _plain_name(log.files[0])
+    name = log.name
     folder = probe_folder(Path(output) if output is not None else Path(name), "--output", new=True, parents=True)
     names = tuple(str(one.relative_to(_folder_of(log))) for one in log.files) if log.joined else ()
     mapping = mapping_of(log.recognition, name, joint, files=names)

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 EXAMPLE = """\b
 Examples:
+  idloop workbench                                  a page on which a log is dropped
   idloop workbench dc_motor bags/train --validate bags/unseen
   idloop workbench emps bags/emps_train --validate bags/emps_pulses --output runs/emps --port 8080
 \b
@@ -37,8 +38,8 @@ On a live graph the page comes with it: idloop launch hidden workbench:=true
 
 
 @click.command(cls=DiagnosisCommand, epilog=EXAMPLE)
-@click.argument("model", type=MODEL, metavar="MODEL")
-@click.argument("bags", nargs=-1, required=True, type=BAG, metavar="BAG...")
+@click.argument("model", type=MODEL, metavar="[MODEL]", required=False)
+@click.argument("bags", nargs=-1, type=BAG, metavar="[BAG...]")
 @click.option("--validate", type=BAG, multiple=True, metavar="BAG...", help="Bags that the fits do not see.")
 @diagnosis_options
 @model_options
@@ -60,7 +61,7 @@ On a live graph the page comes with it: idloop launch hidden workbench:=true
 @click.option("--no-browser", is_flag=True, help="Do not open a browser.")
 @json_option
 def command(
-    model: Model,
+    model: Model | None,
     bags: tuple[Path, ...],
     *,
     validate: tuple[Path, ...],
@@ -85,8 +86,16 @@ def command(
     """Look at MODEL on BAGs in a browser: where it fails, what is missing, add it, take it back.
 
     The page is served until Ctrl-C. Measured data and model, the error over what may explain it, the ranked effects
-    and the ladder are those of compare, diagnose, refine and suggest.
+    and the ladder are those of compare, diagnose, refine and suggest. Without MODEL the page takes a log of any form,
+    as idloop start does, and goes on from there.
     """
+    if model is None:
+        from idloop.cli._start_page import serve
+
+        serve(port, lambda place: _tell(place, no_browser=no_browser, as_json=as_json))
+        return
+    if not bags:
+        raise click.UsageError("Missing argument 'BAG...'.")
     if output is not None:
         check_target(output, "--output", overwrite=force)
     model = apply_options(model, settings, effects)

@@ -1,0 +1,110 @@
+"use strict";
+
+const key = document.body.dataset.key;
+const at = (id) => document.getElementById(id);
+
+async function post(path, body) {
+  const answer = await fetch(path, { method: "POST", headers: { "X-Idloop-Key": key }, body });
+  const found = await answer.json().catch(() => ({ error: `the page answered ${answer.status}` }));
+  if (found.error) throw new Error(found.error);
+  return found;
+}
+
+async function attempt(work, text) {
+  at("message").textContent = text;
+  for (const button of document.querySelectorAll("button")) button.disabled = true;
+  try {
+    await work();
+    at("message").textContent = "";
+  } catch (error) {
+    at("message").textContent = error.message;
+  }
+  for (const button of document.querySelectorAll("button")) button.disabled = false;
+}
+
+async function take(files) {
+  if (!files.length) return;
+  await attempt(async () => {
+    let first = "yes";
+    said = {};
+    for (const file of files) {
+      const kept = await post(`file?name=${encodeURIComponent(file.name)}&first=${first}`, file);
+      at("names").textContent = kept.files.join(", ");
+      first = "";
+    }
+    await recognise({});
+  }, "reading");
+}
+
+async function recognise(given) {
+  const found = await post("recognise", JSON.stringify(given));
+  show(found);
+  // What is missing can still be said: the table stays open.
+  if (found.missing) throw new Error(found.missing);
+}
+
+// What the user has changed so far, by signal.
+let said = {};
+
+function given() {
+  if (at("rate").value.trim()) said.rate = at("rate").value.trim();
+  for (const row of document.querySelectorAll("#signals tbody tr")) {
+    const column = row.querySelector("select").value;
+    const unit = row.querySelector("input").value.trim();
+    if (row.dataset.column === column && row.dataset.unit === unit) continue;
+    said[row.dataset.role] = column === "" ? "none" : unit ? `${column}=${unit}` : column;
+  }
+  return said;
+}
+
+function show(found) {
+  const table = at("signals");
+  table.replaceChildren();
+  const head = table.createTHead().insertRow();
+  for (const text of ["signal", "column", "unit", "why"]) {
+    const cell = document.createElement("th");
+    cell.scope = "col";
+    cell.textContent = text;
+    head.append(cell);
+  }
+  const body = table.createTBody();
+  for (const signal of found.signals) {
+    const row = body.insertRow();
+    Object.assign(row.dataset, { role: signal.role, column: signal.column, unit: signal.unit });
+    row.insertCell().textContent = signal.role;
+    const choice = document.createElement("select");
+    choice.setAttribute("aria-label", `column of the ${signal.role}`);
+    for (const name of ["", ...found.columns]) choice.append(new Option(name || "none", name, false, name === signal.column));
+    row.insertCell().append(choice);
+    const unit = document.createElement("input");
+    unit.value = signal.unit;
+    unit.setAttribute("aria-label", `unit of the ${signal.role}`);
+    row.insertCell().append(unit);
+    row.insertCell().textContent = signal.reason;
+  }
+  for (const [id, texts] of [["notes", found.notes], ["doubts", found.doubts]]) {
+    at(id).replaceChildren(...texts.map((text) => {
+      const item = document.createElement("li");
+      item.textContent = text;
+      return item;
+    }));
+  }
+  at("picture").hidden = !found.picture;
+  if (found.picture) at("picture").src = found.picture;
+  at("signals-panel").hidden = false;
+  at("begin-panel").hidden = Boolean(found.missing);
+}
+
+at("files").addEventListener("change", (event) => take([...event.target.files]));
+at("drop").addEventListener("dragover", (event) => { event.preventDefault(); at("drop").classList.add("over"); });
+at("drop").addEventListener("dragleave", () => at("drop").classList.remove("over"));
+at("drop").addEventListener("drop", (event) => {
+  event.preventDefault();
+  at("drop").classList.remove("over");
+  take([...event.dataTransfer.files]);
+});
+at("again").addEventListener("click", () => attempt(() => recognise(given()), "reading"));
+at("begin").addEventListener("click", () => attempt(async () => {
+  const next = await post("begin", JSON.stringify(given()));
+  location.assign(next.address);
+}, "importing, inspecting and fitting"));

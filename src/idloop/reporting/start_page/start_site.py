@@ -1,0 +1,196 @@
+"""Serves the page on this machine: takes files, shows what was recognised, and hands over to the workbench."""
+
+from __future__ import annotations
+
+import asyncio
+import functools
+import json
+import secrets
+import shutil
+import tempfile
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tornado.httpserver import HTTPServer
+from tornado.ioloop import IOLoop
+from tornado.netutil import bind_sockets
+from tornado.web import Application, HTTPError, RequestHandler, StaticFileHandler
+
+from idloop.errors import IdloopError, InputError
+
+HERE = Path(__file__).parent
+SHARED = HERE.parent / "workbench" / "assets"
+KEY_HEADER = "X-Idloop-Key"
+MOST_BYTES = 1 << 30  # of a file
+_START_TIMEOUT = 30.0
+
+
+@dataclass(frozen=True)
+class Steps:
+    """What the page asks for.
+
+    Attributes
+    ----------
+    recognise : callable
+        Given the files and what the user says of each signal, returns the document of the page.
+    begin : callable
+        Given the same, writes, fits, and returns the address of the workbench.
+    """
+
+    recognise: Callable[[list[Path], Mapping[str, str]], dict[str, Any]]
+    begin: Callable[[list[Path], Mapping[str, str]], str]
+
+
+class StartSite:
+    """The running page.
+
+    Parameters
+    ----------
+    steps : Steps
+    port : int
+        0 takes any that is free.
+
+    Attributes
+    ----------
+    address : str
+        What to open in a browser on this machine.
+
+    Raises
+    ------
+    InputError
+        The port cannot be listened on.
+    """
+
+    def __init__(self, steps: Steps, port: int = 0) -> None:
+        self.steps = steps
+        self.key = secrets.token_urlsafe(24)
+        self.folder = Path(tempfile.mkdtemp(prefix="idloop_start_"))
+        self.files: list[Path] = []
+        self.busy = threading.Lock()
+        try:
+            self._sockets = bind_sockets(port, "127.0.0.1")
+        except OSError as error:
+            raise InputError(
+                f"the page cannot be served at port {port}: {error.strerror}; choose another (0: any)"
+            ) from None
+        self.host = f"127.0.0.1:{self._sockets[0].getsockname()[1]}"
+        self.address = f"http://{self.host}/"
+        self._loop: IOLoop | None = None
+        self._ready = threading.Event()
+        self._thread = threading.Thread(target=self._serve, name="start page", daemon=True)
+        self._thread.start()
+        if not self._ready.wait(_START_TIMEOUT):
+            raise IdloopError(f"the page was not served within {_START_TIMEOUT:g} s")
+
+    def close(self) -> None:
+        """End the server, and remove the copies of the files."""
+        if self._loop is not None:
+            self._loop.add_callback(self._loop.stop)
+            self._thread.join(timeout=5.0)
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def _serve(self) -> None:
+        asyncio.set_event_loop(asyncio.new_event_loop())
+        self._loop = IOLoop.current()
+        own = {"site": self}
+        application = Application(
+            [
+                (r"/", PageHandler, own),
+                (r"/file", FileHandler, own),
+                (r"/(recognise|begin)", StepHandler, own),
+                (r"/assets/(start\.(?:js|css))", StaticFileHandler, {"path": str(HERE)}),
+                (r"/assets/(.*)", StaticFileHandler, {"path": str(SHARED)}),
+            ]
+        )
+        server = HTTPServer(application, max_body_size=MOST_BYTES, max_buffer_size=MOST_BYTES)
+        server.add_sockets(self._sockets)
+        self._loop.add_callback(self._ready.set)
+        self._loop.start()
+        server.stop()
+        self._loop.close()
+
+
+class _Handler(RequestHandler):
+    """A request of the page: of this machine alone, whatever name another site gives it."""
+
+    site: StartSite
+
+    def initialize(self, site: StartSite) -> None:
+        self.site = site
+
+    def prepare(self) -> None:
+        own = {self.site.host, self.site.host.replace("127.0.0.1", "localhost")}
+        if self.request.host not in own:
+            raise HTTPError(403)
+        if self.request.method == "POST" and not secrets.compare_digest(
+            self.request.headers.get(KEY_HEADER, "").encode(), self.site.key.encode()
+        ):
+            raise HTTPError(403)
+        self.set_header("Cache-Control", "no-store")
+        self.set_header("X-Frame-Options", "DENY")
+        self.set_header(
+            "Content-Security-Policy",
+            "default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; form-action 'none'",
+        )
+
+    def answer(self, document: dict[str, Any], status: int = 200) -> None:
+        self.set_status(status)
+        self.set_header("Content-Type", "application/json")
+        self.finish(json.dumps(document))
+
+
+class PageHandler(_Handler):
+    """The page itself."""
+
+    def get(self) -> None:
+        """Answer with it."""
+        self.render(str(HERE / "start.html"), key=self.site.key)
+
+
+class FileHandler(_Handler):
+    """A dropped file; the first of several forgets those before."""
+
+    def post(self) -> None:
+        """Keep a copy under its own name."""
+        name = Path(self.get_query_argument("name")).name
+        if not name or name in (".", ".."):
+            raise HTTPError(400)
+        if self.get_query_argument("first", "") == "yes":
+            self.site.files.clear()
+        path = Path(tempfile.mkdtemp(dir=self.site.folder)) / name
+        if self.site.files:
+            # Files that belong together lie in one folder.
+            path = self.site.files[0].parent / name
+        path.write_bytes(self.request.body)
+        self.site.files.append(path)
+        self.answer({"files": [one.name for one in self.site.files]})
+
+
+class StepHandler(_Handler):
+    """What is done with the files."""
+
+    async def post(self, step: str) -> None:
+        """Recognise or begin, in another thread; what cannot be done is said in one line."""
+        try:
+            given = {str(role): str(text) for role, text in json.loads(self.request.body).items()}
+        except (ValueError, AttributeError):
+            raise HTTPError(400) from None
+        work = functools.partial(self._work, step, given)
+        try:
+            self.answer(await IOLoop.current().run_in_executor(None, work))
+        except IdloopError as error:
+            self.answer({"error": " ".join(str(error).replace(str(self.site.folder), "").split())}, 409)
+
+    def _work(self, step: str, given: dict[str, str]) -> dict[str, Any]:
+        if not self.site.busy.acquire(blocking=False):
+            raise InputError("the page is still at work on what was asked before")
+        try:
+            files = list(self.site.files)
+            if step == "recognise":
+                return self.site.steps.recognise(files, given)
+            return {"address": self.site.steps.begin(files, given)}
+        finally:
+            self.site.busy.release()

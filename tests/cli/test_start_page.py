@@ -1,0 +1,114 @@
+"""The page on which a log is dropped, in a real browser: from a file to the workbench of a fitted model."""
+
+from __future__ import annotations
+
+import contextlib
+import http.client
+import threading
+
+import numpy as np
+import pytest
+
+import idloop
+from idloop.cli import _start_page
+from idloop.errors import InputError
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    """A log whose header says neither a unit nor a time."""
+    signal = idloop.excitation("multilevel", sample_time=0.01, duration=10.0, amplitude=0.5, seed=3)
+    record = idloop.simulate(idloop.load_model("axis"), signal, seed=3)
+    path = tmp_path_factory.mktemp("log") / "drive log.csv"
+    columns = np.column_stack([record.input, np.degrees(record.output[:, 0])])
+    np.savetxt(path, columns, delimiter=";", header="torque;angle", comments="", fmt="%.7g")
+    return path
+
+
+def test_the_document_says_what_is_missing_and_what_was_found(log):
+    empty = _start_page.document_of([log], {})
+    assert "--rate HZ" in empty["missing"]
+    assert empty["columns"] == ["torque", "angle"]
+    found = _start_page.document_of([log], {"rate": "100", "position": "angle=deg"})
+    assert found["missing"] == ""
+    columns = {one["role"]: (one["column"], one["unit"]) for one in found["signals"] if one["column"]}
+    assert columns == {"command": ("torque", "N·m"), "position": ("angle", "deg")}
+    assert found["picture"].startswith("data:image/png;base64,")
+    assert "'many' rows per second" in _start_page.document_of([log], {"rate": "many"})["missing"]
+
+
+def test_what_is_no_log_is_one_line(tmp_path):
+    (tmp_path / "a.xlsx").write_bytes(b"PK\x03\x04 xl/workbook")
+    with pytest.raises(InputError, match="save its sheet as CSV"):
+        _start_page.document_of([tmp_path / "a.xlsx"], {})
+
+
+@pytest.mark.slow
+def test_a_dropped_log_becomes_the_workbench_of_a_fitted_model(browser, log, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    ended, ready, address = threading.Event(), threading.Event(), []
+
+    class Ended:
+        def __enter__(self):
+            return ended
+
+        def __exit__(self, *_):
+            return None
+
+    monkeypatch.setattr("idloop.ending_signals.event_on_ending_signal", Ended)
+
+    def tell(place):
+        address.append(place)
+        ready.set()
+
+    server = threading.Thread(target=_start_page.serve, args=(0, tell))
+    server.start()
+    page = browser.new_page()
+    errors = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    try:
+        assert ready.wait(30.0)
+        page.goto(address[0])
+        page.set_input_files("#files", log)
+        page.get_by_text("no column is a time").wait_for()
+        page.fill("#rate", "100")
+        page.select_option("select[aria-label='column of the position']", "angle")
+        page.fill("input[aria-label='unit of the position']", "deg")
+        page.click("#again")
+        page.get_by_role("button", name="Fit and open the workbench").wait_for()
+        assert page.locator("#picture").is_visible()
+        assert "taken as N·m" in page.inner_text("#doubts")
+        page.click("#begin")
+        page.wait_for_url(lambda url: url != address[0], timeout=120_000)
+        page.get_by_text("Measured and model").wait_for(timeout=60_000)
+        assert errors == []
+        fitted = idloop.load_model(tmp_path / "drive_log" / "fitted.yaml")
+        assert fitted.values["axis.inertia"] == pytest.approx(0.01, rel=0.05)
+    finally:
+        page.close()
+        ended.set()
+        server.join(timeout=60.0)
+
+
+def test_other_sites_and_unkeyed_requests_are_refused(tmp_path):
+    from idloop.reporting.start_page.start_site import StartSite, Steps
+
+    def ask(method, path, body=None, **headers):
+        with contextlib.closing(http.client.HTTPConnection(site.host, timeout=10)) as connection:
+            connection.request(method, path, body=body, headers=headers)
+            answer = connection.getresponse()
+            answer.read()
+            return answer.status
+
+    site = StartSite(Steps(lambda files, given: {}, lambda files, given: ""))
+    upload = "/file?name=../../a.csv&first=yes"
+    try:
+        assert ask("GET", "/") == 200
+        assert ask("GET", "/", Host="evil.example") == 403
+        assert ask("POST", upload, b"t,u") == 403
+        assert ask("POST", upload, b"t,u", **{"X-Idloop-Key": site.key}) == 200
+        assert site.files[0].name == "a.csv"
+        assert site.folder in site.files[0].parents
+    finally:
+        site.close()
+    assert not site.folder.exists()
