@@ -447,7 +447,7 @@ def rcbenchmark(folder):
     return Log(
         _write(folder / "StepsTest.csv", "\ufeff" + _text(columns, digits=4)),
         "csv",
-        ("--command", "ESC signal (µs) * 0.001 - 1=-"),
+        ("--command", "`ESC signal (µs)` * 0.001 - 1=-"),
         truth,
         gain=full,
     )

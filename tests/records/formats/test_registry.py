@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import gzip
+from pathlib import Path
 from typing import get_args
 
 import numpy as np
 import pytest
 
 from idloop.errors import InputError
-from idloop.records.formats.registry import form_of, kinds
+from idloop.records.formats.registry import form_of, kinds, table_of_forms
 from idloop.records.tables.mapping import Mapping
 from idloop.records.tables.table_files import read_table
 
@@ -22,6 +23,12 @@ def _form(tmp_path, name, content):
 def test_a_mapping_may_name_each_form():
     (named,) = (one for one in get_args(Mapping.model_fields["format"].annotation) if one is not type(None))
     assert set(get_args(named)) == {*kinds(), "bag"}
+
+
+def test_the_page_lists_each_form():
+    # To renew it: python -c "from idloop.records.formats.registry import table_of_forms; print(table_of_forms())"
+    page = Path(__file__).parents[3] / "docs" / "reference" / "mapping-file.md"
+    assert table_of_forms() in page.read_text(encoding="utf-8")
 
 
 def test_the_content_says_more_than_the_suffix(tmp_path):

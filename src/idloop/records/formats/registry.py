@@ -85,6 +85,15 @@ def form_of(path: Path, kind: str | None = None) -> Form:
     )
 
 
+def table_of_forms() -> str:
+    """Return all forms as a table of a page: file, `format`, columns."""
+    rows = ["| file | `format` | columns |", "|---|---|---|"]
+    for form in (TEXT, *FORMS):
+        names = ", ".join(f"`{suffix}`" for suffix in form.suffixes)
+        rows.append(f"| {form.about}{': ' if names else ''}{names} | `{form.kind}` | {form.columns} |")
+    return "\n".join(rows)
+
+
 def suffixes() -> list[str]:
     """Return the suffixes of all forms."""
     return [suffix for form in (TEXT, *FORMS) for suffix in form.suffixes]

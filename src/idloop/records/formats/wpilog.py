@@ -35,6 +35,12 @@ _FIELDS = {
 _FIELD = re.compile(r"(?:enum\s*\{[^}]*\}\s*)?(\w+)\s+(\w+)(?:\s*\[\s*(\d+)\s*\])?")
 _MOST_ARRAY = 256
 _TEXT = 64
+# Names of units that SysId's logs have beside their entries.
+_UNITS = {
+    "Volt": "V", "Amp": "A", "Rotation": "rev", "Rotation per Second": "rev/s", "Radian": "rad",
+    "Radian per Second": "rad/s", "Degree": "deg", "Degree per Second": "deg/s", "Meter": "m",
+    "Meter per Second": "m/s",
+}  # fmt: skip
 _STATE = "sysid-test-state"
 _NO_TEST = ("none", "")
 
@@ -210,7 +216,7 @@ class _Log:
             table.columns[clock] = np.frombuffer(entry.stamps, dtype=np.int64) * 1e-6
             table.clocks |= dict.fromkeys(columns, clock)
             if entry.metadata and not entry.metadata.lstrip().startswith("{"):
-                table.units |= dict.fromkeys(columns, entry.metadata)
+                table.units |= dict.fromkeys(columns, _UNITS.get(entry.metadata, entry.metadata))
             if _STATE in entry.name and entry.texts and entry.type in _TEXTS:
                 table.parts |= _tests(entry)
             if len(table.columns) > MOST_COLUMNS:
