@@ -46,9 +46,7 @@ class Machine:
 MACHINES = (
     Machine("motor", "dc_motor", "dead_zone@input", "(width=0.4)", 3.0, ("dead_zone", "coulomb_friction")),
     Machine("axis", "axis", "coulomb_friction@axis", "(level=0.1)", 0.5, ("coulomb_friction", "quadratic_drag")),
-    Machine(
-        "screw", "lead_screw", "coulomb_friction@{body}", "(level={level})", 0.0, ("coulomb_friction", "dead_zone")
-    ),
+    Machine("torsion", "torsion", "coulomb_friction@{body}", "(level={level})", 0.0, ("coulomb_friction",), 0.002),
 )
 
 

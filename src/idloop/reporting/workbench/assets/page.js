@@ -380,7 +380,7 @@
   // The model itself: what its numbers are of.
   function showModelPanel(s) {
     render("equations", s.equations, () => s.equations.map((one) => {
-      const math = make("div", { class: "math" });
+      const math = make("div", { class: "math", tabindex: "0" });
       math.innerHTML = one.math;
       return make("div", { class: `equation ${one.new ? "new" : ""}` }, math, make("small", {}, [one.about, one.effect, one.new ? "new" : ""].filter(Boolean).join(", ")));
     }));
