@@ -472,9 +472,10 @@ class MeasuredSet:
     parts: tuple[str | None, ...] = (None,)
 
 
-# A position servo of a pulse width that saturates, and that does not act while its torque is released, with a filtered
-# and coarse speed, some runs slow; an unsigned speed under two levels; the speed counter of a motor that glitches, and slow ramps; an input that was sampled; torque steps;
-# slow turns under an unrecorded reference; runs at constant speed under one; 10 Hz telemetry of play.
+# In this order: a position servo with a pulse width that saturates and does not act while its torque is released, a
+# filtered and coarse speed, some runs slow; an unsigned speed under two levels; the speed counter of a motor that
+# glitches, and slow ramps; an input that was sampled; torque steps; slow turns, and runs at constant speed, under a
+# reference that is not recorded.
 MEASURED = (
     MeasuredSet(
         "bam_servo_pendulum/xl330_raw",
