@@ -44,10 +44,12 @@ class Watch:
             if (isinstance(mode, str) and set(mode) & set("wax+")) or (mode is None and flags & _WRITES):
                 self._inside(event, arguments[0])
         if event in ("os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.truncate", "os.link", "os.symlink"):
-            self._inside(event, arguments[0])
+            # A tree is removed by names within open folders, whose numbers come last.
+            self._inside(event, arguments[0], arguments[-1] if event in ("os.remove", "os.rmdir") else -1)
 
-    def _inside(self, event: str, path: str | bytes) -> None:
-        place = os.path.realpath(os.fsdecode(path))
+    def _inside(self, event: str, path: str | bytes, folder: int = -1) -> None:
+        where = "" if folder < 0 else os.path.realpath(f"/proc/self/fd/{folder}")
+        place = os.path.realpath(os.path.join(where, os.fsdecode(path)))  # noqa: PTH118 (absolute names stay)
         if place != os.devnull and not place.startswith(self._folder + os.sep) and "__pycache__" not in place:
             raise ForbiddenError(f"{event} outside the target: {place}")
 

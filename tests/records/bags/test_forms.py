@@ -182,6 +182,20 @@ def test_the_name_of_a_bag_keeps_its_dots(path: str, name: str) -> None:
     assert bag_name(path) == name
 
 
+def test_a_record_has_the_whole_name_of_its_bag(tmp_path: Path) -> None:
+    from idloop.records import read_record
+    from idloop.records.bags.axis_signals import axis_signals
+
+    stamps = np.arange(1, COUNT + 1, dtype=np.int64) * 10**7
+    wave = np.sin(np.arange(float(COUNT)))
+    streams = [
+        make_stream("joint_command", stamps, {"j": {"effort": np.sign(wave)}}),
+        make_stream("joint_states", stamps, {"j": {"position": wave}}),
+    ]
+    bag = write_bag(tmp_path / "run_0.5", streams)
+    assert read_record(bag, axis_signals(bag)).name == "run_0.5"
+
+
 def test_fewer_messages_than_announced_are_said(record: Any, tmp_path: Path) -> None:
     bag = record(tmp_path / "bag", "SQLITE3")
     metadata = bag / "metadata.yaml"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from idloop.records.bags.storage.bag_metadata import DISTROS, read_metadata
 from idloop.records.bags.storage.ros1_types import ros2_types
 from idloop.records.bags.storage.storage_file import StorageFile
 from idloop.records.bags.storage.storage_files import storage_files
+from idloop.records.bags.storage.unpacking import Scratch
 from idloop.records.bags.topics import Topic
 from idloop.spelling import did_you_mean, listed
 
@@ -61,7 +61,7 @@ class Bag:
         self._distro = distro
         self._definitions = dict(definitions or {})
         self._files: list[StorageFile] = []
-        self._unpacked = TemporaryDirectory(prefix="idloop-")
+        self._scratch = Scratch()
         self._typestore: Typestore | None = None
         self.unknown_types: set[str] = set()
         if distro is not None and distro not in DISTROS:
@@ -80,7 +80,7 @@ class Bag:
 
     def _open(self, file: Path) -> None:
         try:
-            self._files.append(StorageFile(file, Path(self._unpacked.name)))
+            self._files.append(StorageFile(file, self._scratch))
         except InputError:
             raise
         except Exception as error:  # noqa: BLE001 - rosbags lets struct, YAML and SQLite errors of damaged files through
@@ -121,7 +121,7 @@ class Bag:
         for file in self._files:
             file.close()
         self._files.clear()
-        self._unpacked.cleanup()
+        self._scratch.remove()
 
     @property
     def topics(self) -> dict[str, Topic]:

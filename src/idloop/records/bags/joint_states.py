@@ -112,20 +112,20 @@ def _groups(payloads: Sequence[bytes]) -> Iterator[tuple[Stamps, Bytes, JointLay
         )
         while index.size and layouts < _MOST_LAYOUTS:
             layouts += 1
-            layout = _plain_layout(payloads[int(index[0])])
+            layout = plain_layout(payloads[int(index[0])])
             fixed = np.concatenate([np.arange(start, stop) for start, stop in layout.fixed])
             same = (rows[:, fixed] == rows[0, fixed]).all(axis=1)
             yield index[same], rows[same], layout
             index, rows = index[~same], rows[~same]
         left = defaultdict(list)
         for place, k in enumerate(index.tolist()):
-            left[_plain_layout(payloads[k])].append(place)
+            left[plain_layout(payloads[k])].append(place)
         for layout, places in left.items():
             yield index[places], rows[places], layout
 
 
-def _plain_layout(payload: bytes) -> JointLayout:
-    """Layout of a message that ends behind its last number."""
+def plain_layout(payload: bytes) -> JointLayout:
+    """Return the layout of a message that ends behind its last number; CdrError for any other."""
     layout = read_layout(payload)
     if len(payload) > layout.end + _MOST_PADDING:
         raise CdrError(f"{len(payload) - layout.end} bytes behind the last number")

@@ -9,14 +9,16 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from idloop.errors import IdloopError, InputError
 from idloop.records.bags.bag import Bag, one_line
+from idloop.records.bags.joint_states import plain_layout
 from idloop.records.bags.storage.bag_metadata import BagMetadata, read_metadata
 from idloop.records.bags.storage.readable_messages import Channel, Message, readable_messages
 from idloop.records.bags.storage.storage_files import storage_files
+from idloop.records.bags.storage.unpacking import Scratch
+from idloop.records.bags.stream import JOINT_STATE
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -95,8 +97,8 @@ def recover_bag(bag: Path, target: Path) -> Recovered:
         raise InputError(f"{target}: exists already and is not overwritten; name another folder")
     copy = _Copy(target)
     try:
-        with TemporaryDirectory(prefix="idloop-") as folder:
-            copy.write(_in_order(files, Path(folder)))
+        with Scratch() as scratch:
+            copy.write(_in_order(files, scratch))
         _read_back(bag, target, copy)
     except BaseException:
         shutil.rmtree(target, ignore_errors=True)
@@ -113,10 +115,10 @@ def recover_bag(bag: Path, target: Path) -> Recovered:
     )
 
 
-def _in_order(files: list[Path], folder: Path) -> Iterator[tuple[Path, Message | None]]:
+def _in_order(files: list[Path], scratch: Scratch) -> Iterator[tuple[Path, Message | None]]:
     for file in files:
         try:
-            for message in readable_messages(file, folder):
+            for message in readable_messages(file, scratch):
                 yield file, message
         except InputError:  # empty, or not to be unpacked at all: the other files may be better
             yield file, None
@@ -177,7 +179,8 @@ def _typestore(message_type: str, definition: str) -> Typestore | None:
     try:
         store = get_typestore(Stores.EMPTY)
         store.register({**known.fielddefs, **get_types_from_msg(definition, message_type)})
-        store.get_msgdef(message_type)
+        if message_type != JOINT_STATE:  # which is taken apart without it
+            store.get_msgdef(message_type)
     except Exception:  # noqa: BLE001 - the text may be anything
         return known if message_type in known.fielddefs else None
     return store
@@ -185,13 +188,19 @@ def _typestore(message_type: str, definition: str) -> Typestore | None:
 
 def _decodes(store: Typestore | None, message: Message) -> bool:
     """Whether the content fits the type; True where the type is unknown."""
-    if store is None:
-        return True
     try:
-        store.deserialize_cdr(message.data, message.channel.message_type)
+        _decode(store, message.channel.message_type, message.data)
     except Exception:  # noqa: BLE001 - the bytes may be anything
         return False
     return True
+
+
+def _decode(store: Typestore | None, message_type: str, data: bytes) -> None:
+    """Take a message apart as the readers do; an error of any kind where it does not fit its type."""
+    if message_type == JOINT_STATE:
+        plain_layout(data)
+    elif store is not None:
+        store.deserialize_cdr(data, message_type)
 
 
 def _connect(writer: Any, channel: Channel, store: Typestore | None) -> Any:
@@ -224,10 +233,8 @@ def _read_back(bag: Path, target: Path, copy: _Copy) -> None:
     try:
         with Bag(target) as written:
             types = {name: topic.type for name, topic in written.topics.items()}
-            known = written.typestore.fielddefs
             for topic, _, data in written.messages(types):
-                if types[topic] in known:
-                    written.typestore.deserialize_cdr(data, types[topic])
+                _decode(copy.stores[topic, types[topic]], types[topic], data)
                 found[topic] += 1
     except Exception as error:  # noqa: BLE001 - rosbags lets many kinds of errors through
         raise IdloopError(

@@ -13,7 +13,7 @@ from idloop.records.bags.storage.ros1_records import Ros1Connection, read_ros1_r
 from idloop.records.bags.storage.ros1_types import ros1_typestore
 from idloop.records.bags.storage.sqlite_pages import SqlitePages
 from idloop.records.bags.storage.storage_files import file_format
-from idloop.records.bags.storage.unpacking import unpack_file
+from idloop.records.bags.storage.unpacking import Scratch, unpack_file
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -145,19 +145,19 @@ def ros1_messages(file: Path) -> Iterator[Message | None]:
             yield Message(channels[record.connection], record.stamp_ns, record.data)
 
 
-def readable_messages(file: Path, folder: Path) -> Iterator[Message | None]:
+def readable_messages(file: Path, scratch: Scratch) -> Iterator[Message | None]:
     """Yield every message of a storage file that can be read, and None wherever something is damaged.
 
     Parameters
     ----------
     file : Path
         mcap, sqlite3 or ROS 1, packed or not.
-    folder : Path
+    scratch : Scratch
         For unpacked files.
     """
     kind, whole = file_format(file), True
     if kind == "zstd":
-        file, whole = unpack_file(file, folder, keep_cut=True)
+        file, whole = unpack_file(file, scratch, keep_cut=True)
         kind = file_format(file)
     if kind in _READERS:
         yield from map(Plain(), _READERS[kind](file))

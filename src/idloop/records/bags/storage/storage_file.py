@@ -9,7 +9,7 @@ from typing import Any
 from idloop.errors import InputError
 from idloop.records.bags.bag_limits import limit_bag_readers, unpack_message
 from idloop.records.bags.storage.storage_files import file_format
-from idloop.records.bags.storage.unpacking import unpack_file
+from idloop.records.bags.storage.unpacking import Scratch, unpack_file
 
 
 class StorageFile:
@@ -18,7 +18,7 @@ class StorageFile:
     Parameters
     ----------
     path : Path
-    folder : Path
+    scratch : Scratch
         For unpacked files.
 
     Attributes
@@ -36,7 +36,7 @@ class StorageFile:
         Any, of the reader, for a damaged file.
     """
 
-    def __init__(self, path: Path, folder: Path) -> None:
+    def __init__(self, path: Path, scratch: Scratch) -> None:
         from rosbags.rosbag1 import Reader as Ros1Reader
         from rosbags.rosbag2.storage_mcap import McapReader
         from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
@@ -45,7 +45,7 @@ class StorageFile:
         self.path = path
         kind = file_format(path)
         if kind == "zstd":
-            path, _ = unpack_file(path, folder)
+            path, _ = unpack_file(path, scratch)
             kind = file_format(path)
         if kind is None or kind == "zstd":
             raise InputError(f"{self.path}: holds no recording (.mcap, .db3 or .bag); name the recording")

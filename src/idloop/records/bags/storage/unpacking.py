@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from idloop.errors import InputError
@@ -14,14 +15,40 @@ _STEP = 1 << 20
 _LEFT_FREE = 512 << 20
 
 
-def unpack_file(packed: Path, folder: Path, *, keep_cut: bool = False) -> tuple[Path, bool]:
+class Scratch:
+    """A folder among the temporary files, made when the first file is unpacked and removed at the end."""
+
+    def __init__(self) -> None:
+        self._made: TemporaryDirectory[str] | None = None
+
+    def __enter__(self) -> Scratch:  # noqa: PYI034 - Self needs Python 3.11
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.remove()
+
+    @property
+    def folder(self) -> Path:
+        """The folder."""
+        if self._made is None:
+            self._made = TemporaryDirectory(prefix="idloop-")
+        return Path(self._made.name)
+
+    def remove(self) -> None:
+        """Remove it with all that it holds."""
+        if self._made is not None:
+            self._made.cleanup()
+            self._made = None
+
+
+def unpack_file(packed: Path, scratch: Scratch, *, keep_cut: bool = False) -> tuple[Path, bool]:
     """Unpack a file that Zstandard compressed.
 
     Parameters
     ----------
     packed : Path
         Stays as it is.
-    folder : Path
+    scratch : Scratch
         Where the unpacked file is written, without the last suffix.
     keep_cut : bool
         Keep what a cut or damaged file still gives.
@@ -40,14 +67,14 @@ def unpack_file(packed: Path, folder: Path, *, keep_cut: bool = False) -> tuple[
 
     limit_bag_readers()
     zstd: Any = vars(reader)["zstd"]
-    target = folder / packed.stem
+    target = scratch.folder / packed.stem
     written, whole = 0, True
     with packed.open("rb") as raw, target.open("wb") as out:
         try:
             with zstd.open(raw, "rb") as unpacked:
                 while part := unpacked.read(_STEP):
                     written += len(part)
-                    _check_room(packed, folder)
+                    _check_room(packed, scratch.folder)
                     out.write(part)
         except InputError:
             raise
