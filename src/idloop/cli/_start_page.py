@@ -31,7 +31,8 @@ def document_of(files: list[Path], given: Mapping[str, str]) -> dict[str, Any]:
     found = log.recognition
     by_role = {one.role: one for one in found.guesses}
     time = found.base.time
-    signals = [{"role": "time", "column": str(time.column or ""), "unit": time.unit, "reason": found.base.reason}]
+    unit, reason = (time.unit, found.base.reason) if time.period is None else ("", f"a row every {time.period:g} s")
+    signals = [{"role": "time", "column": str(time.column or ""), "unit": unit, "reason": reason}]
     for role in ROLES:
         one = by_role.get(role)
         signals.append(
@@ -42,7 +43,8 @@ def document_of(files: list[Path], given: Mapping[str, str]) -> dict[str, Any]:
     return {
         "signals": signals,
         "columns": list(found.table.columns),
-        "doubts": found.all_doubts(),
+        # The options of the command line are of no use on the page.
+        "doubts": [doubt.partition(": --")[0] for doubt in found.all_doubts()],
         "notes": list(found.table.notes),
         "picture": _picture(log),
         "missing": "",

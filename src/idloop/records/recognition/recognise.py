@@ -218,8 +218,10 @@ def recognise_table(
 
 def _time(table: Table, numbers: dict[str, Floats], given: Given | None, period: float | None) -> TimeBase:
     if table.clocks and given is None and period is None:
-        # The motion's clock is the one that counts; it is the finest one.
-        name = max(table.clocks.values(), key=lambda clock: len(table.columns[clock]))
+        # The motion's clock is the one that counts; of several the finest one.
+        roles = {column: role_by_name(parse_column_name(column)).role for column in table.clocks if column in numbers}
+        moving = [table.clocks[column] for column, role in roles.items() if role in MOTION]
+        name = max(moving or table.clocks.values(), key=lambda clock: len(table.columns[clock]))
         unit = _clock_unit(table, name)
         seconds = table.numbers(name) * SECONDS[unit]
         return TimeBase(Time(column=name, unit=unit), "the file has stamps for every signal", "", seconds, (unit,))
@@ -238,7 +240,7 @@ def _of_known_drive(columns: dict[str, _Column], sources: Map[str, Map[str, str]
     device = known_drive(fields.values())
     if device is None:
         return
-    known = device.known(fields.values())
+    known, order = device.known(fields.values()), list(device.columns.values())
     for name, own in fields.items():
         column, entry = columns[name], known.get(own)
         if entry is None or entry.role == "time":
@@ -256,7 +258,8 @@ def _of_known_drive(columns: dict[str, _Column], sources: Map[str, Map[str, str]
         columns[name] = replace(
             column,
             parsed=replace(column.parsed, unit=entry.unit),
-            by_name=RoleByName(entry.role, _KNOWN_RANK, f"a column of {device.device}"),
+            # What stands first in the list of a drive's columns is meant before what has the same role.
+            by_name=RoleByName(entry.role, _KNOWN_RANK - 0.01 * order.index(entry), f"a column of {device.device}"),
             options=options,
             doubt="; ".join(doubts),
         )
