@@ -1,6 +1,6 @@
 """Parquet files and files of Arrow (Feather version 2, IPC), read piece by piece.
 
-Read by pyarrow, the reference implementation of both; of 2,000 damaged files each, it ended the process for none.
+Read by pyarrow, the reference implementation of both.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 from idloop.documents import MOST_COLUMNS, MOST_TABLE
 from idloop.errors import InputError
 from idloop.records.formats.form import Form, Options, needs
+from idloop.records.formats.isolated import read_isolated
 from idloop.records.tables.table import Table
 from idloop.spelling import listed
 
@@ -73,43 +74,55 @@ def read_feather(path: Path, _: Options) -> Table:
 
 def _read(path: Path, what: str, pieces: Callable[[], tuple[Any, Iterator[Any]]]) -> Table:
     try:
-        import pyarrow as pa
+        import pyarrow as pa  # noqa: F401 - each process that reads a file then has it
     except ImportError:
         raise needs(path, "pyarrow") from None
-    table, parts, size = Table(path, {}), dict[str, list[Any]](), 0
+
+    def read() -> Any:
+        try:
+            return _columns(path, *pieces())
+        except InputError:
+            raise
+        except Exception as error:  # noqa: BLE001 - the library lets those of Arrow, of codecs and of Python through
+            text = " ".join(str(error).split())[:120] or type(error).__name__
+            raise InputError(f"{path}: not a readable {what} file ({text}); check the copy of the file") from None
+
+    columns, units, skipped = read_isolated(path, what, read)
+    notes = [f"columns that hold neither numbers nor texts are left out: {listed(skipped)}"] if skipped else []
+    return Table(path, columns, units=units, notes=notes)
+
+
+def _columns(path: Path, schema: Any, batches: Iterator[Any]) -> tuple[dict[str, Any], dict[str, str], list[str]]:
+    """Columns by name, their units, and the names of those that are left out."""
+    import pyarrow as pa
+
+    parts: dict[str, list[Any]] = {}
+    units: dict[str, str] = {}
     skipped: dict[str, None] = {}
-    try:
-        schema, batches = pieces()
-        _check(path, len(schema), 0)
-        for batch in batches:
-            batch.validate(full=True)
-            _check(path, 0, batch.nbytes)
-            flat = pa.Table.from_batches([batch])
-            for _ in range(3):
-                flat = flat.flatten()
-            for field, column in zip(flat.schema, flat.columns, strict=True):
-                values = _values(column.combine_chunks(), pa)
-                if values is None:
-                    skipped[field.name] = None
-                for name, one in values or []:
-                    full = field.name + name
-                    parts.setdefault(full, []).append(one)
-                    size += one.nbytes if isinstance(one, np.ndarray) else _TEXT * len(one)
-                    _note_unit(table, full, field)
-            _check(path, len(parts), size)
-    except InputError:
-        raise
-    except Exception as error:  # noqa: BLE001 - the library lets those of Arrow, of codecs and of Python through
-        text = " ".join(str(error).split())[:120] or type(error).__name__
-        raise InputError(f"{path}: not a readable {what} file ({text}); check the copy of the file") from None
-    table.columns = {
+    size = 0
+    _check(path, len(schema), 0)
+    for batch in batches:
+        batch.validate(full=True)
+        _check(path, 0, batch.nbytes)
+        flat = pa.Table.from_batches([batch])
+        for _ in range(3):
+            flat = flat.flatten()
+        for field, column in zip(flat.schema, flat.columns, strict=True):
+            values = _values(column.combine_chunks(), pa)
+            if values is None:
+                skipped[field.name] = None
+            for name, one in values or []:
+                full = field.name + name
+                parts.setdefault(full, []).append(one)
+                size += one.nbytes if isinstance(one, np.ndarray) else _TEXT * len(one)
+                units |= _unit(full, field)
+        _check(path, len(parts), size)
+    columns = {
         name: np.concatenate(several) if all(isinstance(one, np.ndarray) for one in several)
         else [cell for one in several for cell in one]
         for name, several in parts.items()
     }  # fmt: skip
-    if skipped:
-        table.notes.append(f"columns that hold neither numbers nor texts are left out: {listed(skipped)}")
-    return table
+    return columns, units, list(skipped)
 
 
 def _check(path: Path, columns: int, size: int) -> None:
@@ -142,10 +155,10 @@ def _values(column: Any, pa: Any) -> list[tuple[str, Any]] | None:
     return [("", np.asarray(column.to_numpy(zero_copy_only=False)))]
 
 
-def _note_unit(table: Table, name: str, field: Any) -> None:
-    for key, value in (field.metadata or {}).items():
-        if key.lower() in (b"unit", b"units") and name not in table.units:
-            table.units[name] = value.decode("utf-8", "replace")
+def _unit(name: str, field: Any) -> dict[str, str]:
+    kept = {key.lower(): value for key, value in (field.metadata or {}).items()}
+    unit = kept.get(b"unit") or kept.get(b"units")
+    return {name: unit.decode("utf-8", "replace")} if unit else {}
 
 
 PARQUET = Form(

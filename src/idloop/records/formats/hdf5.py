@@ -12,7 +12,7 @@ import numpy as np
 from idloop.documents import MOST_COLUMNS, MOST_DEPTH, MOST_TABLE
 from idloop.errors import IdloopError, InputError
 from idloop.records.formats.form import Form, Options, needs
-from idloop.records.formats.hdf5_heaps import heap_damage
+from idloop.records.formats.isolated import read_isolated
 from idloop.records.formats.pickle_data import read_pickle
 from idloop.records.formats.tree import table_of_tree
 from idloop.records.tables.table import Table
@@ -44,8 +44,6 @@ def opened(path: Path) -> Iterator[h5py.File]:
         import h5py
     except ImportError:
         raise needs(path, "h5py") from None
-    if damage := heap_damage(path):
-        raise InputError(f"{path}: not a readable HDF5 file ({damage}); check the copy of the file")
     try:
         with h5py.File(path, "r") as file:
             yield file
@@ -103,22 +101,9 @@ class Hdf5Reader:
         return data.fields(plain)[()] if kind.hasobject and plain else data[()] if not kind.hasobject else None
 
     def _texts(self, data: h5py.Dataset) -> Any:
-        if data.dtype.hasobject and not self._has_true_lengths(data):
-            return None
         found = np.asarray(data[()], dtype=object)
         texts = [one.decode("utf-8", "replace") if isinstance(one, bytes) else str(one) for one in found.ravel()]
         return texts[0] if found.ndim == 0 and texts else texts
-
-    def _has_true_lengths(self, data: h5py.Dataset) -> bool:
-        """Whether the lengths of texts fit into the file: the library takes as much memory as each says."""
-        place = data.id.get_offset()
-        if place is None or data.size == 0:
-            return False
-        with self._path.open("rb") as stream:
-            stream.seek(place)
-            kept = stream.read(16 * data.size)
-        lengths = np.frombuffer(kept[: len(kept) // 16 * 16], "<u4").reshape(-1, 4)[:, 0]
-        return lengths.size == data.size and int(lengths.sum(dtype=np.int64)) <= self._path.stat().st_size
 
 
 def read_hdf5(path: Path, _: Options) -> Table:
@@ -129,10 +114,7 @@ def read_hdf5(path: Path, _: Options) -> Table:
     InputError
         Damaged, too large, or the library is not installed.
     """
-    units: dict[str, str] = {}
-    with opened(path) as file:
-        tree = _tree(Hdf5Reader(path), file, "", units, 0)
-        attributes = {name: _attribute(file, name) for name in file.attrs}
+    tree, units, attributes = read_isolated(path, "HDF5", lambda: _content(path))
     table = table_of_tree(path, tree, separator="/", clocks=True)
     for name in table.columns:
         unit = units.get(name) or units.get(name.rpartition("[")[0])
@@ -140,6 +122,14 @@ def read_hdf5(path: Path, _: Options) -> Table:
             table.units[name] = unit
     table.attributes |= {name: value for name, value in attributes.items() if isinstance(value, float | str)}
     return table
+
+
+def _content(path: Path) -> tuple[dict[str, Any], dict[str, str], dict[str, float | str | None]]:
+    """Series as a tree, their units by path, and the attributes of the file."""
+    units: dict[str, str] = {}
+    with opened(path) as file:
+        tree = _tree(Hdf5Reader(path), file, "", units, 0)
+        return tree, units, {name: _attribute(file, name) for name in file.attrs}
 
 
 def _tree(reader: Hdf5Reader, group: Any, place: str, units: dict[str, str], depth: int) -> dict[str, Any]:

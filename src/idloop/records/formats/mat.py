@@ -9,6 +9,7 @@ from idloop.documents import MOST_TABLE
 from idloop.errors import InputError
 from idloop.records.formats.form import Form, Options
 from idloop.records.formats.hdf5 import HDF5_SIGNATURE
+from idloop.records.formats.isolated import read_isolated
 from idloop.records.formats.mat_hdf5 import read_mat_hdf5
 from idloop.records.formats.tree import table_of_tree
 from idloop.records.tables.mat_structure import mat_damage
@@ -28,7 +29,7 @@ def read_mat(path: Path, _: Options) -> Table:
     with path.open("rb") as stream:
         head = stream.read(1024)
     if HDF5_SIGNATURE in head:
-        tree, objects = read_mat_hdf5(path)
+        tree, objects = read_isolated(path, "MATLAB 7.3", lambda: read_mat_hdf5(path))
     else:
         tree, objects = _load(path)
     table = table_of_tree(path, tree)
