@@ -75,7 +75,7 @@ def test_values_by_joint_though_the_joints_change_place(tmp_path: Path, write_me
     ):  # it is that of another joint now and then
         stream.number("", "interface_values[0].values[0]")
     with pytest.raises(InputError, match=r"did you mean 'a\.position'"):
-        stream.number("a", "positoin")
+        stream.number("a", "positio")
 
 
 def test_values_by_their_place_where_the_joints_keep_it(tmp_path: Path, write_messages: Any) -> None:

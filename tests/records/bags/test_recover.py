@@ -118,14 +118,14 @@ def test_messages_that_do_not_fit_their_type_are_left_out_and_counted(tmp_path: 
     connection.close()
     result = recover_bag(file, tmp_path / "saved")
     assert (result.messages, result.left_out) == (98, {"/joint_states": 2})
-    assert result.state == "1 file(s) cut off or damaged; 2 damaged message(s) left out; all of them read back"
+    assert result.state == "1 file(s) cut off or damaged; 2 damaged message(s) left out; every saved message was read back"
     assert len(read_streams(tmp_path / "saved")["/joint_states"]) == 98
 
 
 def test_a_whole_bag_is_said_to_be_whole_only_with_all_its_messages(tmp_path: Path) -> None:
     stream = make_stream("joint_states", STAMPS[:100], {"motor": {"position": np.arange(100.0)}})
     bag = write_bag(tmp_path / "whole", [stream], storage="sqlite3")
-    assert recover_bag(bag, tmp_path / "first").state == "the recording was whole; all of them read back"
+    assert recover_bag(bag, tmp_path / "first").state == "the recording was whole; every saved message was read back"
     with sqlite3.connect(file_of(bag)) as connection:
         connection.execute("DELETE FROM messages WHERE id > 90")
     connection.close()
@@ -174,7 +174,7 @@ def test_a_type_that_nobody_describes_is_kept_and_said(tmp_path: Path) -> None:
     connection.close()
     result = recover_bag(file, tmp_path / "saved")
     assert (result.messages, result.unchecked) == (20, ("/joint_states",))
-    assert result.state.endswith("all of them read back, without their content on 1 topic(s) of unknown type")
+    assert result.state.endswith("every saved message was read back, without their content on 1 topic(s) of unknown type")
 
 
 def test_a_ros_1_bag_whose_index_was_never_written(ros1_bag, tmp_path: Path) -> None:

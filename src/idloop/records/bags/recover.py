@@ -69,7 +69,7 @@ class Recovered:
             parts.append(f"{sum(self.missing.values())} message(s) that the metadata announce are not there")
         if not parts:
             parts.append("the recording was whole")
-        checked = "all of them read back"
+        checked = "every saved message was read back"
         if self.unchecked:
             checked += f", without their content on {len(self.unchecked)} topic(s) of unknown type"
         return "; ".join([*parts, checked])
