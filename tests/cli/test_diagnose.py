@@ -89,9 +89,9 @@ def test_wrong_use_is_one_line(arguments, word, hidden, capsys):
 @pytest.mark.parametrize(
     ("entry", "text"),
     (
-        ({"value": 0.12342, "stderr": 0.001, "unit": "V"}, "width 0.1234 ± 0.002 V"),
+        ({"value": 0.12342, "stderr": 0.001, "unit": "V"}, "width 0.1234 ± 0.0020 V"),
         ({"value": 0.12342, "stderr": None, "unit": "V"}, "width 0.1234 V"),
-        ({"value": 0.0, "stderr": 0.1, "unit": "-"}, "width 0 ± 0.2"),
+        ({"value": 0.0, "stderr": 0.1, "unit": "-"}, "width 0.00 ± 0.20"),
         ({"value": None, "stderr": None, "unit": "V"}, "width -"),
         ({"value": 1.0, "stderr": None, "unit": "Ω", "held": True}, "width 1 Ω (held)"),
         ({"value": 0.000314159265, "stderr": 0.0, "unit": "rad"}, "width 0.000314159 rad"),

@@ -84,7 +84,7 @@ def test_an_error_of_one_sign_is_said_to_be_the_same_everywhere():
 
 
 def test_a_parameter_has_as_many_digits_as_its_interval_lets_stand():
-    found = state_json.parameter_words({
+    found = state_json._parameters({
         "width": {"value": 0.29812, "stderr": 0.00139, "unit": "V"},
         "rest_position": {"value": -1.22e4, "stderr": None, "unit": "rad"},
         "ratio": {"value": 2.0, "stderr": 0.1, "unit": "-"},

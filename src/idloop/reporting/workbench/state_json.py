@@ -10,7 +10,7 @@ from idloop import drawing
 from idloop.diagnosis.design.expected_outcome import describe_signal
 from idloop.diagnosis.equivalence.equivalent_effects import find_equivalent_effects, without_equivalents
 from idloop.reporting.breakdowns import along_text, is_notable, shown_first
-from idloop.reporting.estimates import held_parameters, parameter_rows, with_interval
+from idloop.reporting.estimates import held_parameters, parameter_rows
 from idloop.reporting.ladder_errors import step_evidence, step_title
 from idloop.reporting.page.equations import equations, to_mathml
 from idloop.reporting.scores import Score, disagreements, judging, scores_of, step_scores
@@ -25,6 +25,7 @@ from idloop.reporting.terms import (
     sentence,
     unbroken,
 )
+from idloop.reporting.text.parameters import parameter_text
 from idloop.reporting.verdicts import CRITERIA, basis, conclusion, confounding_effects, explained_of, scope_text
 from idloop.reporting.workbench.files import commands, offered
 from idloop.reporting.workbench.state import model_version
@@ -135,15 +136,8 @@ def _counts_trouble(name: str, value: str) -> bool:
     return (name in TROUBLE or name.startswith("lost/")) and value not in ("", "0")
 
 
-def parameter_words(parameters: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Every parameter with its 95 % interval: "width 0.1210 ± 0.0021 V"; "(held)" where it is."""
-    texts = []
-    for name, entry in parameters.items():
-        value, unit = entry.get("value"), entry.get("unit") or ""
-        if value is not None:
-            text = f"{name.replace('_', ' ')} {with_interval(value, entry.get('stderr'))} {unit.strip('-')}".rstrip()
-            texts.append(f"{text} (held)" if entry.get("held") else text)
-    return texts
+def _parameters(parameters: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    return [parameter_text(name.replace("_", " "), entry) for name, entry in parameters.items()]
 
 
 def _finite(value: float | None) -> float | None:
@@ -265,7 +259,7 @@ def _candidate(
         "replaces": effect_words(one.replaces) if one.replaces else "",
         "below_level": one.p_value < level,
         "passed_over": in_words(found.passed_over.get(one.name, "")),
-        "parameters": parameter_words(one.parameters),
+        "parameters": _parameters(one.parameters),
         "picture": None if picture is None else _picture(picture),
         "no_picture": "" if picture is not None else no_picture(one.name, one.model),
     }
@@ -309,7 +303,7 @@ def _step(number: int, step: Step, ladder: Ladder, kind: str) -> dict[str, Any]:
         "by": step_evidence(step),
         "ties": [effect_words(name) for name in ladder.rivals(step)],
         "scores": [one.to_dict() for one in step_scores(step, kind).values()],
-        "parameters": [] if added is None else parameter_words(added.parameters),
+        "parameters": [] if added is None else _parameters(added.parameters),
     }
 
 
