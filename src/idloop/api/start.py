@@ -130,8 +130,9 @@ class Start(Result):
         yield from self.log.blocks()
         yield ""
         for inspection in self.inspections:
-            yield f"{inspection.path.name}: {inspection.verdict}"
-            yield from (f"{one.level}: {one.text}" for one in inspection.findings if one.level == "warning")
+            reason = "" if inspection.faults else f": {inspection.grade_reason}"
+            yield f"{inspection.path.name}: {inspection.grade}{reason}"
+            yield from (f"{one.level}: {one.text}" for one in inspection.faults)
         yield ""
         if self.fit is not None:
             yield from self.fit.blocks()
@@ -301,6 +302,7 @@ def begin(
     from idloop import drawing
     from idloop.output_files import probe_folder, write_text
     from idloop.records import inspect_bag
+    from idloop.records.inspection.grade import EVERYTHING, NOT_USABLE
     from idloop.records.inspection.measured_input import KIND as MEASURED
     from idloop.records.recognition.mapping_file import mapping_of, motion_of, text_of
     from idloop.records.recognition.model_start import start_model
@@ -331,7 +333,11 @@ def begin(
     outputs = {one.role: base_unit_of(one) for one in motion_of(log.recognition)}
     model = start_model(name, joint, unit, outputs)
     found, why = None, "no command"
-    if command is not None:
+    # A record whose fault spoils every fit would spoil the others' as well.
+    spoilt = next((one for one in inspections if one.grade == f"{NOT_USABLE} {EVERYTHING}" and one.faults), None)
+    if spoilt is not None:
+        why = f"{spoilt.path.name} is {spoilt.grade}: {spoilt.grade_reason}"
+    elif command is not None:
         model, found, why = _fit((name, joint, unit, outputs, measured), bags, fitted, part(progress, 0.4, 1.0))
     write_text(folder / MODEL, model.to_yaml())
     if found is not None:
