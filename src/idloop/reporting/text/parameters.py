@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from idloop.reporting.estimates import figure_text, with_interval
+from idloop.reporting.estimates import with_interval
+from idloop.validation.words import figure_text
 
 
 def parameter_text(name: str, entry: Mapping[str, Any]) -> str:
