@@ -119,7 +119,9 @@ def test_a_velocity_that_never_moves_is_left_out():
 
 
 def test_a_wrap_of_an_encoder_gives_the_size_of_a_count():
-    _, found = _roles({"t": T, "u": U, "enc [counts]": np.round(np.mod(ANGLE * 4096 / 2 / pi, 4096))})
+    for name in ("enc [counts]", "enc", "phi"):
+        _, found = _roles({"t": T, "u": U, name: np.round(np.mod(ANGLE * 4096 / 2 / pi, 4096))})
+        assert found.of("position").options["scale"] == 2 * pi / 4096
     assert found.of("position").options == {"scale": 2 * pi / 4096, "wrap": 2 * pi}
     assert any("4096 counts are taken as one turn" in one for one in found.all_doubts())
 

@@ -38,6 +38,8 @@ _LINEAR_FORCES = {"N", "mN", "kN", "kip", "lbf"}
 _LINEAR_UNITS = {"m", "cm", "mm", "um", "in", "m/s", "cm/s", "mm/s", "um/s", "m/min", "mm/min", "in/s"}
 _NUMBER_IN_NAME = re.compile(r"(?P<before>[A-Za-z]*)[_\- ]?(?P<number>-?\d+(?:[.,]\d+)?)(?P<unit>[A-Za-z%]*)")
 _KNOWN_RANK = 10.0  # a known drive says more than a name
+_ENCODERS = {"enc", "encoder", "count", "counts", "tick", "ticks", "inc"}
+_FEWEST_COUNTS = 200  # of a turn
 _STEADY = 0.1  # of its mean, for a supply
 _FOLLOWS = 0.6  # correlation of a velocity with the command
 _COMMAND_WORDS = {"V", "mV", "A", "mA", "%"}
@@ -505,7 +507,7 @@ def _units(base: TimeBase, chosen: dict[str, Guess], columns: dict[str, _Column]
         or (command is not None and command.unit in _LINEAR_FORCES)
         or bool(words & _LINEAR_WORDS)
     )
-    if place is not None and place.unit == "counts":
+    if place is not None and (place.unit == "counts" or (not place.unit and _is_count(place, columns))):
         chosen["position"] = place = _counts(place, columns[place.column].value)
     if place is not None and speed is not None:
         base = _related(base, chosen, columns, linear=linear, given=given)
@@ -547,6 +549,16 @@ def _pulse_width(command: Guess) -> Guess:
     return found.with_doubt(
         "the command is a pulse width; 1.5 ms is taken as zero, 2 ms as full: edit `scale` and `offset` in the mapping"
     )
+
+
+def _is_count(place: Guess, columns: dict[str, _Column]) -> bool:
+    """Whether a position without a unit counts the steps of an encoder: whole numbers that start again, or its name."""
+    value = columns[place.column].value
+    known = value[np.isfinite(value)]
+    if (known != np.round(known)).any():
+        return False
+    words = set(parse_column_name(place.column).words)
+    return bool(words & _ENCODERS) or (np.ptp(known) > _FEWEST_COUNTS and find_wrap(value, "counts") > 0.0)
 
 
 def _counts(place: Guess, value: Floats) -> Guess:
