@@ -15,7 +15,7 @@ from math import pi
 from pathlib import Path
 
 import numpy as np
-from tests.records.formats.writers import mat_hdf5, torch_archive, torch_legacy, wpilog
+from tests.records.formats.writers import Ref, mat_hdf5, mat_objects, torch_archive, torch_legacy, wpilog
 
 INERTIA, VISCOUS, COULOMB = 0.02, 0.1, 0.15
 RATE, DURATION = 100.0, 20.0
@@ -1009,6 +1009,22 @@ def mat_data_set(folder):
         (),
         _motor("logsout.torque.Time", "logsout.torque.Data", "logsout.position.Data", ""),
     )
+
+
+@form
+def mat_timetable(folder):
+    run = multisine(20)
+    columns = [values[:, None] for values in (run.u, run.q, run.w)]
+    inner = {
+        "data": columns,
+        "varNames": ["torque", "position", "velocity"],
+        "varUnits": ["N*m", "rad", "rad/s"],
+        "rowTimes": {"origin": Ref(2), "stepSize": np.zeros((0, 0)), "sampleRate": np.array([[RATE]])},
+        "numRows": np.array([[float(run.t.size)]]),
+    }
+    objects = [("timetable", {"any": inner}, True), ("duration", {"millis": np.zeros((1, 1))}, False)]
+    mat_objects(folder / "log.mat", {"TT": 1}, objects)
+    return Log((folder / "log.mat",), "mat", (), _motor("TT.Time", "TT.torque", "TT.position", "TT.velocity"))
 
 
 @form

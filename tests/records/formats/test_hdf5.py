@@ -66,6 +66,9 @@ def test_a_file_that_the_library_never_reads_to_its_end_is_one_line(tmp_path, mo
     assert data[free : free + 2] == b"\0\0"
     data[free + 8 : free + 16] = bytes(8)
     (tmp_path / "log.h5").write_bytes(data)
+    with pytest.raises(InputError, match=r"the heap of texts at byte [0-9]+ is damaged"):
+        read_table(tmp_path / "log.h5")
+    monkeypatch.setattr(hdf5, "heap_damage", lambda path: "")
     monkeypatch.setattr(isolated, "LONGEST", 0.5)
     with pytest.raises(InputError, match="its reader does not come to an end"):
         read_table(tmp_path / "log.h5")

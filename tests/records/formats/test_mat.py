@@ -89,10 +89,10 @@ def test_objects_are_named(tmp_path):
         data.attrs["MATLAB_object_decode"] = np.int32(3)
     table = read_table(tmp_path / "log.mat")
     assert set(table.columns) == {"u"}
-    assert table.notes[0].startswith("'speed' is a MATLAB object (timeseries, timetable, table)")
+    assert table.notes[0].startswith("'speed' is an object that only MATLAB reads")
     with h5py.File(tmp_path / "log.mat", "a") as file:
         del file["u"]
-    with pytest.raises(InputError, match="save its Time and Data as plain arrays"):
+    with pytest.raises(InputError, match="save what it holds as plain arrays"):
         read_table(tmp_path / "log.mat")
 
 

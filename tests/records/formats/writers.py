@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import io
+import itertools
 import pickle
 import struct
 import zipfile
 
 import numpy as np
 
+_NUMBERS = itertools.count()  # names of what is referred to
 STORAGES = {"f8": "DoubleStorage", "f4": "FloatStorage", "i8": "LongStorage", "i4": "IntStorage", "i2": "ShortStorage",
             "i1": "CharStorage", "u1": "ByteStorage", "b1": "BoolStorage", "f2": "HalfStorage"}  # fmt: skip
 
@@ -164,7 +166,121 @@ def _cells(group, references, name, values):
 
     found = []
     for value in values:
-        key = f"r{len(references)}"
+        key = f"r{next(_NUMBERS)}"
         _mat_value(references, references, key, value)
         found.append(references[key].ref)
     return group.create_dataset(name, data=np.array([[one] for one in found], dtype=h5py.ref_dtype))
+
+
+# MATLAB objects: each (class, properties, whether a method of its own saved it); a value is an array, a text, a list
+# (of cells), a mapping (a structure) or the number of another object as `Ref`.
+
+
+class Ref(int):
+    """Number of an object, from 1."""
+
+
+def object_numbers(number, class_number):
+    """What a variable holds that is one object."""
+    return np.array([[0xDD000000], [2], [1], [1], [number], [class_number]], dtype=np.uint32)
+
+
+def subsystem_cells(objects):
+    """Cells in which the properties of objects lie, and the number of each one's class."""
+    names, values = [], []
+
+    def index(name):
+        if name not in names:
+            names.append(name)
+        return names.index(name) + 1
+
+    classes = list(dict.fromkeys(class_ for class_, _, _ in objects))
+    numbers = [classes.index(class_) + 1 for class_, _, _ in objects]
+    class_table = struct.pack("<4i", 0, 0, 0, 0) + b"".join(struct.pack("<4i", 0, index(one), 0, 0) for one in classes)
+    object_table, tables, counts = struct.pack("<6i", *[0] * 6), {True: bytes(8), False: bytes(8)}, {True: 0, False: 0}
+    for place, (_, properties, saved) in enumerate(objects):
+        counts[saved] += 1
+        ids = (counts[saved], 0) if saved else (0, counts[saved])
+        object_table += struct.pack("<6i", numbers[place], 0, 0, *ids, place + 1)
+        block = struct.pack("<i", len(properties))
+        for name, value in properties.items():
+            block += struct.pack("<3i", index(name), 1, len(values))
+            values.append(value)
+        tables[saved] += block + bytes(-len(block) % 8)
+    texts = b"".join(name.encode() + b"\0" for name in names)
+    texts += bytes(-len(texts) % 8)
+    places, place = [], 40 + len(texts)
+    for table in (class_table, tables[True], object_table, tables[False]):
+        places.append(place)
+        place += len(table)
+    places += [place] * 4
+    head = struct.pack("<10i", 4, len(names), *places)
+    data = head + texts + class_table + tables[True] + object_table + tables[False]
+
+    def resolved(value):
+        if isinstance(value, Ref):
+            return object_numbers(int(value), numbers[value - 1])
+        if isinstance(value, dict):
+            return {key: resolved(one) for key, one in value.items()}
+        return [resolved(one) for one in value] if isinstance(value, list) else value
+
+    cells = [np.frombuffer(data, dtype=np.uint8)[None], np.zeros((0, 0)), *map(resolved, values)]
+    return cells, numbers
+
+
+def mat_objects_hdf5(path, variables, objects):
+    """A file of version 7.3 whose variables are objects (a name and a number each)."""
+    import h5py
+
+    cells, numbers = subsystem_cells(objects)
+    mat_hdf5(path, {"plain": np.arange(3.0)})
+    with h5py.File(path, "a") as file:
+        wrapper = _cells(file.create_group("#subsystem#"), file["#refs#"], "MCOS", cells)
+        wrapper.attrs["MATLAB_class"], wrapper.attrs["MATLAB_object_decode"] = np.bytes_("FileWrapper__"), np.int32(3)
+        for name, number in variables.items():
+            data = file.create_dataset(name, data=object_numbers(number, numbers[number - 1]).T)
+            data.attrs["MATLAB_class"] = np.bytes_(objects[number - 1][0])
+            data.attrs["MATLAB_object_decode"] = np.int32(3)
+
+
+def mat_objects(path, variables, objects):
+    """A file of version 5 to 7 with the same."""
+    from scipy.io import savemat
+
+    cells, numbers = subsystem_cells(objects)
+
+    def element(kind, data):
+        return struct.pack("<II", kind, len(data)) + data + bytes(-len(data) % 8)
+
+    def opaque(name, class_, content):
+        texts = b"".join(element(1, one.encode()) for one in (name, "MCOS", class_) if one is not None)
+        return element(14, element(6, struct.pack("<II", 17, 0)) + texts + content)
+
+    def variable(value):
+        file = io.BytesIO()
+        savemat(file, {"x": value})
+        return file.getvalue()[128:]
+
+    wrapper = opaque("", "FileWrapper__", variable(_in_cells(cells)))
+    names = element(5, struct.pack("<i", 5)) + element(1, b"MCOS\0")
+    head = element(6, struct.pack("<II", 2, 0)) + element(5, struct.pack("<ii", 1, 1)) + element(1, b"")
+    inner = b"\x00\x01IM" + bytes(4) + element(14, head + names + wrapper)
+    data = element(6, struct.pack("<II", 9, 0)) + element(5, struct.pack("<ii", 1, len(inner))) + element(1, b"")
+    whole = io.BytesIO()
+    savemat(whole, {"plain": np.arange(3.0)})
+    content = whole.getvalue()
+    for name, number in variables.items():
+        content += opaque(name, objects[number - 1][0], variable(object_numbers(number, numbers[number - 1])))
+    path.write_bytes(content + element(14, data + element(2, inner)))
+
+
+def _in_cells(value):
+    """A value with a cell array for each list."""
+    if isinstance(value, dict):
+        return {key: _in_cells(one) for key, one in value.items()}
+    if not isinstance(value, list):
+        return value
+    box = np.empty((len(value), 1), dtype=object)
+    for place, one in enumerate(value):
+        box[place, 0] = _in_cells(one)
+    return box

@@ -12,6 +12,7 @@ import numpy as np
 from idloop.documents import MOST_COLUMNS, MOST_DEPTH, MOST_TABLE
 from idloop.errors import IdloopError, InputError
 from idloop.records.formats.form import Form, Options, needs
+from idloop.records.formats.hdf5_heaps import heap_damage
 from idloop.records.formats.isolated import read_isolated
 from idloop.records.formats.pickle_data import read_pickle
 from idloop.records.formats.tree import table_of_tree
@@ -44,6 +45,8 @@ def opened(path: Path) -> Iterator[h5py.File]:
         import h5py
     except ImportError:
         raise needs(path, "h5py") from None
+    if damage := heap_damage(path):
+        raise InputError(f"{path}: not a readable HDF5 file ({damage}); check the copy of the file")
     try:
         with h5py.File(path, "r") as file:
             yield file

@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+import io
+import warnings
 from pathlib import Path
 from typing import Any
 
-from idloop.documents import MOST_TABLE
+import numpy as np
+
+from idloop.documents import MOST_DEPTH, MOST_TABLE
 from idloop.errors import InputError
 from idloop.records.formats.form import Form, Options
 from idloop.records.formats.hdf5 import HDF5_SIGNATURE
 from idloop.records.formats.isolated import read_isolated
 from idloop.records.formats.mat_hdf5 import read_mat_hdf5
+from idloop.records.formats.mat_objects import Objects, Reference
 from idloop.records.formats.tree import table_of_tree
 from idloop.records.tables.mat_structure import mat_damage
 from idloop.records.tables.table import Table
+
+# Bytes of the header of a file before its version.
+_SUBSYSTEM = 124
 
 
 def read_mat(path: Path, _: Options) -> Table:
@@ -34,10 +42,7 @@ def read_mat(path: Path, _: Options) -> Table:
         tree, objects = _load(path)
     table = table_of_tree(path, tree)
     if objects:
-        text = (
-            f"{objects[0]!r} is a MATLAB object (timeseries, timetable, table), which only MATLAB reads; save its Time"
-            " and Data as plain arrays"
-        )
+        text = f"{objects[0]!r} is an object that only MATLAB reads; save what it holds as plain arrays"
         if not table.columns:
             raise InputError(f"{path}: {text}")
         table.notes.append(text)
@@ -49,7 +54,8 @@ def _load(path: Path) -> tuple[dict[str, Any], list[str]]:
     from scipy.io import loadmat
 
     try:
-        damage = mat_damage(path.read_bytes())
+        data = path.read_bytes()
+        damage = mat_damage(data)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
     except InputError as error:
@@ -57,13 +63,83 @@ def _load(path: Path) -> tuple[dict[str, Any], list[str]]:
     if damage:
         raise InputError(f"{path}: not a readable MAT file ({damage}); check the copy of the file")
     try:
-        content = loadmat(path, simplify_cells=True)
+        with warnings.catch_warnings():
+            # Objects have no names where the names of variables are.
+            warnings.simplefilter("ignore")
+            content = loadmat(io.BytesIO(data), simplify_cells=True)
+            if any(type(value).__name__ == "MatlabOpaque" for value in content.values()):
+                return _with_objects(data)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
     except Exception as error:  # noqa: BLE001 - any parsing error means a damaged file
         raise InputError(
             f"{path}: not a readable MAT file ({type(error).__name__}); check the copy of the file"
         ) from None
-    tree = {name: value for name, value in content.items() if not name.startswith("__")}
-    return tree, [name for name, value in content.items() if type(value).__name__ == "MatlabOpaque"]
+    return {name: value for name, value in content.items() if not name.startswith("__")}, []
+
+
+def _with_objects(data: bytes) -> tuple[dict[str, Any], list[str]]:
+    """Variables of a file in which some are objects, and the names of those that are not read."""
+    variables, subsystem = _variables(data)
+    cells: list[Any] = []
+    if subsystem:
+        inner = b"MATLAB 5.0 MAT-file".ljust(_SUBSYSTEM) + subsystem[:4] + subsystem[8:]
+        if mat_damage(inner):
+            raise ValueError(mat_damage(inner))
+        cells = _cells(inner)
+    objects = Objects(cells)
+    tree = {name: objects.resolved(value, name) for name, value in variables.items()}
+    return {name: value for name, value in tree.items() if value is not None}, objects.unread
+
+
+def _variables(data: bytes) -> tuple[dict[str, Any], bytes]:
+    """Variables one by one, since objects are all read under one name; and the subsystem."""
+    from scipy.io import loadmat
+    from scipy.io.matlab import varmats_from_mat
+
+    found: dict[str, Any] = {}
+    subsystem = b""
+    for _, stream in varmats_from_mat(io.BytesIO(data)):
+        for name, value in loadmat(stream, simplify_cells=True).items():
+            if name == "__function_workspace__":
+                subsystem = subsystem or np.asarray(value).tobytes()
+            elif type(value).__name__ == "MatlabOpaque":
+                found[value["s0"][0].decode("utf-8", "replace")] = _plain(value, 0)
+            elif not name.startswith("__"):
+                found[name] = _plain(value, 0)
+    return found, subsystem
+
+
+def _cells(data: bytes) -> list[Any]:
+    """Cells of the subsystem, which is a file of its own."""
+    from scipy.io import loadmat
+    from scipy.io.matlab import varmats_from_mat
+
+    _, stream = varmats_from_mat(io.BytesIO(data))[0]
+    content = loadmat(stream, simplify_cells=True)["__function_workspace__"]
+    wrapper: Any = getattr(np.asarray(content).ravel()[0], "MCOS", None)
+    if type(wrapper).__name__ != "MatlabOpaque":
+        return []
+    return [_plain(one, 0) for one in np.asarray(wrapper["arr"].ravel()[0]).ravel()]
+
+
+def _plain(value: Any, depth: int) -> Any:
+    """Return what scipy reads as mappings, lists, texts and arrays, with a reference for each object."""
+    if depth > MOST_DEPTH:
+        return None
+    if type(value).__name__ == "MatlabOpaque":
+        numbers = np.asarray(value["arr"].ravel()[0])
+        return Reference(numbers.ravel().astype(np.int64)) if numbers.dtype.kind in "iu" else None
+    if hasattr(value, "_fieldnames"):
+        return {name: _plain(getattr(value, name), depth + 1) for name in value._fieldnames}  # noqa: SLF001 - scipy documents it
+    if isinstance(value, dict):
+        return {name: _plain(one, depth + 1) for name, one in value.items()}
+    if isinstance(value, np.ndarray) and value.dtype.kind == "O":
+        entries = [_plain(one, depth + 1) for one in value.ravel()]
+        return entries[0] if len(entries) == 1 else entries
+    if isinstance(value, np.ndarray) and value.dtype.kind == "U":
+        return str(value.ravel()[0]) if value.size == 1 else list(map(str, value.ravel()))
+    return np.squeeze(value) if isinstance(value, np.ndarray) else value
 
 
 FORM = Form(
@@ -71,7 +147,8 @@ FORM = Form(
     (".mat",),
     "MATLAB, versions 4 to 7.3",
     "arrays; those in structures are `log.u`, in structure arrays `log[0].u` (counted from 0), the columns of a matrix"
-    " `log.y[0]`, `log.y[1]`; signals of Simulink by their labels, with the `time` of their structure",
+    " `log.y[0]`, `log.y[1]`; signals of Simulink by their labels, with the `time` of their structure;"
+    " of the objects `timetable`, `table` and `timeseries` their columns",
     lambda head: head.startswith(b"MATLAB "),
     read_mat,
 )

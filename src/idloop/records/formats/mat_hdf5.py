@@ -14,6 +14,7 @@ import numpy as np
 from idloop.documents import MOST_DEPTH
 from idloop.errors import InputError
 from idloop.records.formats.hdf5 import Hdf5Reader, opened
+from idloop.records.formats.mat_objects import Objects, Reference
 
 _NUMBERS = {"double", "single", "logical"} | {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)}
 # Entries of cells and structure arrays; a longer one is no log.
@@ -21,7 +22,7 @@ _MOST_ENTRIES = 100_000
 
 
 def read_mat_hdf5(path: Path) -> tuple[dict[str, Any], list[str]]:
-    """Return the variables of a file as nested arrays, and the names of those that are objects.
+    """Return the variables of a file as nested arrays, and the names of those that are objects which are not read.
 
     Raises
     ------
@@ -33,7 +34,9 @@ def read_mat_hdf5(path: Path) -> tuple[dict[str, Any], list[str]]:
         tree = {
             name: reader.value(item, name, 0) for name, item in reader.data.entries(file) if not name.startswith("#")
         }
-    return {name: value for name, value in tree.items() if value is not None}, reader.objects
+        objects = Objects(reader.subsystem() if reader.has_objects else [])
+        tree = {name: objects.resolved(value, name) for name, value in tree.items()}
+    return {name: value for name, value in tree.items() if value is not None}, objects.unread
 
 
 class _Reader:
@@ -41,7 +44,7 @@ class _Reader:
 
     def __init__(self, path: Path, file: Any) -> None:
         self.data = Hdf5Reader(path)
-        self.objects: list[str] = []
+        self.has_objects = False
         self._path, self._file, self._followed = path, file, 0
 
     def value(self, item: Any, name: str, depth: int) -> Any:
@@ -49,9 +52,12 @@ class _Reader:
             raise InputError(f"{self._path}: structures more than {MOST_DEPTH} deep; check that this is the file")
         kind = item.attrs.get("MATLAB_class", b"")
         kind = kind.decode("utf-8", "replace") if isinstance(kind, bytes) else str(kind)
-        if "MATLAB_object_decode" in item.attrs:
-            self.objects.append(name)
-            return None
+        if "MATLAB_object_decode" in item.attrs and kind != "FileWrapper__":
+            self.has_objects = True
+            numbers = self.data.values(item) if getattr(item, "dtype", np.dtype("O")).kind in "iu" else None
+            return Reference(
+                np.asarray(numbers, dtype=np.int64).ravel() if numbers is not None else np.zeros(0, np.int64)
+            )
         if not hasattr(item, "shape"):
             return self._structure(item, name, depth) if hasattr(item, "keys") else None
         if "MATLAB_empty" in item.attrs:
@@ -64,7 +70,17 @@ class _Reader:
             return "".join(map(chr, np.asarray(values).ravel().tolist())) if values is not None else None
         if values is None or (kind and kind not in _NUMBERS):
             return None
-        return np.squeeze(np.asarray(values).T)
+        array = np.asarray(values)
+        if array.dtype.names == ("real", "imag"):
+            array = array["real"] + 1j * array["imag"]
+        return np.squeeze(array.T)[()]
+
+    def subsystem(self) -> list[Any]:
+        """Return the cells in which the properties of objects lie."""
+        group = self._file.get("#subsystem#")
+        item = group.get("MCOS") if group is not None else None
+        cells = self.value(item, "MCOS", 0) if item is not None else None
+        return cells if isinstance(cells, list) else []
 
     def _structure(self, group: Any, name: str, depth: int) -> Any:
         fields = {key: self.value(item, f"{name}.{key}", depth + 1) for key, item in self.data.entries(group)}

@@ -121,7 +121,10 @@ class _Flattener:
                 table.clocks.setdefault(column, name)
 
     def _note_unit(self, tree: Mapping[str, Any], prefix: str) -> None:
-        """Keep the units that a structure of a MATLAB series says of its Data."""
+        """Keep the units that a structure of a MATLAB series says of its Data, or a table of its columns."""
+        several = tree.get("VariableUnits")
+        if isinstance(several, Mapping):
+            self._table.units |= {f"{prefix}{name}": str(unit) for name, unit in several.items()}
         info = tree.get("DataInfo")
         unit = info.get("Units") if isinstance(info, Mapping) else None
         if isinstance(unit, str) and unit:
@@ -171,8 +174,14 @@ def _parts(value: Any) -> list[Any] | None:
         return None
     if all(isinstance(part, Mapping) for part in value):
         return list(value)
-    several = all(isinstance(part, list | np.ndarray) and not any(map(_has_entries, part)) for part in value)
+    several = all(_is_series(part) for part in value)
     return list(value) if several and len({len(part) for part in value}) > 1 else None
+
+
+def _is_series(value: Any) -> bool:
+    if isinstance(value, np.ndarray):
+        return value.ndim == 1 and value.dtype.kind != "O"
+    return isinstance(value, list) and not any(map(_has_entries, value))
 
 
 def _has_entries(value: Any) -> bool:
