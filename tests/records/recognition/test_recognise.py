@@ -7,10 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from ruamel.yaml import YAML
 
 from idloop.errors import InputError
 from idloop.records.recognition.guess import Given
+from idloop.records.recognition.mapping_file import mapping_of, text_of
 from idloop.records.recognition.recognise import recognise_table
+from idloop.records.tables.mapping import parse_mapping
 from idloop.records.tables.table import Table
 
 T = np.arange(3000) * 0.005
@@ -173,3 +179,36 @@ def test_what_cannot_be_told_is_one_line(name):
         _roles(columns, given=given)
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+WORDS = ["t", "time", "u", "i", "V", "v", "q", "pos", "speed", "enc", "target", "temp", "rpm", "x", "0", "state", "Iq"]
+UNITS = ["", " [ms]", "_deg", " (rpm)", " [V]", " [counts]", "_N", " in mm", "[0]", " (2)"]
+VALUES = st.one_of(
+    arrays(np.float64, 40, elements=st.floats(-1e9, 1e9) | st.just(float("nan"))),
+    arrays(np.float64, 40, elements=st.sampled_from([0.0, 1.0, 65535.0, -1.0, float("nan"), float("inf")])),
+    st.floats(1e-6, 1e6).map(lambda step: step * np.arange(40.0)),
+    st.just([f"2025-01-01T00:00:{k:02d}" for k in range(40)]),
+    st.just(["on"] * 40),
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.dictionaries(
+        st.builds(str.__add__, st.sampled_from(WORDS), st.sampled_from(UNITS)), VALUES, min_size=1, max_size=7
+    ),
+    st.dictionaries(
+        st.sampled_from(["time", "command", "position", "velocity"]),
+        st.builds(
+            Given, st.sampled_from(["", *WORDS, "u + q", "12"]), st.sampled_from(["", "deg", "V", "counts/8", "s"])
+        ),
+        max_size=2,
+    ),
+)
+def test_any_table_is_recognised_as_a_mapping_that_is_valid_or_refused(columns, said):
+    try:
+        found = recognise_table(Table(Path("log_7V.csv"), columns), said)
+    except InputError:
+        return
+    content = mapping_of(found, "log", "axis")
+    assert parse_mapping(YAML(typ="safe").load(text_of(content)), "mapping.yaml").joint == "axis"

@@ -139,8 +139,9 @@ def numbers_of(table: Table) -> dict[str, Floats]:
             value = table.numbers(name)
         except InputError:
             continue
+        # What is infinite was not measured; an import says so.
         if np.isfinite(value).sum() > 1:
-            found[name] = value
+            found[name] = np.where(np.isfinite(value), value, np.nan)
     return found
 
 
@@ -195,7 +196,7 @@ def recognise_table(
         guess = _given(table, role, said, numbers) if said.column else _by_name(role, columns, chosen, given)
         if guess is not None:
             chosen[role] = guess
-            columns |= _computed(guess, numbers)
+            columns |= _columns_of(guess, columns, numbers)
     _by_data(columns, chosen, given)
     _set_point(columns, chosen, given)
     _no_command(table, chosen, given, doubts)
@@ -309,7 +310,7 @@ def _given(table: Table, role: str, said: Given, numbers: dict[str, Floats]) -> 
         return _with_unit(Guess(role, said.column, parsed.unit, "as given"), unit)
     if said.column in table.columns:
         raise InputError(f"{table.path}: column {said.column!r} holds no numbers; it cannot be the {role}")
-    if is_number(said.column):
+    if is_number(said.column) and role not in MOTION:
         return _with_unit(Guess(role, "", "", "as given", options={"value": float(said.column)}), unit)
     formula = Expression(said.column)
     missing = next((name for name in formula.columns if name not in numbers), None)
@@ -335,11 +336,12 @@ def _with_unit(guess: Guess, unit: str) -> Guess:
     return replace(guess, unit=known_unit(unit))
 
 
-def _computed(guess: Guess, numbers: dict[str, Floats]) -> dict[str, _Column]:
-    """Values of a guess that no column holds as such."""
-    if "compute" not in guess.options:
+def _columns_of(guess: Guess, columns: Map[str, _Column], numbers: dict[str, Floats]) -> dict[str, _Column]:
+    """Return values of a guess that are among no columns yet: computed ones, and what the user has named."""
+    if not guess.column or guess.column in columns:
         return {}
-    value = Expression(guess.column).evaluate(numbers)
+    computed = "compute" in guess.options
+    value = Expression(guess.column).evaluate(numbers) if computed else numbers[guess.column]
     return {guess.column: _Column(guess.column, ColumnName((), "", ""), RoleByName("", 0.0, ""), value)}
 
 
@@ -424,7 +426,7 @@ def _same(one: Floats, other: Floats) -> bool:
     if one.size != other.size:
         return False
     known = np.isfinite(one) & np.isfinite(other)
-    return float(np.std((one - other)[known])) < 0.1 * float(np.std(one[known]))
+    return bool(known.any()) and float(np.std((one - other)[known])) < 0.1 * float(np.std(one[known]))
 
 
 def _follows(motion: Floats, command: Floats) -> bool:
@@ -432,6 +434,8 @@ def _follows(motion: Floats, command: Floats) -> bool:
     if motion.size != command.size:
         return False
     known = np.isfinite(motion) & np.isfinite(command)
+    if known.sum() < 3 or not (np.ptp(motion[known]) and np.ptp(command[known])):
+        return False
     return abs(float(np.corrcoef(motion[known], command[known])[0, 1])) > _FOLLOWS
 
 
@@ -558,7 +562,7 @@ def _is_count(place: Guess, columns: dict[str, _Column]) -> bool:
     if (known != np.round(known)).any():
         return False
     words = set(parse_column_name(place.column).words)
-    return bool(words & _ENCODERS) or (np.ptp(known) > _FEWEST_COUNTS and find_wrap(value, "counts") > 0.0)
+    return bool(words & _ENCODERS or (np.ptp(known) > _FEWEST_COUNTS and find_wrap(value, "counts") > 0.0))
 
 
 def _counts(place: Guess, value: Floats) -> Guess:
