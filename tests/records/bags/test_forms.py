@@ -137,6 +137,44 @@ def test_a_bag_of_ros_1(ros1_bag: Any, tmp_path: Path, compression: Any) -> None
     check(tmp_path / "saved")
 
 
+@pytest.mark.parametrize("profile", ["", "ros1", "x" * 40])
+def test_an_mcap_file_that_no_recorder_of_ros_2_wrote(tmp_path: Path, joint_state: Any, profile: str) -> None:
+    from mcap.writer import Writer as McapWriter
+    from rosbags.typesys import Stores, get_typestore
+
+    old, new = get_typestore(Stores.ROS1_NOETIC), get_typestore(Stores.LATEST)
+    ros1 = profile == "ros1"
+    path = tmp_path / "run.mcap"
+    with path.open("wb") as file:
+        writer = McapWriter(file)
+        writer.start(profile=profile, library="test")
+        channels = {}
+        for topic, kind in (("/joint_states", JOINT_STATE), ("/u", "std_msgs/msg/Float64")):
+            text, _ = (old if ros1 else new).generate_msgdef(kind, ros_version=1 if ros1 else 2)
+            name, encoding = (kind.replace("/msg/", "/"), "ros1") if ros1 else (kind, "cdr")
+            schema = writer.register_schema(name, f"{'ros1' if ros1 else 'ros2'}msg", text.encode())
+            channels[topic] = writer.register_channel(topic, encoding, schema)
+        other = writer.register_channel("/status", "json", writer.register_schema("status", "jsonschema", b"{}"))
+        for strange in (other, writer.register_channel("/note", "json", 0)):
+            writer.add_message(strange, 10**18, b"{}", 10**18)
+        number = new.types["std_msgs/msg/Float64"]
+        for k in range(COUNT):
+            for topic, kind, message in (
+                ("/joint_states", JOINT_STATE, joint_state(k + 1, ["j"], [k / 8])),
+                ("/u", "std_msgs/msg/Float64", number(k / 4)),
+            ):
+                data = bytes(new.serialize_cdr(message, kind))
+                writer.add_message(
+                    channels[topic], 10**18 + k, bytes(new.cdr_to_ros1(data, kind)) if ros1 else data, 10**18 + k
+                )
+        writer.finish()
+    check(path)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(InputError, match="cut off"):
+        read_streams(path)
+
+
 @pytest.mark.parametrize(
     ("content", "words"),
     [

@@ -118,7 +118,9 @@ def test_messages_that_do_not_fit_their_type_are_left_out_and_counted(tmp_path: 
     connection.close()
     result = recover_bag(file, tmp_path / "saved")
     assert (result.messages, result.left_out) == (98, {"/joint_states": 2})
-    assert result.state == "1 file(s) cut off or damaged; 2 damaged message(s) left out; every saved message was read back"
+    assert (
+        result.state == "1 file(s) cut off or damaged; 2 damaged message(s) left out; every saved message was read back"
+    )
     assert len(read_streams(tmp_path / "saved")["/joint_states"]) == 98
 
 
@@ -174,7 +176,9 @@ def test_a_type_that_nobody_describes_is_kept_and_said(tmp_path: Path) -> None:
     connection.close()
     result = recover_bag(file, tmp_path / "saved")
     assert (result.messages, result.unchecked) == (20, ("/joint_states",))
-    assert result.state.endswith("every saved message was read back, without their content on 1 topic(s) of unknown type")
+    assert result.state.endswith(
+        "every saved message was read back, without their content on 1 topic(s) of unknown type"
+    )
 
 
 def test_a_ros_1_bag_whose_index_was_never_written(ros1_bag, tmp_path: Path) -> None:

@@ -59,6 +59,7 @@ def mcap_messages(file: Path) -> Iterator[Message | None]:
     limit_bag_readers()
     schemas: dict[int, records.Schema] = {}
     channels: dict[int, Channel] = {}
+    foreign: set[int] = set()  # channels without a schema: no messages of ROS
     whole = False
     with file.open("rb") as stream:
         try:
@@ -66,6 +67,8 @@ def mcap_messages(file: Path) -> Iterator[Message | None]:
                 whole = whole or isinstance(record, records.Footer)
                 if isinstance(record, records.Schema):
                     schemas[record.id] = record
+                elif isinstance(record, records.Channel) and not record.schema_id:
+                    foreign.add(record.id)
                 elif isinstance(record, records.Channel):
                     schema = schemas[record.schema_id]
                     channels[record.id] = Channel(
@@ -75,7 +78,7 @@ def mcap_messages(file: Path) -> Iterator[Message | None]:
                         type_hash=record.metadata.get("topic_type_hash", ""),
                         serialization=record.message_encoding,
                     )
-                elif isinstance(record, records.Message):
+                elif isinstance(record, records.Message) and record.channel_id not in foreign:
                     yield Message(channels[record.channel_id], record.log_time, record.data)
         except Exception:  # noqa: BLE001 - the cut may fall anywhere, so any parsing error marks the end
             whole = False

@@ -9,6 +9,7 @@ from typing import Any
 from idloop.errors import InputError
 from idloop.records.bags.bag_limits import limit_bag_readers, unpack_message
 from idloop.records.bags.storage.storage_files import file_format
+from idloop.records.bags.storage.streamed_mcap import StreamedMcap, other_profile
 from idloop.records.bags.storage.unpacking import Scratch, unpack_file
 
 
@@ -51,7 +52,7 @@ class StorageFile:
             raise InputError(f"{self.path}: holds no recording (.mcap, .db3 or .bag); name the recording")
         self.ros1 = kind == "ros1"
         reader: Any = {"mcap": McapReader, "sqlite3": Sqlite3Reader, "ros1": Ros1Reader}[kind]
-        self._reader = reader(path)
+        self._reader = (StreamedMcap if kind == "mcap" and other_profile(path) else reader)(path)
         self._reader.open()
         self.connections: list[Any] = list(self._reader.connections)
 
