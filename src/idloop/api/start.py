@@ -129,6 +129,10 @@ class Start(Result):
         """Yield the guesses, the verdict on each record, the fit, and what to run next."""
         yield from self.log.blocks()
         yield ""
+        yield from self.outcome()
+
+    def outcome(self) -> Iterator[Block]:
+        """Yield what came of the guesses: verdicts, fit, and what to run next."""
         for inspection in self.inspections:
             reason = "" if inspection.faults else f": {inspection.grade_reason}"
             yield f"{inspection.path.name}: {inspection.grade}{reason}"

@@ -83,7 +83,8 @@ def command(
     csv |= {"header": False} if no_header else {}
     given = {name: text for name, text in signals.items() if text is not None}
     period = 1.0 / rate if rate else period
-    if not (yes or as_json) and _on_terminal():
+    asked = not (yes or as_json) and _on_terminal()
+    if asked:
         found = _ask(files, given, period, csv)
     else:
         from idloop.api.start import recognise
@@ -96,7 +97,8 @@ def command(
     if as_json:
         print_json(begun.to_dict())
     else:
-        print_blocks(begun.blocks())
+        # On a terminal the guesses stand there already.
+        print_blocks(begun.outcome() if asked else begun.blocks())
     if begun.fit is None and not no_fit and found.recognition.of("command") is not None:
         raise click.exceptions.Exit(1)
 
