@@ -311,7 +311,7 @@ class StateHandler(_Handler):
     def get(self) -> None:
         """Answer with all of it, or with the version alone where the page has it already."""
         site = self.site
-        snapshot = site.source.state.snapshot
+        snapshot = site.source.state.look()
         head = {"run": site.run, "change": snapshot.version}
         if self.get_query_argument("have", "") == f"{site.run}:{snapshot.version}":
             self.answer(head)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import threading
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Protocol
@@ -24,6 +26,8 @@ OK, WARN, ERROR, STALE = 0, 1, 2, 3  # as in diagnostic_msgs
 
 # What is known of the stop, see `Snapshot`.
 FREE, SENT, STOPPED, RELEASING = "", "sent", "stopped", "releasing"
+
+_LATELY = 2.0  # seconds; a page that can be seen asks more often
 
 ORDERS = ("assess", "diagnose", "add", "undo", "experiment", "refit", "reset", "show", "automatic")
 
@@ -197,8 +201,8 @@ class Snapshot:
         There is a motor that a button could move.
     assessment : Assessment or None
         Where the model fails.
-    pictures : dict of str to Characteristic
-        Of effects that may be missing, by ``effect@site``.
+    pictures : dict of str to Characteristic, or None
+        Of effects that may be missing, by ``effect@site``; None while they are being drawn.
     recordings : tuple of str
         That may be shown, and `shown`, which of them is.
     bags, validate : tuple of str
@@ -224,7 +228,7 @@ class Snapshot:
     stop: str = FREE
     moves: bool = False
     assessment: Assessment | None = None
-    pictures: Mapping[str, Characteristic] = field(default_factory=dict)
+    pictures: Mapping[str, Characteristic] | None = field(default_factory=dict)
     recordings: tuple[str, ...] = ()
     shown: int = 0
     bags: tuple[str, ...] = ()
@@ -257,10 +261,21 @@ class State:
     def __init__(self, first: Snapshot) -> None:
         self._lock = threading.Lock()
         self._snapshot = first
+        self._looked = -math.inf
 
     @property
     def snapshot(self) -> Snapshot:
         """The newest one."""
+        return self._snapshot
+
+    @property
+    def looked_at(self) -> bool:
+        """Whether a browser has asked for it of late."""
+        return time.monotonic() - self._looked < _LATELY
+
+    def look(self) -> Snapshot:
+        """The newest one, for a browser."""
+        self._looked = time.monotonic()
         return self._snapshot
 
     def change(self, **values: Any) -> None:

@@ -180,7 +180,7 @@ def _equations(model: Model, ladder: Ladder | None) -> list[dict[str, Any]]:
     ]
 
 
-def _missing(found: Missing, pictures: Mapping[str, Characteristic], ladder: Ladder | None) -> dict[str, Any]:
+def _missing(found: Missing, pictures: Mapping[str, Characteristic] | None, ladder: Ladder | None) -> dict[str, Any]:
     lacking = [effect_words(name) for name in found.pair or found.set[:1]] if found.verdict == "missing" else []
     level = LEVEL if ladder is None else ladder.level
     twins = () if ladder is None else find_equivalent_effects(ladder.model, found.set)
@@ -198,9 +198,7 @@ def _missing(found: Missing, pictures: Mapping[str, Characteristic], ladder: Lad
         "twins": [
             {"text": sentence(in_words(one.text)), "checks": [sentence(check) for check in one.checks]} for one in twins
         ],
-        "candidates": [
-            _candidate(one, place, found, pictures.get(one.name), level) for place, one in enumerate(found.candidates)
-        ],
+        "candidates": [_candidate(one, place, found, pictures, level) for place, one in enumerate(found.candidates)],
         "untestable": [
             {"name": effect_words(name), "why": next((c.why for c in found.candidates if c.name == name), "")}
             for name in found.untestable
@@ -241,9 +239,11 @@ def _contradicted(ladder: Ladder) -> str:
 
 
 def _candidate(
-    one: Candidate, place: int, found: Missing, picture: Characteristic | None, level: float
+    one: Candidate, place: int, found: Missing, pictures: Mapping[str, Characteristic] | None, level: float
 ) -> dict[str, Any]:
     significant = one.name in found.set or one.name in found.pair
+    picture = None if pictures is None else pictures.get(one.name)
+    why = "" if picture is not None else "it is being drawn" if pictures is None else no_picture(one.name, one.model)
     return {
         "name": one.name,
         "words": effect_words(one.name),
@@ -261,7 +261,7 @@ def _candidate(
         "passed_over": in_words(found.passed_over.get(one.name, "")),
         "parameters": _parameters(one.parameters),
         "picture": None if picture is None else _picture(picture),
-        "no_picture": "" if picture is not None else no_picture(one.name, one.model),
+        "no_picture": why,
     }
 
 

@@ -51,17 +51,24 @@ class PageResults:
         """Show a fit; take over the structure of its model, whose values come with its parameters."""
         fit = fit_of(fit_from_statuses(statuses))
         self._page.change(fit=fit)
-        if fit.error or fit.effects == tuple(self._source.model.effect_names):
+        ladder = self._page.snapshot.ladder
+        # A fit that was under way when a step was taken is one of the model before it.
+        late = ladder is not None and fit.effects != tuple(ladder.model.effect_names)
+        if fit.error or late or fit.effects == tuple(self._source.model.effect_names):
             return
         own = self._base.effect_names
         self._source.model = self._base.with_effects([name for name in fit.effects if name not in own])
 
     def take_parameters(self, statuses: list[Status]) -> None:
         """Take over the values of the newest fit."""
-        found = {one.name: one.value for one in parameters_from_statuses(statuses)}
+        told = parameters_from_statuses(statuses)
+        found = {one.name: one.value for one in told}
         model = self._source.model
         known = {one.name for one in model.parameters}
-        fitted = model.with_values({name: value for name, value in found.items() if name in known})
+        if not set(model.free) <= set(found):
+            return  # of a fit of the model before the last step
+        errors = {one.name: one.stderr for one in told if one.stderr is not None and one.name in known}
+        fitted = model.with_values({name: value for name, value in found.items() if name in known}, errors)
         # The same estimates may come again, with another judgement of whether they may be trusted.
         if fitted.values != model.values or self._page.snapshot.assessment is None:
             self._source.model = fitted
@@ -72,7 +79,7 @@ class PageResults:
         self._page.change(
             missing=missing_of(missing_from_statuses(statuses), self._base.folder),
             looks=self._page.snapshot.looks + 1,
-            pictures={},
+            pictures=None,
             activity=None,
         )
         self._source.want("pictures")

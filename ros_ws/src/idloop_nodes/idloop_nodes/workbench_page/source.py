@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from idloop.records import Record
 
 STOP = "stop"
+REFRESH = 5 * SECOND  # of new samples after which a free run that somebody looks at is run anew
 
 
 class LiveSource:
@@ -95,7 +96,11 @@ class LiveSource:
         self._wanted.add(what)
 
     def work(self) -> None:
-        """Begin what is wanted, if nothing is under way."""
+        """Begin what is wanted, if nothing is under way; while somebody looks, the free run follows the data."""
+        newest, found = self.signals.newest, self.state.snapshot.assessment
+        if newest is not None and found is not None and self.state.looked_at:
+            behind = newest - int(found.stamps[-1])
+            self._wanted |= {"assess"} if behind > REFRESH else set()
         if not self._wanted or self._coordinator.busy:
             return
         record = self._record()
