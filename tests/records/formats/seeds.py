@@ -9,7 +9,15 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from tests.records.formats.writers import mat_hdf5, torch_archive, torch_legacy, wpilog
+from tests.records.formats.writers import (
+    Ref,
+    mat_hdf5,
+    mat_objects,
+    mat_objects_hdf5,
+    torch_archive,
+    torch_legacy,
+    wpilog,
+)
 
 T = np.arange(1, 41) * 0.005
 SIGNALS = {"t": T, "u": np.sign(np.sin(90.0 * T)), "angle": np.sin(50.0 * T), "speed": np.cos(50.0 * T)}
@@ -87,6 +95,12 @@ def _mat_hdf5(path):
     mat_hdf5(path, {"log": SIGNALS, "cells": ["a", "bc"], "name": "x"})
 
 
+def _mat_objects():
+    inner = {"data": [SIGNALS["u"][:, None], SIGNALS["angle"][:, None]], "varNames": ["u", "angle"], "rowTimes": Ref(2)}
+    objects = [("timetable", {"any": inner}, True), ("duration", {"millis": 1000.0 * T[:, None]}, False)]
+    return [lambda path, write=write: write(path, {"tt": 1}, objects) for write in (mat_objects, mat_objects_hdf5)]
+
+
 def _several(write, *variants):
     return [_bytes(lambda path, one=one: write(path, one)) for one in variants]
 
@@ -122,7 +136,7 @@ def seeds() -> dict[str, tuple[str, list[bytes]]]:
     rows = "\n".join(",".join(f"{v:.6g}" for v in row) for row in ROWS)
     return {
         "csv": (".csv", [f"{','.join(SIGNALS)}\n{rows}\n".encode()]),
-        "mat": (".mat", [_mat(), _bytes(_mat_hdf5)]),
+        "mat": (".mat", [_mat(), _bytes(_mat_hdf5), *map(_bytes, _mat_objects())]),
         "hdf5": (".h5", _several(_hdf5, "earliest", "latest")),
         "parquet": (".parquet", _several(_parquet, "snappy", "none")),
         "feather": (".feather", _several(_arrow, "lz4", "uncompressed")),

@@ -53,7 +53,7 @@ def _check_table(table):
 
 @pytest.mark.parametrize("kind", kinds())
 @given(changes=CHANGES, place=st.integers(0, 7))
-@settings(max_examples=60)
+@settings(max_examples=25)
 def test_damaged_files(tmp_path_factory, kind, changes, place):
     suffix, files = seeds()[kind]
     data = bytearray(files[place % len(files)])
