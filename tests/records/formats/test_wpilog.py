@@ -48,6 +48,13 @@ def test_tests_of_sysid_are_parts(tmp_path):
     assert parts["dynamic-reverse"] == pytest.approx((4.0, 4.5))
 
 
+def test_entries_of_one_loop_share_their_stamps(tmp_path):
+    records = [(entry, 20_000 * k + late, float(k)) for k in range(20) for entry, late in ((0, 0), (1, 35), (2, 9_000))]
+    table = _read(tmp_path, wpilog([(name, "double", "") for name in ("voltage", "position", "slow")], records))
+    assert table.clocks == {"voltage": "voltage.time", "position": "voltage.time", "slow": "slow.time"}
+    assert table.notes == ["entries logged one after the other have the stamps of the first: position"]
+
+
 def test_structures_by_their_schemas(tmp_path):
     entries = [
         ("/.schema/struct:Rotation2d", "structschema", ""), ("/.schema/struct:State", "structschema", ""),

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from idloop.documents import MOST_COLUMNS, MOST_TABLE
 from idloop.errors import InputError
@@ -42,6 +43,8 @@ _UNITS = {
     "Meter per Second": "m/s",
 }  # fmt: skip
 _STATE = "sysid-test-state"
+# Share of a period within which stamps are of one turn of a loop.
+_SAME_TURN = 0.05
 _NO_TEST = ("none", "")
 
 
@@ -207,13 +210,20 @@ class _Log:
     def table(self) -> Table:
         """Return the entries as columns, each with the column of its stamps [s]."""
         table = Table(self._path, {}, notes=self._notes)
+        clocks: dict[str, NDArray[np.float64]] = {}
+        shared: list[str] = []
         for entry in self._entries.values():
             columns = self._columns(entry)
             if not columns or not entry.stamps:
                 continue
-            clock = f"{entry.name}.time"
+            stamps = np.asarray(np.frombuffer(entry.stamps, dtype=np.int64) * 1e-6, dtype=np.float64)
+            clock = next((name for name, known in clocks.items() if _are_of_one_loop(known, stamps)), "")
             table.columns |= columns
-            table.columns[clock] = np.frombuffer(entry.stamps, dtype=np.int64) * 1e-6
+            if not clock:
+                clock = f"{entry.name}.time"
+                table.columns[clock] = clocks[clock] = stamps
+            elif not np.array_equal(clocks[clock], stamps):
+                shared.append(entry.name)
             table.clocks |= dict.fromkeys(columns, clock)
             if entry.metadata and not entry.metadata.lstrip().startswith("{"):
                 table.units |= dict.fromkeys(columns, _UNITS.get(entry.metadata, entry.metadata))
@@ -221,6 +231,8 @@ class _Log:
                 table.parts |= _tests(entry)
             if len(table.columns) > MOST_COLUMNS:
                 raise InputError(f"{self._path}: more than {MOST_COLUMNS:,} columns; log fewer entries")
+        if shared:
+            table.notes.append(f"entries logged one after the other have the stamps of the first: {listed(shared)}")
         left_out = [name for name in self._skipped if name not in table.clocks]
         if left_out:
             table.notes.append(f"entries that hold neither numbers nor texts are left out: {listed(left_out)}")
@@ -237,6 +249,13 @@ class _Log:
         rows = values.reshape(-1, entry.width)
         names = [f".{name}" for name in entry.texts] or [f"[{place}]" for place in range(entry.width)]
         return {f"{entry.name}{name}": rows[:, place] for place, name in enumerate(names)}
+
+
+def _are_of_one_loop(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
+    """Whether two entries are logged one after the other in each turn of a loop."""
+    if one.size != other.size or one.size < 3:
+        return False
+    return bool(np.abs(one - other).max() <= _SAME_TURN * np.median(np.diff(one)))
 
 
 def _layout(name: str, schemas: dict[str, str], depth: int) -> list[tuple[str, str]]:
@@ -285,8 +304,8 @@ FORM = Form(
     "wpilog",
     (".wpilog",),
     "WPILib data log",
-    "entries by name, elements of arrays `name[0]`, fields of structures `name.x`; each with its own stamps in"
-    " `name.time` [s]; the tests of SysId are parts by the names of their states",
+    "entries by name, elements of arrays `name[0]`, fields of structures `name.x`; with their stamps in `name.time`"
+    " [s], which entries of one loop share; the tests of SysId are parts by the names of their states",
     lambda head: head.startswith(_MAGIC),
     read_wpilog,
 )
