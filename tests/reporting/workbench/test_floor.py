@@ -9,7 +9,6 @@ import pytest
 pytest.importorskip("bokeh", reason="no Bokeh: launch_scripts/test installs it")
 
 from bokeh.document import Document
-from bokeh.models import Span
 from fake import FRICTION, FakeSource
 
 from idloop.diagnosis import Ladder
@@ -17,19 +16,20 @@ from idloop.reporting.workbench.page import Page, judged_spread
 
 
 def floors(page):
-    """Number of the lines of noise in the figure of the ladder."""
-    return sum(isinstance(one, Span) for plot in page.roots["ladder"].children for one in plot.center)
+    """Where the noise of each output is drawn in the figures of the ladder."""
+    drawn = (one.data_source.data for plot in page.roots["ladder"].children for one in plot.renderers)
+    return [float(data["x"][0]) for data in drawn if "high" in data]
 
 
 def test_a_floor_that_the_ladder_goes_below_is_none():
     source = FakeSource()
     source.feed(3000)
     page = Page(Document(), source, "light")
-    assert floors(page) == 2
+    assert len(floors(page)) == 2
     source.signals.noise[:] = 0.7, 0.02  # of a motion of about 0.7: the position was said to be all noise
     source.order("add", FRICTION.name)  # and is known to 2 %
     page.tick()
-    assert floors(page) == 1
+    assert len(floors(page)) == 1
 
 
 def test_the_floor_is_that_of_the_data_that_judge_the_ladder():
@@ -44,6 +44,6 @@ def test_the_floor_is_that_of_the_data_that_judge_the_ladder():
     source.signals.noise[:] = 0.04, 0.02
     source.state.change(ladder=ladder)
     page = Page(Document(), source, "light")
-    drawn = [one.location for plot in page.roots["ladder"].children for one in plot.center if isinstance(one, Span)]
+    drawn = floors(page)
     assert min(drawn) == pytest.approx(0.01)
     assert max(drawn) == pytest.approx(0.02 / 0.7, rel=0.1)
