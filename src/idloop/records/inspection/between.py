@@ -14,7 +14,7 @@ from idloop.records.inspection.response import Response, response
 # Gains of two records differ by so many standard errors of their difference, and by this share of the larger.
 _ERRORS, _DIFFER = 5.0, 0.25
 # A gain counts where it is that certain, and explains this share of the acceleration.
-_CERTAIN, _SHARE = 8.0, 0.1
+_CERTAIN, _SHARE = 8.0, 0.5
 _RATE = 0.05
 
 

@@ -21,6 +21,9 @@ _REST = (0.002, 0.02)
 _ERRORS, _SLOW = 3.0, 0.8
 # ... and the share of the acceleration, beside friction, above which it is visible all the same, in one part only.
 _VISIBLE = 0.3
+# Share of the command that follows from speed, friction and position, above which the inertia makes less than three
+# hundredths of it: less than what any friction law leaves.
+_ALL = 0.999
 
 
 def check(axis: Axis) -> list[Finding]:
@@ -106,7 +109,10 @@ def _still(axis: Axis) -> list[Finding]:
 def _slow(axis: Axis) -> list[Finding]:
     """A command that shows no effect on the acceleration."""
     found = response(axis)
-    if found is None or abs(found.certainty) > _ERRORS or found.share > _VISIBLE:
+    if found is None:
+        return []
+    visible = abs(found.certainty) > _ERRORS or found.share > _VISIBLE
+    if visible and found.motion_share < _ALL:
         return []
     name = axis.command_name
     if found.motion_share > _SLOW:
