@@ -25,7 +25,7 @@ def test_a_step_that_worsens_the_unseen_motion_is_reported():
     (found,) = ladder.worsened
     assert found.name == "cogging@axis"
     assert (found.before, found.after) == (0.1, 0.9)
-    assert "of axis.position on data that no fit saw worse, an error of 90 % after 10 %" in found.text
+    assert "of axis.position on data that no fit saw worse, FIT 10 % after 90 %" in found.text
     assert ladder.to_dict()["worsened"] == [
         {"effect": "cogging@axis", "unseen": True, "output": "axis.position", "before": 0.1, "after": 0.9},
     ]
