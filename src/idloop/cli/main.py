@@ -35,7 +35,7 @@ VERBS: dict[str, Verb] = {
     "start": Verb("idloop.cli.verbs.start", "From a log of any form to bags, a model file and a first fit."),
     "launch": Verb("idloop.cli.verbs.launch", "Start a node graph without ros2 launch."),
     "model": Verb("idloop.cli.verbs.model", "Print a preset model, or check a model file and print it whole."),
-    "import": Verb("idloop.cli.verbs.import_", "Turn CSV, MAT, NPZ, JSON or a foreign bag into a bag of our topics."),
+    "import": Verb("idloop.cli.verbs.import_", "Turn a log or a foreign bag into a bag of our topics, by a mapping."),
     "inspect": Verb("idloop.cli.verbs.inspect", "Say what is in a recording and what it can and cannot show."),
     "fit": Verb("idloop.cli.verbs.fit", "Estimate a model's free parameters from bags, with intervals."),
     "identify": Verb("idloop.cli.verbs.identify", "Identify black-box models by any method and compare them."),

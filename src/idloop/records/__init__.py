@@ -1,4 +1,4 @@
-"""Records: experiments as arrays, from bags, CSV, MAT, NPZ and JSON. Names are imported on first use."""
+"""Records: experiments as arrays, from bags and files of many forms. Names are imported on first use."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`idloop import`: CSV, MAT, NPZ, JSON or a foreign bag becomes a bag of our topics."""
+"""`idloop import`: a log of any known form or a foreign bag becomes a bag of our topics."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def split_arguments(words: tuple[str, ...], mapping: str | None) -> tuple[str, P
 @click.option("--list", "show_list", is_flag=True, help="List the ready sets and their parts.")
 @json_option
 def command(words: tuple[str, ...], *, mapping: str | None, part: str | None, show_list: bool, as_json: bool) -> None:
-    """Turn SRC (CSV, MAT, NPZ, JSON or a foreign bag) into the bag BAG of our topics.
+    """Turn SRC (a log of any known form, or a foreign bag) into the bag BAG of our topics.
 
     SET names a ready mapping (see --list); for a file of your own write a mapping file and give it with --map.
     It says which column is what:

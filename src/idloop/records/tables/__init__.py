@@ -1,1 +1,1 @@
-"""CSV, MAT, NPZ and JSON files as records, by a mapping file."""
+"""Tables of any form as records, by a mapping file."""

@@ -79,7 +79,7 @@ def import_bag(
     Parameters
     ----------
     source : Path or str
-        CSV, MAT, NPZ, JSON or a foreign bag.
+        A file of any known form, or a foreign bag.
     bag : Path or str
         Bag to write; must not exist.
     mapping : Mapping, str or Path
