@@ -11,7 +11,7 @@ import pytest
 import idloop
 from idloop.errors import InputError
 from idloop.physics import Effect, EffectParameter, catalogue, load_model
-from idloop.physics.effect import built_in, parameter_as
+from idloop.physics.effect import built_in, parameter_as, unknown_effect
 
 PACKAGE = Path(idloop.__file__).parent
 WORKSPACE = Path(__file__).parents[2] / "ros_ws" / "src"
@@ -24,6 +24,7 @@ EXCEPTIONS = {
     "exporters/mujoco.py": "MJCF has fields for the range, the bias and the lag of a drive, and for a gap",
     "exporters/urdf.py": "URDF has fields for an effort limit and a velocity limit",
     "exporters/ros2_control.py": "a PID has fields for a limit and for viscous friction; a law's own `velocity_filter`",
+    "records/recognition/model_start.py": "the first model of a log has a body with its own viscous friction",
     "physics/controller_section.py": "a law's own setting is called `velocity_filter`, too",
     "control/packing.py": "a law's own setting is called `velocity_filter`, too",
 }
@@ -116,3 +117,20 @@ def test_an_own_effect_that_is_said_to_be_one_that_there_is_not_is_refused(
     with pytest.raises(InputError, match=r"effect lean .*'load_torqe'.*load_torque") as caught:
         catalogue()
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("word", "names"),
+    [("deadband", "'dead_zone'"), ("Dry Friction", "'coulomb_friction'"), ("play", "'backlash'"),
+     ("stiction", "'coulomb_friction' or 'stribeck_friction'"), ("delay", "'input_delay'")],
+)  # fmt: skip
+def test_everyday_words_point_to_the_name_in_the_catalogue(word, names):
+    assert f"(here: {names})" in str(unknown_effect(word, catalogue()))
+
+
+def test_every_effect_has_everyday_words_and_none_is_the_name_of_another():
+    known = catalogue()
+    for several in known.values():
+        for effect in several:
+            assert effect.also_called
+            assert not set(effect.also_called) & known.keys()

@@ -35,8 +35,9 @@ import hashlib
 import importlib.util
 import math
 import os
+import re
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -158,6 +159,8 @@ class Effect:
         An output effect that acts after the measurement noise (quantisation); noise to an estimate.
     outputs : tuple of str
         Fields of the outputs that it acts on: ``position``, ``velocity``.
+    also_called : tuple of str
+        Everyday words for it, with which a message points to its name.
     looks_like : tuple of str
         Effects that are often confounded with this one.
     linear : bool
@@ -248,6 +251,7 @@ class Effect:
     order: int = 50
     final: bool = False
     outputs: tuple[str, ...] = ("position", "velocity")
+    also_called: tuple[str, ...] = ()
     looks_like: tuple[str, ...] = ()
     linear: bool = False
     proportional: bool = False
@@ -421,6 +425,14 @@ def _check_names(effect: Effect, known: Mapping[str, tuple[Effect, ...]], folder
             raise InputError(f"{folder}: effect {effect.name} refers to the unknown effect '{name}'{cure}")
 
 
+def unknown_effect(name: str, known: Mapping[str, Sequence[Effect]]) -> InputError:
+    """The error of a name that is in no catalogue; of an everyday word it says the catalogue's name."""
+    word = re.sub(r"[\s\-]+", "_", name.strip().lower())
+    meant = [other for other, several in known.items() if word in several[0].also_called]
+    cure = f" (here: {' or '.join(map(repr, meant))})" if meant else did_you_mean_or_known(name, list(known))
+    return InputError(f"unknown effect '{name}'{cure}")
+
+
 def find_effect(name: str, site: str, *folders: Path) -> Effect:
     """Look an effect up by name and kind of site.
 
@@ -431,7 +443,7 @@ def find_effect(name: str, site: str, *folders: Path) -> Effect:
     """
     known = catalogue(*folders)
     if name not in known:
-        raise InputError(f"unknown effect '{name}'{did_you_mean_or_known(name, list(known))}")
+        raise unknown_effect(name, known)
     for effect in known[name]:
         if effect.site == site:
             return effect

@@ -31,7 +31,7 @@ def test_good_record(bag):
 def test_two_level_command_hides_the_dead_zone(make_bag):
     found = inspect_bag(make_bag(command=np.where(np.arange(200) // 7 % 2, 1.0, -1.0)))
     (fault,) = (one for one in found.faults if one.kind == "two_levels")
-    assert fault.spoils == ("dead zone", "saturation")
+    assert fault.spoils == ("dead zone", "limits of the drive")
     assert found.verdict == "usable"
     assert found.grade.startswith("not usable for dead zone")
 

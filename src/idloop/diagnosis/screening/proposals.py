@@ -9,11 +9,10 @@ from dataclasses import dataclass
 
 from idloop.errors import InputError
 from idloop.physics.conditions import condition_name
-from idloop.physics.effect import OUTPUT, Effect, catalogue
+from idloop.physics.effect import OUTPUT, Effect, catalogue, unknown_effect
 from idloop.physics.model import Model, effect_name, values_of
 from idloop.physics.schema import Value
 from idloop.physics.trial import Scales, Trial
-from idloop.spelling import did_you_mean_or_known
 
 
 @dataclass(frozen=True)
@@ -117,7 +116,7 @@ def proposals(
     for text in wanted or ():
         name, _, at = text.partition("@")
         if name not in known:
-            raise InputError(f"unknown effect '{name}'{did_you_mean_or_known(name, list(known))}")
+            raise unknown_effect(name, known)
         if at:
             model.site_kind(at)
         if conditions is not None:

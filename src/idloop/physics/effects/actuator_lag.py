@@ -30,6 +30,7 @@ EFFECT = Effect(
     name="actuator_lag",
     site=INPUT,
     text="The drive follows a new command gradually, with one time constant: current loop or winding.",
+    also_called=("motor_lag", "electrical_time_constant", "current_loop", "inductance", "first_order_lag"),
     equation=EffectEquation(r"u_{\ell}", r"\tau_a\,\dot{u}_{\ell} = @u - u_{\ell}", {"time_constant": r"\tau_a"}),
     parameters=(EffectParameter("time_constant", "s", min=0.0, max=10.0),),
     command=command,

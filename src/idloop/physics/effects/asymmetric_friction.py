@@ -16,6 +16,7 @@ EFFECT = Effect(
     name="asymmetric_friction",
     site=BODY,
     text="Dry friction is higher in one direction of motion than in the other: a worn screw, a preloaded bearing.",
+    also_called=("directional_friction",),
     equation=EffectEquation(
         r"-@F_{\text{f}@i}",
         r"@F_{\text{f}@i} = f_c\,(1 + \rho\,\operatorname{sign} @v)\,\operatorname{sign} @v",

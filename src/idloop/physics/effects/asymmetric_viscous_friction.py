@@ -17,6 +17,7 @@ EFFECT = Effect(
     name="asymmetric_viscous_friction",
     site=BODY,
     text="The drag that grows with speed is higher in one direction of motion: a worn screw or nut.",
+    also_called=("directional_damping",),
     equation=EffectEquation(r"-@F_{\text{a}@i}", r"@F_{\text{a}@i} = b_a\,\left|@v\right|", {"coefficient": "b_a"}),
     parameters=(EffectParameter("coefficient", "{force}·s/{position}"),),
     force=force,

@@ -60,6 +60,7 @@ EFFECT = (
         name="backlash",
         site=COUPLING,
         text="There is a gap between the two sides: no torque passes until it is crossed.",
+        also_called=("play", "lash", "lost_motion", "gear_play", "hysteresis"),
         equation=EffectEquation(
             "",
             r"@F_{@s} = 0 \text{ while } \left|\Delta @q\right| \le \tfrac{1}{2}\delta\text{, else } "
@@ -80,6 +81,7 @@ EFFECT = (
         name="backlash",
         site=OUTPUT,
         text="The measured side is held by friction inside a gap, so it lags by the gap at every reversal.",
+        also_called=("play", "lash", "lost_motion", "gear_play", "hysteresis"),
         equation=EffectEquation(
             "y_p",
             r"y_p \leftarrow \min\left(\max\left(y_p, @y - \tfrac{1}{2}\delta\right), @y + \tfrac{1}{2}\delta\right)",

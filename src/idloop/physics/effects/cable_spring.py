@@ -16,6 +16,7 @@ EFFECT = Effect(
     name="cable_spring",
     site=BODY,
     text="A cable, hose or return spring pulls the body towards a rest position.",
+    also_called=("spring", "return_spring", "cable", "hose"),
     equation=EffectEquation(r"-k_s\,(@q - r_0)", "", {"stiffness": "k_s", "rest": "r_0"}),
     parameters=(
         EffectParameter("stiffness", "{force}/{position}", min=0.0),

@@ -18,6 +18,7 @@ EFFECT = Effect(
     name="cogging",
     site=BODY,
     text="The rotor is drawn to several angles of the turn: magnets against slots, gear mesh.",
+    also_called=("detent", "detent_torque", "torque_ripple", "reluctance"),
     equation=EffectEquation(
         r"-a_n\sin(n\,@q + \varphi_n)", "", {"amplitude": "a_n", "harmonic": "n", "phase": r"\varphi_n"}
     ),

@@ -7,6 +7,7 @@ EFFECT = Effect(
     name="compliance",
     site=BODY,
     text="A shaft, belt or coupling gives: what looks like one body is two, joined by a spring.",
+    also_called=("flexibility", "elasticity", "flexible_joint", "resonance", "shaft_stiffness"),
     equation=EffectEquation(
         "",
         r"\text{the body is two, } 1-\lambda \text{ of it with its sensors and effects, } \lambda \text{ behind, "

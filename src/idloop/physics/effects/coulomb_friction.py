@@ -17,6 +17,7 @@ EFFECT = Effect(
     name="coulomb_friction",
     site=BODY,
     text="Dry friction opposes motion with a constant level and holds the body at rest below it.",
+    also_called=("dry_friction", "friction", "stiction", "frictionloss"),
     equation=EffectEquation(r"-@F_{\text{f}@i}", r"@F_{\text{f}@i} = f_c\,\operatorname{sign} @v", {"level": "f_c"}),
     parameters=(EffectParameter("level", "{force}", min=0.0),),
     friction=friction,

@@ -27,6 +27,7 @@ EFFECT = Effect(
     name="dead_zone",
     site=INPUT,
     text="Small commands do nothing and larger ones act only with what exceeds the width.",
+    also_called=("deadband", "dead_band", "deadzone"),
     equation=EffectEquation(
         "u_d", r"u_d = @u - \min\left(\max\left(@u, -d_-\right), d\right)", {"width": "d", "width_negative": "d_-"}
     ),

@@ -23,6 +23,7 @@ EFFECT = Effect(
     name="gain_asymmetry",
     site=INPUT,
     text="The drive pushes harder in one direction than in the other for the same size of command.",
+    also_called=("asymmetric_gain",),
     equation=EffectEquation("u_g", r"u_g = @u + \rho_u\left|@u\right|", {"ratio": r"\rho_u"}),
     parameters=(EffectParameter("ratio", "-", min=-0.95, max=0.95),),
     command=command,

@@ -18,6 +18,7 @@ EFFECT = Effect(
     name="gravity",
     site=BODY,
     text="The weight of an arm or a pendulum pulls it to its lowest position: the sensor's zero, or the given angle.",
+    also_called=("weight", "pendulum", "gravity_load"),
     equation=EffectEquation(r"-M_{g@i}\sin(@q - \varphi_0)", "", {"moment": "M_{g@i}", "lowest": r"\varphi_0"}),
     parameters=(
         EffectParameter("moment", "{force}"),

@@ -17,6 +17,7 @@ EFFECT = Effect(
     name="hardening_stiffness",
     site=COUPLING,
     text="The coupling grows stiffer the more it is twisted.",
+    also_called=("nonlinear_stiffness", "cubic_stiffness", "duffing"),
     equation=EffectEquation(r"+k_3\,(\Delta @q)^3", "", {"cubic": "k_3"}),
     parameters=(EffectParameter("cubic", "{force}/{position}³"),),
     coupling=coupling,

@@ -18,6 +18,7 @@ EFFECT = Effect(
     name="imbalance",
     site=BODY,
     text="An off-centre mass pulls towards one angle of the turn: gravity on an arm, a lopsided slip ring.",
+    also_called=("unbalance", "eccentricity", "off_centre_mass"),
     equation=EffectEquation(r"-a_1\sin(@q + \varphi_1)", "", {"amplitude": "a_1", "phase": r"\varphi_1"}),
     parameters=(
         EffectParameter("amplitude", "{force}", min=0.0),

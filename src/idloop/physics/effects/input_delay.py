@@ -7,6 +7,7 @@ EFFECT = Effect(
     name="input_delay",
     site=INPUT,
     text="Every command takes effect a fixed time after it was given: bus, driver or conversion time.",
+    also_called=("delay", "dead_time", "latency", "transport_delay"),
     equation=EffectEquation(r"u_{\tau}", r"u_{\tau}(t) = @u(t - \tau_u)", {"delay": r"\tau_u"}),
     parameters=(EffectParameter("delay", "s", min=0.0, max=1.0),),
     delay="delay",

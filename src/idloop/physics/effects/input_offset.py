@@ -23,6 +23,7 @@ EFFECT = Effect(
     name="input_offset",
     site=INPUT,
     text="The drive acts as if a constant were added to every command: an offset of the amplifier or converter.",
+    also_called=("bias", "offset"),
     equation=EffectEquation("u_o", "u_o = @u + o_u", {"offset": "o_u"}),
     parameters=(EffectParameter("offset", "{input}"),),
     command=command,

@@ -17,6 +17,7 @@ EFFECT = Effect(
     name="load_dependent_friction",
     site=BODY,
     text="The harder the teeth or threads press, the higher their dry friction.",
+    also_called=("load_friction", "mesh_friction"),
     equation=EffectEquation(
         r"-@F_{\text{f}@i}",
         r"@F_{\text{f}@i} = \mu\,\left|@F_{\text{in}}\right|\operatorname{sign} @v\text{, } @F_{\text{in}} "

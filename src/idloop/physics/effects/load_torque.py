@@ -17,6 +17,7 @@ EFFECT = Effect(
     name="load_torque",
     site=BODY,
     text="A constant load pulls in one direction: a hanging weight, a preload.",
+    also_called=("constant_load", "constant_force", "preload", "external_torque", "hanging_weight"),
     equation=EffectEquation("+@F_{0@i}", "", {"torque": "@F_{0@i}"}),
     parameters=(EffectParameter("torque", "{force}"),),
     force=force,

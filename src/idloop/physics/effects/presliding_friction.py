@@ -61,6 +61,7 @@ EFFECT = Effect(
     name="presliding_friction",
     site=BODY,
     text="Before gross motion the contact gives like a stiff spring, so friction builds up over a small displacement.",
+    also_called=("dahl", "lugre", "bristle", "microslip"),
     equation=EffectEquation(
         r"-@F_{\text{p}@i}",
         r"@F_{\text{p}@i} = \sigma_0 z + \sigma_1 \dot{z},\quad \dot{z} = @v - \frac{\sigma_0\left|@v\right|}"

@@ -20,6 +20,7 @@ EFFECT = Effect(
     name="saturation",
     site=INPUT,
     text="Commands above the limit have no more effect than the limit itself.",
+    also_called=("limit", "current_limit", "torque_limit", "voltage_limit", "clipping"),
     equation=EffectEquation(
         "u_s", r"u_s = \min\left(\max\left(@u, -u_{\max}\right), u_{\max}\right)", {"limit": r"u_{\max}"}
     ),

@@ -7,6 +7,7 @@ EFFECT = Effect(
     name="sensor_delay",
     site=OUTPUT,
     text="The measurement shows the motion of a fixed time ago: conversion, filtering or bus time of the sensor.",
+    also_called=("measurement_delay", "latency"),
     equation=EffectEquation(r"y_{\tau}", r"y_{\tau}(t) = @y(t - \tau_y)", {"delay": r"\tau_y"}),
     parameters=(EffectParameter("delay", "s", min=0.0, max=1.0),),
     delay="delay",

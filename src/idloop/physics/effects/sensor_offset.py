@@ -17,6 +17,7 @@ EFFECT = Effect(
     name="sensor_offset",
     site=OUTPUT,
     text="The sensor reads a constant too much or too little.",
+    also_called=("zero_offset", "encoder_offset", "offset"),
     equation=EffectEquation("y_o", "y_o = @y + o_y", {"offset": "o_y"}),
     parameters=(EffectParameter("offset", "{output}"),),
     reading=reading,

@@ -19,6 +19,7 @@ EFFECT = Effect(
     name="sensor_quantisation",
     site=OUTPUT,
     text="The sensor reports steps: encoder counts, converter bits.",
+    also_called=("quantisation", "quantization", "encoder_resolution", "resolution"),
     equation=EffectEquation("y_q", r"y_q = r\,\left\lfloor @y / r + \tfrac{1}{2} \right\rfloor", {"resolution": "r"}),
     parameters=(EffectParameter("resolution", "{output}", min=0.0),),
     reading=reading,

@@ -18,6 +18,7 @@ EFFECT = Effect(
     name="sensor_ripple",
     site=OUTPUT,
     text="The sensor's gain varies over the turn: tachometer ripple, an eccentric encoder disc.",
+    also_called=("tacho_ripple", "encoder_eccentricity", "ripple"),
     equation=EffectEquation(
         "y_r",
         r"y_r = @y\,\left(1 + a_r\sin(n_r\,@q + \varphi_r)\right)",

@@ -29,6 +29,7 @@ EFFECT = Effect(
     name="slip",
     site=COUPLING,
     text="Above a torque the coupling slips and the two sides stay turned against each other.",
+    also_called=("slipping", "clutch", "belt_slip"),
     equation=EffectEquation(
         "",
         r"@F_{@s} = k_{@s}\,(\Delta @q - s) + c_{@s}\,\Delta @v\text{, where } s \text{ moves only to keep } "

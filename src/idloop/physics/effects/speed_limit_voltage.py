@@ -31,6 +31,7 @@ EFFECT = Effect(
     name="speed_limit_voltage",
     site=INPUT,
     text="At speed the back-EMF leaves too little supply voltage for the commanded current, so the torque is cut.",
+    also_called=("back_emf", "voltage_limit", "field_weakening"),
     equation=EffectEquation(
         "u_v",
         r"u_v = \min\left(\max\left(@u, \frac{-U - k_e\,@v}{R}\right), \frac{U - k_e\,@v}{R}\right)",

@@ -23,6 +23,7 @@ EFFECT = Effect(
     name="stribeck_friction",
     site=BODY,
     text="Breaking away takes more force than sliding: dry friction falls as the surfaces start to move.",
+    also_called=("stiction", "static_friction", "breakaway", "stribeck"),
     equation=EffectEquation(
         r"-@F_{\text{f}@i}",
         r"@F_{\text{f}@i} = \left(f_c + (f_s - f_c)\,e^{-(@v/v_s)^2}\right)\operatorname{sign} @v",

@@ -23,6 +23,7 @@ EFFECT = Effect(
     site=INPUT,
     text="The drive pushes less when the measured supply sags: share 1 of a plain voltage or PWM stage, "
     "0 where current is controlled.",
+    also_called=("battery_sag", "voltage_drop", "sag"),
     equation=EffectEquation(
         "u_b",
         r"u_b = @u\left(\frac{U_s}{U_0}\right)^\kappa\text{, }U_s\text{ the measured supply}",

@@ -21,6 +21,7 @@ EFFECT = Effect(
     name="thermal_dry_friction",
     site=BODY,
     text="Dry friction changes with the measured temperature: seals soften, a preload grows or goes.",
+    also_called=("temperature_friction",),
     equation=EffectEquation(
         r"-@F_{\text{f}@i}",
         r"@F_{\text{f}@i} = f_{\theta}\,(\Theta - \Theta_0)\operatorname{sign} @v\text{, }"

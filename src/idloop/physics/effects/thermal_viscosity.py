@@ -22,6 +22,7 @@ EFFECT = Effect(
     name="thermal_viscosity",
     site=BODY,
     text="Viscous friction changes with the measured temperature: oil and grease thin as they warm.",
+    also_called=("temperature_viscosity", "temperature_friction"),
     equation=EffectEquation(
         r"-@F_{\theta@i}",
         r"@F_{\theta@i} = b_{\theta}\,(\Theta - \Theta_0)\,@v\text{, }\text{beside the viscous friction at }\Theta_0",

@@ -37,6 +37,7 @@ EFFECT = Effect(
     name="velocity_filter",
     site=OUTPUT,
     text="The drive smooths its own velocity estimate, so the measured velocity lags.",
+    also_called=("low_pass", "speed_filter"),
     equation=EffectEquation("y_f", r"\tau_f\,\dot{y}_f = @y - y_f", {"time_constant": r"\tau_f"}),
     parameters=(EffectParameter("time_constant", "s", min=0.0, max=10.0),),
     reading=reading,

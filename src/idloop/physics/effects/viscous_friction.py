@@ -17,6 +17,7 @@ EFFECT = Effect(
     name="viscous_friction",
     site=BODY,
     text="A drag proportional to speed: lubricant, eddy currents, back-EMF.",
+    also_called=("damping", "viscous", "linear_damping", "friction"),
     equation=EffectEquation(r"-b\,@v", "", {"coefficient": "b"}),
     parameters=(EffectParameter("coefficient", "{force}·s/{position}", min=0.0),),
     force=force,

@@ -213,7 +213,7 @@ def test_a_loop_without_its_reference(recorded):
 
 def test_two_levels_and_a_motion_that_is_lost_in_noise(make_axis):
     axis = make_axis(command=np.where(np.random.default_rng(3).normal(size=75) > 0, 1.0, -1.0).repeat(40))
-    assert the(axis, "two_levels").spoils == ("dead zone", "saturation")
+    assert the(axis, "two_levels").spoils == ("dead zone", "limits of the drive")
     noise = np.std(axis.position) * np.random.default_rng(0).normal(size=3000)
     assert "small_motion" in kinds(replace(axis, position=axis.position + noise, velocity=None))
 

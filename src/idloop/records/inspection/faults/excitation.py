@@ -47,7 +47,7 @@ def _levels(axis: Axis, command: np.ndarray[tuple[int], np.dtype[np.float64]]) -
             " curved input characteristic looks like a gain and an offset",
             "use more levels to see them",
             evidence={"low": float(levels[0]), "high": float(levels[1])},
-            spoils=("dead zone", "saturation"),
+            spoils=("dead zone", "limits of the drive"),
         )
     ]
 

@@ -57,7 +57,7 @@ def _jumps(axis: Axis, time: Floats, place: Floats) -> list[Finding]:
             f" too short, {rows.size - missed} times too far): pulses of the encoder were missed or counted twice",
             "count the pulses in hardware, shield the encoder, or drive slower",
             evidence={"jumps": float(rows.size), "size": size, "missed": float(missed)},
-            spoils=("compliance", "backlash"),
+            spoils=("flexible couplings", "play"),
             count=int(rows.size),
             places=around(time, rows + 1),
         )

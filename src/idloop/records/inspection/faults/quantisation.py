@@ -32,7 +32,7 @@ def check(axis: Axis) -> list[Finding]:
                 f" ({100 * step / span:.2g} %): quantisation is a large part of its noise",
                 "move further, or use a finer sensor; a fit counts the step as noise",
                 evidence={"step": step, "range": span},
-                spoils=("friction at low speed", "backlash") if signal == "position" else (),
+                spoils=("friction at low speed", "play") if signal == "position" else (),
             )
         )
     return found
