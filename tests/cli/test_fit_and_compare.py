@@ -12,6 +12,7 @@ import pytest
 
 from idloop.cli import main
 from idloop.physics import load_model, simulate
+from idloop.physics.model_file import with_joints
 from idloop.records import Record, read_record, write_bag
 
 TRUTH = {"motor.viscous_friction": 3.0, "drive.gain": 6.0}
@@ -265,3 +266,12 @@ def test_a_position_that_stands_still_is_refused_by_what_fits_and_compared_all_t
         assert "motor.position stays at 0.7 while motor.velocity runs" in err
     assert main.run(words("compare", "dc_motor", bag)) == 0
     assert "motor.position never changes" in capsys.readouterr().err
+
+
+def test_a_joint_may_have_another_name_in_the_bag(hidden, tmp_path, capsys):
+    other = tmp_path / "other.yaml"
+    with_joints(load_model(hidden.model), {"motor": "shaft"}).save(other)
+    assert main.run(["fit", str(other), str(hidden.levels), "--criterion", "prediction"]) == 2
+    assert "--joint shaft=" in capsys.readouterr().err
+    assert main.run(["fit", str(other), str(hidden.levels), "--criterion", "prediction", "--joint", "shaft=motor"]) == 0
+    assert "drive.gain" in capsys.readouterr().out

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from idloop.errors import InputError
 from idloop.physics import load_model, parse_effect, preset_names
-from idloop.physics.model_file import build_model
+from idloop.physics.model_file import build_model, with_joints
 from idloop.physics.schema import read_model_file
 
 GOOD = """\
@@ -221,3 +221,17 @@ def test_site_names_with_brackets_are_read() -> None:
 def test_adding_and_removing_an_effect_leaves_the_model_as_it_was() -> None:
     model = load_model("dc_motor")
     assert model.with_effect("dead_zone", "input").without_effect("dead_zone@input").parameters == model.parameters
+
+
+def test_joints_of_other_names_keep_bodies_effects_and_controller():
+    model = load_model("axis").with_effects(["backlash@position[axis](gap=0.1)", "coulomb_friction@axis(level=0.2)"])
+    renamed = with_joints(model, {"axis": "elbow_joint"})
+    assert renamed.input.joint == "elbow_joint"
+    assert renamed.output_names == ("elbow_joint.position", "elbow_joint.velocity")
+    assert renamed.bodies == model.bodies
+    assert renamed.effect_names == ("backlash@position[elbow_joint]", "coulomb_friction@axis")
+    assert renamed.values["backlash@position[elbow_joint].gap"] == 0.1
+    assert renamed.controller["output"] == "elbow_joint.position"
+    assert with_joints(renamed, {"elbow_joint": "axis"}).to_yaml().replace(", body: axis", "") == model.to_yaml()
+    with pytest.raises(InputError, match=r"no joint 'axs' in the model \(did you mean 'axis'"):
+        with_joints(model, {"axs": "elbow"})

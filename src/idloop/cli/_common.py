@@ -53,6 +53,7 @@ class BagArgument(click.ParamType[Path]):
 MODEL = ModelArgument()
 BAG = BagArgument()
 _TRUST_EFFECTS = "idloop.trust_effects"
+_JOINTS = "idloop.joints"
 
 
 def trust_option(function: Function) -> Function:
@@ -91,8 +92,20 @@ def plot_option(function: Function) -> Function:
 
 
 def model_options(function: Function) -> Function:
-    """Add `--set NAME=VALUE` and `--effect NAME@SITE(...)`, for `apply_options`, and `--trust-effects`."""
+    """Add `--set NAME=VALUE`, `--effect NAME@SITE(...)` and `--joint NAME=NAME`, and `--trust-effects`."""
+
+    def keep(context: click.Context, parameter: click.Parameter, value: tuple[str, ...]) -> None:
+        context.meta[_JOINTS] = value
+
     function = trust_option(function)
+    function = click.option(
+        "--joint",
+        multiple=True,
+        expose_value=False,
+        callback=keep,
+        metavar="NAME=IN_BAG",
+        help="Joint of the model that has another name in the bags, as in --joint axis=elbow_joint. May be repeated.",
+    )(function)
     function = click.option(
         "--effect",
         "effects",
@@ -130,7 +143,17 @@ def parse_setting(text: str) -> tuple[str, float]:
 
 
 def apply_options(model: Model, settings: Sequence[str], effects: Sequence[str]) -> Model:
-    """Model with the effects of `--effect` added and then the values of `--set` in place."""
+    """Model with the joints of `--joint` renamed, the effects of `--effect` added, and the values of `--set`."""
+    context = click.get_current_context(silent=True)
+    joints = context.meta.get(_JOINTS, ()) if context is not None else ()
+    if joints:
+        from idloop.physics.model_file import with_joints
+
+        pairs = [text.partition("=")[::2] for text in joints]
+        wrong = next((text for text, pair in zip(joints, pairs, strict=True) if not all(pair)), None)
+        if wrong is not None:
+            raise InputError(f"--joint {wrong}: write NAME=IN_BAG, as in --joint axis=elbow_joint")
+        model = with_joints(model, dict(pairs))
     if effects:
         model = model.with_effects(list(effects))
     if settings:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from io import StringIO
 from itertools import pairwise
@@ -97,6 +97,39 @@ def to_mapping(model: Model) -> dict[str, Any]:
         file["disturbance"] = {"intensity": model.disturbance}
     file["controller"] = model.controller
     return file
+
+
+def with_joints(model: Model, names: Mapping[str, str]) -> Model:
+    """Return the model with its signals at joints of other names; its bodies keep theirs.
+
+    Parameters
+    ----------
+    model : Model
+    names : mapping of str to str
+        New name by joint of the model.
+
+    Raises
+    ------
+    InputError
+        A joint that the model does not have.
+    """
+    known = {model.input.joint, *(output.joint for output in model.outputs)}
+    for name in names:
+        if name not in known:
+            raise InputError(f"no joint '{name}' in the model{did_you_mean_or_known(name, known)}")
+    file = to_mapping(model)
+    for signal in (file["input"], *file["outputs"]):
+        joint = signal["joint"]
+        if signal is not file["input"]:
+            signal.setdefault("body", joint)
+        signal["joint"] = names.get(joint, joint)
+    for effect in file["effects"]:
+        effect["at"] = re.sub(r"\[(.+)\]$", lambda match: f"[{names.get(match[1], match[1])}]", effect["at"])
+    controller = file["controller"]
+    if controller is not None and "output" in controller:
+        joint, _, field = str(controller["output"]).rpartition(".")
+        file["controller"] = {**controller, "output": f"{names.get(joint, joint)}.{field}"}
+    return build_model(ModelFile.model_validate(file), model.name, model.folder)
 
 
 def to_yaml(model: Model) -> str:
