@@ -80,8 +80,8 @@ angle = np.degrees(run.output[:, 0]) + 0.01 * noise.normal(size=run.time.size)
 speed = 60 / (2 * np.pi) * run.output[:, 1] + 0.05 * noise.normal(size=run.time.size)
 table = np.column_stack([1e3 * run.time, run.input_at(run.time), angle, speed])
 rows = [";".join(f"{cell:.4f}" for cell in row).replace(".", ",") for row in table]
-notes = ["Drive export", "Serial number;4711", "Time [ms];Torque demand [Nm];Position actual [deg];Velocity actual [rpm]"]
-Path("drive.csv").write_text("\n".join([*notes, *rows]), encoding="utf-8")
+header = "Time [ms];Torque demand [Nm];Position actual [deg];Velocity actual [rpm]"
+Path("drive.csv").write_text("\n".join(["Drive export", "Serial number;4711", header, *rows]), encoding="utf-8")
 
 joint_started = idloop.start("drive.csv", "joint")
 joint_ladder = idloop.refine(joint_started.fit.model, joint_started.records)
@@ -90,7 +90,8 @@ joint_ladder
 # %% [markdown]
 # ## A linear stage, one signal per file
 #
-# Current and position are logged by two devices, with time stamps and rates of their own. The amplifier limits its current.
+# Current and position are logged by two devices, with time stamps and rates of their own. The amplifier limits its
+# current.
 
 # %%
 stage = machine("m", "A", "inertia: 4.0, viscous_friction: 30.0", "25.0", "saturation@input(limit=1.0)")
