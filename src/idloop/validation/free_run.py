@@ -146,16 +146,20 @@ def _opening(model: Model, data: Data, column: int) -> tuple[tuple[float, float]
         return (np.nan, np.nan), (np.nan, np.nan)
     elapsed = data.time[known] - data.time[0]
     span = float(elapsed[-1])
-    basis = np.column_stack([np.ones(len(known)), elapsed / span, (elapsed / span) ** 2])
-    fitted, *_ = np.linalg.lstsq(basis, y[known], rcond=None)
-    error = float(np.linalg.norm(y[known] - basis @ fitted)) / np.sqrt(len(known) - 3)
+    basis = np.vander(elapsed / span, 5, increasing=True)
+    parabola = basis[:, :3]
+    fitted, *_ = np.linalg.lstsq(parabola, y[known], rcond=None)
+    error = float(np.linalg.norm(y[known] - parabola @ fitted)) / np.sqrt(len(known) - 3)
     # A reading is uncertain by its noise and by its resolution, which a standing body does not show.
     steps = np.abs(np.diff(y[np.isfinite(y)]))
     resolution = float(np.min(steps[steps > 0.0], initial=np.inf))
     least = max(
         (output.noise or 0.0) / abs(output.scale), resolution / np.sqrt(12.0) if np.isfinite(resolution) else 0.0
     )
-    spread = max(error, least) * np.sqrt(np.diag(np.linalg.inv(basis.T @ basis)))
+    spread = max(error, least) * np.sqrt(np.diag(np.linalg.inv(parabola.T @ parabola)))
+    # A vibration is no parabola: what a curve of the fourth degree has otherwise is uncertain as well.
+    finer, *_ = np.linalg.lstsq(basis, y[known], rcond=None)
+    spread = np.hypot(spread, (finer - np.append(fitted, [0.0, 0.0]))[:3])
     return (float(fitted[0]), float(spread[0])), (float(fitted[1]) / span, float(spread[1]) / span)
 
 

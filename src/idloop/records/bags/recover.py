@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -204,12 +204,14 @@ def _decode(store: Typestore | None, message_type: str, data: bytes) -> None:
 
 
 def _connect(writer: Any, channel: Channel, store: Typestore | None) -> Any:
-    """Add a topic to the new bag; a type that neither the recording nor ROS describes is kept by its name."""
+    """Add a topic to the new bag; a type that neither the recording nor ROS describes whole is kept by its name."""
     definition, type_hash = channel.definition, channel.type_hash
-    if store is not None and not definition:
-        definition, _ = store.generate_msgdef(channel.message_type, ros_version=2)
-    if not type_hash:
-        type_hash = "RIHS01_" + 64 * "0" if store is None else store.hash_rihs01(channel.message_type)
+    with suppress(KeyError):
+        if store is not None and not definition:
+            definition, _ = store.generate_msgdef(channel.message_type, ros_version=2)
+        if store is not None and not type_hash:
+            type_hash = store.hash_rihs01(channel.message_type)
+    type_hash = type_hash or "RIHS01_" + 64 * "0"
     return writer.add_connection(
         channel.topic,
         channel.message_type,
