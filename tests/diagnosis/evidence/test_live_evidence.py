@@ -32,6 +32,8 @@ def test_the_evidence_for_hidden_friction_rises_until_it_is_decided(start: Model
     assert rising[-1] > found[-1].threshold
     # Two looks tell how much neighbouring windows err alike.
     assert not found[0].decided
+    assert found[0].pending("coulomb_friction@axis") == "a second stretch of samples must confirm it"
+    assert found[1].pending("coulomb_friction@axis") == ""
     first = found[1].decided["coulomb_friction@axis"]
     assert first == Decision(8_000_000_000, 2 * round(2.0 * RATE)) == found[-1].decided["coulomb_friction@axis"]
     assert found[-1].threshold == pytest.approx(np.log(found[-1].count / 0.01))

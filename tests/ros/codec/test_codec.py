@@ -316,6 +316,9 @@ def test_the_evidence_is_for_people():
     assert effects[1].values["decided"] == "false"
     undecided = EvidenceSummary("m", threshold=7.9, looks=2, seconds=10.0, candidates=(gap,))
     assert undecided.line == "nothing decided; most for dead_zone@input, log E 2.0 of 7.9, after 10 s of new samples"
+    early = EffectEvidence("dead_zone@input", 49.3, pending="a second stretch of samples must confirm it")
+    line = EvidenceSummary("m", threshold=8.9, looks=1, seconds=5.0, candidates=(early,)).line
+    assert "log E 49.3 of 8.9, but a second stretch of samples must confirm it, after 5 s" in line
 
 
 DEAD_ZONE = EffectSummary(

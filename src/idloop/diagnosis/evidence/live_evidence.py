@@ -119,6 +119,18 @@ class LiveEvidence:
         sure = math.log(1.0 / self.level)
         return tuple(name for name, log in self.logs.items() if self.tallies[name].decided is None and log >= sure)
 
+    def pending(self, name: str) -> str:
+        """Why an effect whose evidence is above the threshold is not decided; empty for others."""
+        tally = self.tallies[name]
+        evidence = tally.evidence
+        if tally.decided is not None or evidence.log < self.threshold:
+            return ""
+        if not tally.enough:
+            return "a second stretch of samples must confirm it"
+        if not evidence.distinguishable:
+            return "its windows scatter as much as they gain"
+        return f"it reduces the errors by {100.0 * evidence.improvement:.2g} % only"
+
     def update(self, earlier: Sequence[Record], new: Record, stamp: int) -> LiveEvidence:
         """Score a stretch of new samples that ends at `stamp` [ns] by models that are fitted to the samples before it.
 

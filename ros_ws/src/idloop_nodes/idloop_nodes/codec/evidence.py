@@ -27,12 +27,15 @@ class EffectEvidence:
         Log-evidence, natural logarithm.
     decided_stamp, decided_samples : int or None
         End of the stretch that decided it [ns], and measurements that had been scored by then; None while it is open.
+    pending : str
+        Why it is open although its evidence is above the threshold; empty where it is not.
     """
 
     name: str
     log_e: float
     decided_stamp: int | None = None
     decided_samples: int | None = None
+    pending: str = ""
 
     @property
     def decided(self) -> bool:
@@ -100,6 +103,7 @@ class EvidenceSummary:
         elif self.candidates:
             best = self.candidates[0]
             found = f"nothing decided; most for {best.name}, log E {best.log_e:.1f} of {self.threshold:.1f}"
+            found += f", but {best.pending}" if best.pending else ""
         else:
             found = "no candidate effect"
         return f"{found}, after {self.seconds:.4g} s of new samples"

@@ -91,8 +91,8 @@ def summarise_evidence(evidence: LiveEvidence, stamp: int) -> EvidenceSummary:
     candidates = []
     for name, log_e in evidence.logs.items():
         when = decided.get(name)
-        given = (None, None) if when is None else (when.stamp, when.samples)
-        candidates.append(EffectEvidence(name, log_e, *given))
+        stamp_, samples = (None, None) if when is None else (when.stamp, when.samples)
+        candidates.append(EffectEvidence(name, log_e, stamp_, samples, evidence.pending(name)))
     return EvidenceSummary(
         evidence.model.name,
         tuple(evidence.model.effect_names),
