@@ -10,7 +10,7 @@ import pytest
 from idloop.errors import InputError
 from idloop.physics import load_model, simulate
 from idloop.records import Record
-from idloop.validation.characteristic import characteristic
+from idloop.validation.characteristic import characteristic, no_picture
 
 TIME = np.arange(0.0, 20.0, 2e-3)
 
@@ -142,3 +142,8 @@ def test_an_effect_without_a_characteristic_is_refused():
     model = load_model("dc_motor")
     with pytest.raises(InputError, match="no effect"):
         characteristic(model, "dead_zone@input", recorded(model))
+
+
+def test_the_reason_for_no_picture_of_a_sensor_speaks_of_its_reading():
+    model = load_model("axis").with_effects(["sensor_quantisation@position[axis](resolution=0.001)"])
+    assert no_picture("sensor_quantisation@position[axis]", model).startswith("it changes the reading")

@@ -17,7 +17,7 @@ from idloop.errors import IdloopError
 from idloop.estimation.dataset import prepare
 from idloop.estimation.force_balance.force_error import record_balance, thin
 from idloop.estimation.optimisation.caching_engine import CachingEngine
-from idloop.physics.effect import BODY, COUPLING, INPUT
+from idloop.physics.effect import BODY, COUPLING, INPUT, OUTPUT
 from idloop.physics.kernel import GAIN
 from idloop.validation.breakdown import sums
 from idloop.validation.free_run import free_runs
@@ -94,6 +94,8 @@ def no_picture(effect: str, model: Model | None) -> str:
         return "it shifts the command in time, which no curve over the motion shows"
     if active.effect.splits:
         return "it splits the body in two, of which one is not measured"
+    if model is not None and model.site_kind(active.at) == OUTPUT:
+        return "it changes the reading by less than a curve over the motion shows"
     return "the measurements do not determine its force"
 
 
