@@ -401,8 +401,18 @@ def _of_bags(paths: tuple[Path, ...], given: Mapping[str, str]) -> Log:
         read = bag_table(path)
         said = _given(given, list(read.table.columns))
         one = recognise_table(read.table, said, sources=read.sources, joints=read.joints)
-        found.append(replace(one, definitions=read.definitions))
+        one = replace(one, definitions=read.definitions)
+        found.append(_by_receipt(one) if read.received else one)
     return Log(paths, tuple(found))
+
+
+def _by_receipt(found: Recognition) -> Recognition:
+    """Take the times of receipt as stamps, and say so."""
+    from idloop.records.tables.mapping import Time
+
+    reason = "the stamps of the topics have no clock in common: the times of receipt are taken"
+    doubt = f"{reason}; set `use_sim_time` alike for all nodes before the next recording"
+    return replace(found, base=replace(found.base, time=Time(stamps="receive"), reason=reason, doubt=doubt))
 
 
 def _given(given: Mapping[str, str], columns: list[str]) -> dict[str, Given]:

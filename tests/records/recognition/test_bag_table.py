@@ -15,7 +15,7 @@ from idloop.records.recognition.recognise import recognise_table
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 
 
-def robot_bag(folder, torques, angles, speeds, period=0.01):
+def robot_bag(folder, torques, angles, speeds, period=0.01, behind=0):
     """A bag as ros2_control records it: commands by their place, joint states by their names."""
     types = STORE.types
     Header, Time = types["std_msgs/msg/Header"], types["builtin_interfaces/msg/Time"]
@@ -26,7 +26,8 @@ def robot_bag(folder, torques, angles, speeds, period=0.01):
         commands = bag.add_connection("/effort_controller/commands", Commands.__msgtype__, typestore=STORE)
         for k in range(len(torques)):
             stamp = 1_700_000_000 * 10**9 + round(k * period * 1e9)
-            header = Header(Time(stamp // 10**9, stamp % 10**9), "")
+            counted = stamp - behind
+            header = Header(Time(counted // 10**9, counted % 10**9), "")
             empty = np.zeros(0)
             state = JointState(
                 header, ["elbow", "wrist"], np.array([angles[k], 0.3]), np.array([speeds[k], 0.0]), empty
@@ -41,9 +42,13 @@ def robot_bag(folder, torques, angles, speeds, period=0.01):
 
 
 @pytest.fixture(scope="module")
-def bag(tmp_path_factory):
+def record():
     signal = idloop.excitation("multilevel", sample_time=0.01, duration=10.0, amplitude=0.5, seed=3)
-    record = idloop.simulate(idloop.load_model("axis"), signal, seed=3)
+    return idloop.simulate(idloop.load_model("axis"), signal, seed=3)
+
+
+@pytest.fixture(scope="module")
+def bag(record, tmp_path_factory):
     folder = tmp_path_factory.mktemp("bags") / "robot_1.5"
     return robot_bag(folder, record.input_at(record.time), record.output[:, 0], record.output[:, 1])
 
@@ -71,6 +76,17 @@ def test_the_joint_that_moves_and_its_command_are_recognised(bag):
 def test_a_robot_bag_is_started_with_in_one_step(bag, tmp_path):
     begun = idloop.start(bag, tmp_path / "begun")
     assert begun.bags[0].name == "robot_1.5"
+    assert begun.fit.values["axis.inertia"] == pytest.approx(0.01, rel=0.05)
+
+
+def test_topics_without_a_common_clock_are_joined_by_their_receipt(record, tmp_path):
+    bag = robot_bag(
+        tmp_path / "simulated", record.input_at(record.time), record.output[:, 0], record.output[:, 1],
+        behind=1_699_999_988 * 10**9,
+    )  # fmt: skip
+    assert bag_table(bag).received
+    begun = idloop.start(bag, tmp_path / "begun")
+    assert any("use_sim_time" in doubt for doubt in begun.log.recognition.all_doubts())
     assert begun.fit.values["axis.inertia"] == pytest.approx(0.01, rel=0.05)
 
 

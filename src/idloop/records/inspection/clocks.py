@@ -263,7 +263,10 @@ def clock_finding(command: JointStream, measured: JointStream) -> Finding | None
             for one in (command, measured)
         )
         if share_no_clock(command, measured):
-            advice = "; set `use_sim_time` alike for all nodes, with stamps in every message, and record again"
+            advice = (
+                "; set `use_sim_time` alike for all nodes, with stamps in every message, and record again, or import"
+                " this recording with `time: {stamps: receive}`"
+            )
             why = "simulated time against the clock of the recorder"
         else:
             why = "they do not overlap"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from idloop.errors import InputError
 from idloop.records.bags.bag import Bag
 from idloop.records.bags.fields import BagField, bag_fields
 from idloop.records.bags.read import read_streams
+from idloop.records.bags.stamp_clock import share_no_clock
 from idloop.records.bags.stream import JOINT_STATE
 from idloop.records.tables.mapping import ready_definitions
 from idloop.records.tables.table import Table
@@ -31,10 +33,13 @@ class BagTable:
     table : Table
     fields : dict of str to BagField
         Where a column stands in the bag.
+    received : bool
+        Whether the times of receipt serve as stamps, because the stamps of the topics have no clock in common.
     """
 
     table: Table
     fields: dict[str, BagField]
+    received: bool
 
     @property
     def sources(self) -> dict[str, dict[str, str]]:
@@ -78,18 +83,22 @@ def bag_table(path: Path, readable: Callable[[BagField], bool] = lambda one: one
         raise InputError(f"{path}: no topic carries numbers that change; check that this is the recording")
     with Bag(path, definitions=definitions) as bag:
         streams = read_streams(bag, {one.topic for one in fields})
+    pairs = itertools.combinations(streams.values(), 2)
+    received = any(share_no_clock(one, other) for one, other in pairs)
+    stamps = {name: stream.receive_ns if received else stream.stamp_ns for name, stream in streams.items()}
+    begin = min(int(one.min()) for one in stamps.values() if one.size)
     table, found = Table(path, {}), {}
     for one in fields:
         stream = streams[one.topic]
         name, clock = _name(one), f"{one.topic} stamps"
         table.columns[name] = stream.number(one.joint, one.field)
-        table.columns.setdefault(clock, 1e-9 * (stream.stamp_ns - min(s.stamp_ns[0] for s in streams.values())))
+        table.columns.setdefault(clock, 1e-9 * (stamps[one.topic] - begin))
         table.clocks[name] = clock
         unit = one.unit or (_UNITS.get(one.field, "") if one.type == JOINT_STATE else "")
         if unit:
             table.units[name] = unit
         found[name] = one
-    return BagTable(table, found)
+    return BagTable(table, found, received)
 
 
 def _name(one: BagField) -> str:

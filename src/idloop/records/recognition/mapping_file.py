@@ -33,7 +33,7 @@ def mapping_of(found: Recognition, name: str, joint: str, *, files: tuple[str, .
     if _skips_text(found.table):
         mapping["csv"] = CommentedMap({"skip_text": True})
         mapping.yaml_add_eol_comment(_one_line(found.table.notes[-1]), "csv")
-    if not found.sources:
+    if not found.sources or found.base.time.stamps is not None:
         mapping["time"] = _time(found.base.time)
         mapping.yaml_add_eol_comment(_one_line(found.base.reason), "time")
     reference: dict[str, Any] = {}
