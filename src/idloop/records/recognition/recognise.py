@@ -17,7 +17,7 @@ from idloop.records.formats.known_columns import recognise as known_drive
 from idloop.records.inspection.motion import white_noise
 from idloop.records.recognition.column_name import ColumnName, parse_column_name
 from idloop.records.recognition.guess import Given, Guess
-from idloop.records.recognition.roles import RoleByName, role_by_name
+from idloop.records.recognition.roles import BY_UNIT, RoleByName, role_by_name
 from idloop.records.recognition.signal_units import find_decoding, find_wrap, motion_units
 from idloop.records.recognition.time_base import SECONDS, TimeBase, find_time_base
 from idloop.records.tables.base_units import base_unit, known_unit
@@ -357,6 +357,9 @@ def _by_name(role: str, columns: dict[str, _Column], chosen: dict[str, Guess], g
     best = max(moving or free, key=lambda one: one.by_name.rank)
     guess = best.as_guess(role)
     also = [one.name for one in moving if one is not best and one.by_name.rank > best.by_name.rank - 1.0]
+    if role == "command" and best.by_name.reason == BY_UNIT:
+        # A unit alone says little: what has no name may be meant.
+        also += [one.name for one in columns.values() if one.name not in taken and one.moves and not one.by_name.role]
     if also and role in ("command", *MOTION):
         guess = guess.with_doubt(f"{role}: {listed(also)} could be meant as well: --{role} COLUMN")
     return _with_unit(guess, given.get(role, Given()).unit)

@@ -93,6 +93,9 @@ _ORDER = (
 )
 
 
+BY_UNIT = "by its unit"
+
+
 @dataclass(frozen=True)
 class RoleByName:
     """What a name says.
@@ -164,4 +167,4 @@ def _kind(name: ColumnName, words: set[str], unit: str) -> str:
 def _because(words: set[str], unit: str) -> str:
     said = " ".join(sorted(words))
     by = f"by its name ({said})" if said else "by its name"
-    return f"{by} and its unit" if unit and said else "by its unit" if unit else by
+    return f"{by} and its unit" if unit and said else BY_UNIT if unit else by
