@@ -80,7 +80,7 @@ def test_a_dropped_log_becomes_the_workbench_of_a_fitted_model(browser, log, tmp
         assert "taken as N·m" in page.inner_text("#doubts")
         page.click("#begin")
         page.wait_for_url(lambda url: url != address[0], timeout=120_000)
-        page.get_by_text("Measured and model").wait_for(timeout=60_000)
+        page.get_by_text("Where the model fails").first.wait_for(timeout=60_000)
         assert errors == []
         fitted = idloop.load_model(tmp_path / "drive_log" / "fitted.yaml")
         assert fitted.values["axis.inertia"] == pytest.approx(0.01, rel=0.05)

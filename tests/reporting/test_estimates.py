@@ -106,6 +106,7 @@ def test_a_percentage_has_no_power_of_ten_and_a_large_one_is_a_factor_in_words()
     assert fit_text(-983.2, 3, " %") == "−983 %"
     assert fit_text(-4583.2, 3, " %") == "worse than a constant by a factor 47"
     assert fit_text(-4.58e5) == "worse than a constant by a factor 4581"
+    assert fit_text(-1.24068e8) == "worse than a constant by a factor 1.2 · 10⁶"
     assert force_text(2.1704, 3, " %") == "217 %"
     assert force_text(12.345) == "12 times the commanded force"
     assert force_text(0.0001234) == "0.0123"

@@ -8,6 +8,8 @@ _NOTHING = 1e-3  # three digits of the scale
 _MOST_DIGITS = 8
 # Percent beyond which a number is worse to read than a factor.
 _BEYOND = 1000.0
+# Factor from which on only its size counts.
+_HUGE = 1e5
 
 
 def percent(share: float) -> str:
@@ -39,7 +41,11 @@ def fit_text(value: float | None, digits: int = 4, unit: str = "") -> str:
     """
     if value is not None and math.isfinite(value):
         if value < -_BEYOND:
-            return f"worse than a constant by a factor {_whole(1.0 - 0.01 * value, 2)}"
+            factor = 1.0 - 0.01 * value
+            # Who diverges has no use for seven digits.
+            return (
+                f"worse than a constant by a factor {_whole(factor, 2) if factor < _HUGE else figure_text(factor, 2)}"
+            )
         while value < 100.0 and digits < _MOST_DIGITS and float(f"{value:.{digits}g}") >= 100.0:
             digits += 1
     return _whole(value, digits) + _unit(value, unit)

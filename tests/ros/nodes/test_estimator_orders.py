@@ -197,7 +197,7 @@ def test_what_the_user_takes_back_is_not_added_again(bench):
     # What was added is diagnosed again, and nothing is left.
     one.bench.until(lambda: one.bench.node.estimator.diagnosis.coordinator.missing is not None)
     one.bench.until(lambda: not one.bench.node.estimator.diagnosis.coordinator.busy)
-    assert one.bench.node.estimator.diagnosis.health().values["automatic"] == "diagnose add experiment"
+    assert one.bench.node.estimator.diagnosis.health(None).values["automatic"] == "diagnose add experiment"
     answer, _ = one.after("ladder", lambda: one.call("undo"))
     assert "auto_add and auto_experiment switched off" in answer.message
     assert one.bench.node.estimator.diagnosis.health().values["automatic"] == "diagnose"
