@@ -200,7 +200,7 @@ def test_what_the_user_takes_back_is_not_added_again(bench):
     assert one.bench.node.estimator.diagnosis.health(None).values["automatic"] == "diagnose add experiment"
     answer, _ = one.after("ladder", lambda: one.call("undo"))
     assert "auto_add and auto_experiment switched off" in answer.message
-    assert one.bench.node.estimator.diagnosis.health().values["automatic"] == "diagnose"
+    assert one.bench.node.estimator.diagnosis.health(None).values["automatic"] == "diagnose"
     _, missing = one.after("missing_effects", lambda: one.call("diagnose"))
     assert missing.set == ("dead_zone@input",)
     one.bench.until(lambda: not one.bench.node.estimator.diagnosis.coordinator.busy)
