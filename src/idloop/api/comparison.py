@@ -57,7 +57,8 @@ class Comparison(Result):
         from idloop.reporting.plots.comparison import make_panel, plot_panels
 
         record = self.rows[0][1].record
-        return plot_panels([make_panel(record.name, self.rows)], record)
+        names = short_names([label for label, _ in self.rows])
+        return plot_panels([make_panel(record.name, [(names[k], one) for k, (_, one) in enumerate(self.rows)])], record)
 
     def plot_where(self) -> Figure:
         """Draw where the models fail: along time, frequency, velocity, position, command, ..."""
@@ -71,6 +72,18 @@ class Comparison(Result):
             "schema": "idloop/compare/1",
             "comparisons": [{**one.to_dict(), "label": label} for label, one in self.rows],
         }
+
+
+def short_names(labels: Sequence[str]) -> list[str]:
+    """Labels of a legend: of files the last parts of their paths, as many as tell them apart."""
+    parts = [label.split("/") for label in labels]
+    names = list(labels)
+    for count in range(max(map(len, parts)), 0, -1):
+        shorter = ["/".join(one[-count:]) for one in parts]
+        if len(set(shorter)) < len(shorter):
+            break
+        names = shorter
+    return names
 
 
 def compare(

@@ -29,13 +29,8 @@ if TYPE_CHECKING:
 
 
 def label_models(sources: Sequence[str], models: Sequence[Model]) -> list[str]:
-    """Name of each model; where names are not unique its file, with as many folders as tell the files apart."""
+    """Name of each model, or its file where names are not unique."""
     names = [model.name for model in models]
-    parts = [Path(source).parts for source in sources]
-    for count in range(1, max(map(len, parts)) + 1):
-        if len(set(names)) == len(names):
-            break
-        names = [str(Path(*one[-count:])) for one in parts]
     return names if len(set(names)) == len(names) else list(sources)
 
 
