@@ -68,7 +68,7 @@ def test_mistakes_are_one_line_and_write_nothing(log, tmp_path, capsys, words, m
 
 
 def test_on_a_terminal_the_guess_is_changed_until_it_is_right(log, tmp_path, capsys, monkeypatch):
-    answers = iter(["rate=100", "command=i_set=N·m", "nonsense", "position==deg", ""])
+    answers = iter(["", "rate=100", "command=i_set=N·m", "nonsense", "position==deg", ""])
     monkeypatch.setattr(start, "_on_terminal", lambda: True)
     monkeypatch.setattr("click.prompt", lambda *_, **__: next(answers))
     code, _, err = _run(capsys, log, "--output", tmp_path / "a", "--no-fit")

@@ -115,10 +115,13 @@ def _ask(files: tuple[Path, ...], given: dict[str, str], period: float | None, c
     """Show what was recognised until the user accepts it."""
     from idloop.api.start import recognise
 
+    found: Log | None = None
     while True:
         try:
             found = recognise(files, given, period=period, csv=csv)
         except InputError as error:
+            # What was accepted before is not what stands here now.
+            found = None
             log(str(error))
         else:
             print_blocks(found.blocks())
@@ -126,7 +129,7 @@ def _ask(files: tuple[Path, ...], given: dict[str, str], period: float | None, c
         answer = click.prompt(_PROMPT, default="", show_default=False).strip()
         if answer == "q":
             raise click.exceptions.Exit(0)
-        if not answer:
+        if not answer and found is not None:
             return found
         role, equals, text = answer.partition("=")
         if role == "rate" and equals:

@@ -27,6 +27,8 @@ async function take(files) {
   await attempt(async () => {
     let first = "yes";
     said = {};
+    // What was said of an earlier log is not true of this one.
+    at("rate").value = "";
     for (const file of files) {
       const kept = await post(`file?name=${encodeURIComponent(file.name)}&first=${first}`, file);
       at("names").textContent = kept.files.join(", ");
