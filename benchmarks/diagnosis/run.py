@@ -26,6 +26,7 @@ from typing import Any
 
 # Two workers share the cores already: threads inside the linear algebra only get in their way.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "examples"))
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from case import CATEGORIES, Case

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 from cases import all_cases
@@ -56,3 +60,12 @@ def test_a_realistic_case_is_testable_by_what_its_effects_are_worth(results):
     results.write_text(text, encoding="utf-8")
     every, _ = answers(results)
     assert not any(a.testable for a in every if a.case.nuisances)
+
+
+@pytest.mark.parametrize("script", ["diagnosis/report.py", "diagnosis/check.py", "diagnosis_time.py"])
+def test_a_script_runs_as_its_help_says(script):
+    """Nothing but the script's own path leads to the modules that it imports."""
+    path = Path(__file__).resolve().parents[2] / "benchmarks" / script
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    done = subprocess.run([sys.executable, str(path), "--help"], env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
