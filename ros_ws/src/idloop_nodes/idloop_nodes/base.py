@@ -42,12 +42,8 @@ SETTLE_PERIOD = 0.005  # seconds between two checks of the acknowledgements
 class StreamNode(Node):
     """A node whose streams are bytes.
 
-    Parameters
-    ----------
-    kind : str
-        Executable's name; also the default name of the node.
-    table : sequence of NodeParameter, optional
-        Its parameters; default those of the kind's description.
+    `kind`: executable's name; also the default name of the node. `table`: its parameters; default those of the kind's
+    description.
     """
 
     poll_period = 0.2  # seconds between calls of `poll` when nothing else wakes the node
@@ -130,14 +126,7 @@ class StreamNode(Node):
     ) -> Any:
         """Return a subscription to bytes that notices publishers whose quality of service does not satisfy it.
 
-        Parameters
-        ----------
-        message_type : type
-        topic : str
-        callback : callable
-        profile : QoSProfile
-        **events
-            Further event callbacks.
+        `events`: further event callbacks.
         """
         callbacks = self.quality.callbacks(topic, **events)
         subscription = self.create_subscription(
@@ -173,10 +162,7 @@ class StreamNode(Node):
 
         A publisher that does not know of its reader, while the reader knows of it, is matched again by this.
 
-        Parameters
-        ----------
-        topics : sequence of str
-            Polled ones of which every run has messages.
+        `topics`: polled ones of which every run has messages.
         """
         if not self.progress.reached or self._subscribed_again:
             return
@@ -198,11 +184,7 @@ class StreamNode(Node):
     def offer(self, name: str, run: Callable[[], str]) -> None:
         """Offer a std_srvs/Trigger service.
 
-        Parameters
-        ----------
-        name : str
-        run : callable
-            Returns the message of the answer; raises InputError with the reason of a refusal.
+        `run`: returns the message of the answer; raises InputError with the reason of a refusal.
         """
 
         def answer(request: Any, response: Any) -> Any:

@@ -9,15 +9,8 @@ import time
 class Deadlines:
     """Instants ``start + k * period``; a sleep to an absolute instant does not drift as a timer does.
 
-    Parameters
-    ----------
-    period_ns : int
-        Time between deadlines.
-
-    Attributes
-    ----------
-    missed : int
-        Deadlines at which the caller came more than a period late.
+    `period_ns`: time between deadlines. Attributes: `missed`: deadlines at which the caller came more than a period
+    late.
     """
 
     def __init__(self, period_ns: int) -> None:
@@ -29,12 +22,8 @@ class Deadlines:
     def start(self, phase: float = 0.0, lead_ns: int = 20_000_000) -> int:
         """Put the grid on whole periods of the system clock; return its first stamp (nanoseconds).
 
-        Parameters
-        ----------
-        phase : float
-            Part of a period by which the deadlines lie behind the stamps.
-        lead_ns : int
-            How long before the first deadline.
+        `phase`: part of a period by which the deadlines lie behind the stamps; `lead_ns`: how long before the first
+        deadline.
         """
         system, steady = time.time_ns(), time.monotonic_ns()
         self._start_ns = (system + lead_ns) // self.period_ns * self.period_ns

@@ -9,12 +9,8 @@ DISCOVERY_TIME = 1.0  # seconds after its start in which a node discovers the ot
 class DuplicateNodeCheck:
     """What a node knows of others of its name.
 
-    Parameters
-    ----------
-    now : float
-        Time at which the node was made, of a clock that never jumps [s].
-    discovery_time : float
-        Time from then on in which others may still be discovered [s].
+    `now`: time at which the node was made, of a clock that never jumps [s]; `discovery_time`: time from then on in
+    which others may still be discovered [s].
     """
 
     def __init__(self, now: float, discovery_time: float) -> None:
@@ -26,12 +22,7 @@ class DuplicateNodeCheck:
     def is_unique(self, count: int, now: float) -> bool:
         """Whether no other node of this name will announce itself.
 
-        Parameters
-        ----------
-        count : int
-            Known nodes of this name, this one included. A dead node stays known for a while.
-        now : float
-            [s].
+        `count`: known nodes of this name, this one included. A dead node stays known for a while. `now`: [s].
         """
         if now < self._discovered_at:
             return False

@@ -21,15 +21,7 @@ CHECK_PERIOD = 0.5  # seconds between two checks for missing peers
 class GraphStart:
     """Tells when a node may begin.
 
-    Parameters
-    ----------
-    node : StreamNode
-
-    Attributes
-    ----------
-    ready : bool
-        Whether this node has announced that its streams are connected.
-    duplicate : DuplicateNodeCheck
+    Attributes: `ready`: whether this node has announced that its streams are connected.
     """
 
     def __init__(self, node: StreamNode) -> None:
@@ -70,10 +62,7 @@ class GraphStart:
     def announce(self) -> bool:
         """Tell the others once that this node is ready; return whether it is.
 
-        Raises
-        ------
-        IdloopError
-            The peers do not appear in time.
+        Raises IdloopError: the peers do not appear in time.
         """
         if self.ready:
             return True

@@ -11,16 +11,8 @@ def check_name(namespace: str, node: str, check: str) -> str:
 def seen_from(namespace: str, name: str) -> tuple[str, str]:
     """Return node and check of a published name; nodes of this namespace without it, others from the root.
 
-    Parameters
-    ----------
-    namespace : str
-        Of the node that reads, such as ``/left``.
-    name : str
-        As published; without ``": "`` all of it is the node's.
-
-    Returns
-    -------
-    node, check : str
+    `namespace`: of the node that reads, such as ``/left``. `name`: as published; without ``": "`` all of it is the
+    node's.
     """
     node, _, check = name.partition(": ")
     return node_seen_from(namespace, f"/{node.lstrip('/')}"), check  # some publish it with the slash

@@ -11,10 +11,7 @@ class Pace:
     What was lost while others held it back is not made up for: an experiment after a long computation would
     otherwise be over at once.
 
-    Parameters
-    ----------
-    factor : float
-        Simulated seconds in a second, at most; 0 for as many as there can be.
+    `factor`: simulated seconds in a second, at most; 0 for as many as there can be.
     """
 
     def __init__(self, factor: float) -> None:
@@ -24,12 +21,7 @@ class Pace:
     def early(self, simulated: float, now: float) -> bool:
         """Whether it is too early for this instant.
 
-        Parameters
-        ----------
-        simulated : float
-            Time since the start of the run [s].
-        now : float
-            Of a clock that never jumps [s].
+        `simulated`: time since the start of the run [s]; `now`: of a clock that never jumps [s].
         """
         if self._factor <= 0.0:
             return False

@@ -17,10 +17,7 @@ BIGGEST = 1.7976931348623157e308
 class NodeParameter(ParameterSpec):
     """One row of a node's parameter table: the library's row, and whether it is fixed at the start.
 
-    Parameters
-    ----------
-    read_only : bool
-        The value cannot change while the node runs.
+    `read_only`: the value cannot change while the node runs.
     """
 
     read_only: bool = False
@@ -45,10 +42,7 @@ def accept(spec: NodeParameter, value: object) -> Any:
 
     ROS reads an empty list in a YAML file as "not set", so ``[""]`` stands for an empty list of texts.
 
-    Raises
-    ------
-    InputError
-        Wrong type, not finite, or outside the range.
+    Raises InputError: wrong type, not finite, or outside the range.
     """
     if spec.type == "strs":
         value = [] if value is None else value
@@ -67,21 +61,9 @@ def accept_all(table: Table, given: Mapping[str, object]) -> Values:
 class NodeParameters:
     """The parameters of one running node.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        Node to declare them on.
-    table : sequence of NodeParameter
-        What to declare.
-
-    Attributes
-    ----------
-    values : dict
-        Current values, of the table's types.
-    check : callable
-        ``check(values)`` may refuse a combination by raising InputError; then nothing is applied.
-    apply : callable
-        ``apply(changed_names)`` is called after a change has been taken over.
+    `node`: node to declare them on; `table`: what to declare. Attributes: `values`: current values, of the table's
+    types. `check`: ``check(values)`` may refuse a combination by raising InputError; then nothing is applied. `apply`:
+    ``apply(changed_names)`` is called after a change has been taken over.
     """
 
     def __init__(self, node: Any, table: Table) -> None:

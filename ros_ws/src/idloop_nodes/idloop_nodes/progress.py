@@ -59,15 +59,9 @@ def due(reported: int | None, reached: int, period_ns: int) -> bool:
 class BackPressure:
     """Holds a sender back while a listener is too far behind.
 
-    Parameters
-    ----------
-    listeners : iterable of str
-        Names of the nodes that must not lose anything.
-    window_ns : int
-        How far behind they may be.
-    first_alone : bool
-        Nothing follows the first sample before all of them have confirmed it: a listener that is not connected yet
-        misses nothing.
+    `listeners`: names of the nodes that must not lose anything; `window_ns`: how far behind they may be; `first_alone`:
+    nothing follows the first sample before all of them have confirmed it: a listener that is not connected yet misses
+    nothing.
     """
 
     def __init__(self, listeners: Iterable[str], window_ns: int, *, first_alone: bool = False) -> None:
@@ -111,17 +105,8 @@ class BackPressure:
     def finished_by(self, limit: float, now: float, timeout: float) -> bool:
         """Whether every listener is done after the end of a run.
 
-        Parameters
-        ----------
-        limit, now : float
-            Latest time, and the present time [s].
-        timeout : float
-            Parameter ``drain_timeout``, for the error line [s].
-
-        Raises
-        ------
-        IdloopError
-            The time is over.
+        `limit`, `now`: latest time, and the present time [s]; `timeout`: parameter ``drain_timeout``, for the error
+        line [s]. Raises IdloopError: the time is over.
         """
         if self.finished():
             return True

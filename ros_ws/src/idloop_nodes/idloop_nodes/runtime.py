@@ -33,18 +33,9 @@ CHECK_PERIOD = 0.05  # seconds between two checks whether the node is to go on: 
 def run(kind: str, arguments: list[str] | None = None) -> int:
     """Run one node until a signal that ends a process (Ctrl-C, SIGTERM, a closed terminal, ...), or its own end.
 
-    Parameters
-    ----------
-    kind : str
-        Name of the executable; its node comes from ``idloop_nodes.nodes.<kind>.make``. Where that module has a
-        function ``prepare``, it is called before ROS starts.
-    arguments : list of str, optional
-        Command line, the program's name first; default sys.argv.
-
-    Returns
-    -------
-    int
-        Exit code: 0 done, 1 could not, 2 wrong use or bad input.
+    `kind`: name of the executable; its node comes from ``idloop_nodes.nodes.<kind>.make``. Where that module has a
+    function ``prepare``, it is called before ROS starts. `arguments`: command line, the program's name first; default
+    sys.argv. Returns: exit code: 0 done, 1 could not, 2 wrong use or bad input.
     """
     for name in ONE_THREAD:
         os.environ.setdefault(name, "1")

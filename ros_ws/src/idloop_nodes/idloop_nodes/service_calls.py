@@ -17,12 +17,7 @@ Answered = Callable[[bool, str], None]
 
 
 class ServiceCalls:
-    """Service clients of one node.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    """
+    """Service clients of one node."""
 
     def __init__(self, node: Any) -> None:
         self._node = node

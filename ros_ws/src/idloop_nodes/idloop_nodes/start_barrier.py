@@ -14,14 +14,8 @@ NOTICE = 10.0  # seconds after which a node reports for whom it waits; then when
 class StartBarrier:
     """Watches the time that the other nodes of a graph take to get ready.
 
-    Parameters
-    ----------
-    peers : sequence of str
-        Their names.
-    limit : float
-        Longest wait for one that does not appear [s]; a running one has `RUNNING_PEER_FACTOR` times as long.
-    born : float
-        Beginning of the wait, of a clock that never jumps [s].
+    `peers`: their names. `limit`: longest wait for one that does not appear [s]; a running one has
+    `RUNNING_PEER_FACTOR` times as long. `born`: beginning of the wait, of a clock that never jumps [s].
     """
 
     def __init__(self, peers: Sequence[str], limit: float, born: float) -> None:
@@ -33,19 +27,9 @@ class StartBarrier:
     def notice(self, ready: Collection[str], running: Collection[str], unconnected: Sequence[str], now: float) -> str:
         """Return for whom the node waits when that has changed; else nothing.
 
-        Parameters
-        ----------
-        ready, running : collection of str
-            Names of the nodes that are ready, and of those that run.
-        unconnected : sequence of str
-            Streams of this node that are not connected to all of their partners.
-        now : float
-            Time [s].
-
-        Raises
-        ------
-        IdloopError
-            The time limit is over.
+        `ready`, `running`: names of the nodes that are ready, and of those that run; `unconnected`: streams of this
+        node that are not connected to all of their partners; `now`: time [s]. Raises IdloopError: the time limit is
+        over.
         """
         late = [name for name in self._peers if name not in ready]
         absent = [name for name in late if name not in running]

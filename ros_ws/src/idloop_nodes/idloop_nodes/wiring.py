@@ -11,12 +11,7 @@ from idloop_nodes.descriptions import KINDS, describe
 def command_topic(topic: str, family: Iterable[str]) -> str:
     """Return the topic of the commands that a machine received: behind a bridge the applied command, after all limits.
 
-    Parameters
-    ----------
-    topic : str
-        Of the command, as the model names it.
-    family : iterable of str
-        Kinds of the nodes of the graph.
+    `topic`: of the command, as the model names it; `family`: kinds of the nodes of the graph.
     """
     return APPLIED_COMMAND if topic == REQUESTED_COMMAND and "bridge" in family else topic
 

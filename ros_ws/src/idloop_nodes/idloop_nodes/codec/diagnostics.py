@@ -20,27 +20,13 @@ class Level(IntEnum):
 
 @dataclass(frozen=True)
 class Status:
-    """One diagnostic_msgs/DiagnosticStatus.
+    """One diagnostic_msgs/DiagnosticStatus."""
 
-    Attributes
-    ----------
-    name : str
-        ``node: check``.
-    message : str
-        One line a person reads.
-    level : Level
-        How bad it is.
-    values : dict of str to str
-        Key values, in order.
-    hardware_id : str
-        What the status is about.
-    """
-
-    name: str
-    message: str = ""
-    level: Level = Level.OK
-    values: dict[str, str] = field(default_factory=dict)
-    hardware_id: str = ""
+    name: str  # ``node: check``
+    message: str = ""  # one line a person reads
+    level: Level = Level.OK  # how bad it is
+    values: dict[str, str] = field(default_factory=dict)  # key values, in order
+    hardware_id: str = ""  # what the status is about
 
 
 def encode_diagnostics(stamp_ns: int, statuses: Sequence[Status], frame_id: str = "") -> bytes:
@@ -64,10 +50,7 @@ def encode_diagnostics(stamp_ns: int, statuses: Sequence[Status], frame_id: str 
 def decode_diagnostics(data: bytes) -> tuple[int, list[Status]]:
     """Return stamp in nanoseconds and statuses of a DiagnosticArray.
 
-    Raises
-    ------
-    CdrError
-        When the bytes are cut short or no DiagnosticArray.
+    Raises CdrError: when the bytes are cut short or no DiagnosticArray.
     """
     reader = CdrReader(data)
     stamp, _ = reader.stamp(), reader.string()

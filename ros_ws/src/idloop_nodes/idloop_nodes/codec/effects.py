@@ -28,40 +28,21 @@ class Estimate:
 
 @dataclass(frozen=True)
 class EffectSummary:
-    """One effect that may be missing.
+    """One effect that may be missing."""
 
-    Attributes
-    ----------
-    effect, at : str
-        Effect and site.
-    testable : str
-        ``yes``, ``weak`` or ``no``: what the data can show of it.
-    p_value : float or None
-        Family-wise; None when it was not tested.
-    explains : float
-        Share of the unexplained error that it explains, 0 to 1.
-    gain : float or None
-        Log-likelihood gained; None when it was only screened.
-    parameters : dict of str to Estimate
-        By the parameter's name in the effect.
-    replaces : str
-        Effect of the model whose place it takes; empty when none.
-    why, text : str
-        Why it is testable or resembles this one; its physics in a sentence.
-    fitted_model : str
-        The model that was fitted with it, as the text of a model file; empty when it was only screened.
-    """
-
+    # Effect and site
     effect: str
     at: str
-    testable: str = "yes"
-    p_value: float | None = None
-    explains: float = 0.0
-    gain: float | None = None
-    parameters: dict[str, Estimate] = field(default_factory=dict)
-    replaces: str = ""
+    testable: str = "yes"  # ``yes``, ``weak`` or ``no``: what the data can show of it
+    p_value: float | None = None  # family-wise; None when it was not tested
+    explains: float = 0.0  # share of the unexplained error that it explains, 0 to 1
+    gain: float | None = None  # log-likelihood gained; None when it was only screened
+    parameters: dict[str, Estimate] = field(default_factory=dict)  # by the parameter's name in the effect
+    replaces: str = ""  # effect of the model whose place it takes; empty when none
+    # Why it is testable or resembles this one; its physics in a sentence
     why: str = ""
     text: str = ""
+    # The model that was fitted with it, as the text of a model file; empty when it was only screened
     fitted_model: str = field(default="", metadata={"added": True})
 
     @property
@@ -94,52 +75,24 @@ class UnknownSummary:
 
 @dataclass(frozen=True)
 class MissingSummary:
-    """What a diagnosis found.
+    """What a diagnosis found."""
 
-    Attributes
-    ----------
-    model : str
-        Name of the model.
-    effects : tuple of str
-        Effects that it has.
-    verdict : str
-        ``missing``, ``adequate``, ``unknown_structure`` or ``not_excited``.
-    candidates : tuple of EffectSummary
-        Best first.
-    set : tuple of str
-        Effects that the data cannot tell from the best one, that one included.
-    untestable : tuple of str
-        Effects of which the data can show nothing.
-    findings, where : tuple of str
-        What the data can show; where the model fails.
-    unknown : UnknownSummary or None
-    criterion : str
-    level : float
-        Family-wise error rate.
-    windows : tuple of (int, int)
-        First and last stamp of each stretch of data in nanoseconds.
-    document : str
-        All of it as `idloop diagnose` writes it (JSON, schema idloop/diagnose/1).
-    error : str
-        Why there is no diagnosis, one line; empty when there is one.
-    pair : tuple of str
-        Two effects that show only together; empty where one alone is missing, or none.
-    """
-
-    model: str
-    effects: tuple[str, ...] = ()
-    verdict: str = ""
-    candidates: tuple[EffectSummary, ...] = ()
-    set: tuple[str, ...] = ()
-    untestable: tuple[str, ...] = ()
+    model: str  # name of the model
+    effects: tuple[str, ...] = ()  # effects that it has
+    verdict: str = ""  # ``missing``, ``adequate``, ``unknown_structure`` or ``not_excited``
+    candidates: tuple[EffectSummary, ...] = ()  # best first
+    set: tuple[str, ...] = ()  # effects that the data cannot tell from the best one, that one included
+    untestable: tuple[str, ...] = ()  # effects of which the data can show nothing
+    # What the data can show; where the model fails
     findings: tuple[str, ...] = field(default=(), metadata={"lines": True})
     where: tuple[str, ...] = field(default=(), metadata={"lines": True})
     unknown: UnknownSummary | None = None
     criterion: str = ""
-    level: float = 0.01
-    windows: tuple[tuple[int, int], ...] = ()
-    document: str = ""
-    error: str = ""
+    level: float = 0.01  # family-wise error rate
+    windows: tuple[tuple[int, int], ...] = ()  # first and last stamp of each stretch of data in nanoseconds
+    document: str = ""  # all of it as `idloop diagnose` writes it (JSON, schema idloop/diagnose/1)
+    error: str = ""  # why there is no diagnosis, one line; empty when there is one
+    # Two effects that show only together; empty where one alone is missing, or none
     pair: tuple[str, ...] = field(default=(), metadata={"added": True})
 
     @property

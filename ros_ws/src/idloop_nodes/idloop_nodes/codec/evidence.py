@@ -17,25 +17,14 @@ SCHEMA = "idloop/live_evidence/1"
 
 @dataclass(frozen=True)
 class EffectEvidence:
-    """Evidence for one effect.
+    """Evidence for one effect."""
 
-    Attributes
-    ----------
-    name : str
-        ``effect@site``.
-    log_e : float
-        Log-evidence, natural logarithm.
-    decided_stamp, decided_samples : int or None
-        End of the stretch that decided it [ns], and measurements that had been scored by then; None while it is open.
-    pending : str
-        Why it is open although its evidence is above the threshold; empty where it is not.
-    """
-
-    name: str
-    log_e: float
+    name: str  # ``effect@site``
+    log_e: float  # log-evidence, natural logarithm
+    # End of the stretch that decided it [ns], and measurements that had been scored by then; None while it is open
     decided_stamp: int | None = None
     decided_samples: int | None = None
-    pending: str = ""
+    pending: str = ""  # why it is open although its evidence is above the threshold; empty where it is not
 
     @property
     def decided(self) -> bool:
@@ -45,47 +34,23 @@ class EffectEvidence:
 
 @dataclass(frozen=True)
 class EvidenceSummary:
-    """Evidence after one stretch of samples.
+    """Evidence after one stretch of samples."""
 
-    Attributes
-    ----------
-    model : str
-        Name of the model.
-    effects : tuple of str
-        Effects that it has.
-    stamp : int
-        End of the newest stretch [ns].
-    level, threshold : float
-        Probability of deciding for any effect where nothing is missing, and the log-evidence that decides.
-    looks, samples : int
-        Stretches and measurements that have been scored.
-    seconds : float
-        Length of these [s].
-    candidates : tuple of EffectEvidence
-        The most evidence first.
-    doubtful : tuple of str
-        Not decided, and of better odds than one over the level.
-    parameters : tuple of ParameterSummary
-        Newest estimates, and whether they may be trusted.
-    ended : str
-        Why the experiment was ended; empty where it was not.
-    error : str
-        Why the newest stretch was not scored; empty when it was.
-    """
-
-    model: str
-    effects: tuple[str, ...] = ()
-    stamp: int = 0
+    model: str  # name of the model
+    effects: tuple[str, ...] = ()  # effects that it has
+    stamp: int = 0  # end of the newest stretch [ns]
+    # Probability of deciding for any effect where nothing is missing, and the log-evidence that decides
     level: float = 0.01
     threshold: float = math.inf
+    # Stretches and measurements that have been scored
     looks: int = 0
     samples: int = 0
-    seconds: float = 0.0
-    candidates: tuple[EffectEvidence, ...] = ()
-    doubtful: tuple[str, ...] = ()
-    parameters: tuple[ParameterSummary, ...] = ()
-    ended: str = ""
-    error: str = ""
+    seconds: float = 0.0  # length of these [s]
+    candidates: tuple[EffectEvidence, ...] = ()  # the most evidence first
+    doubtful: tuple[str, ...] = ()  # not decided, and of better odds than one over the level
+    parameters: tuple[ParameterSummary, ...] = ()  # newest estimates, and whether they may be trusted
+    ended: str = ""  # why the experiment was ended; empty where it was not
+    error: str = ""  # why the newest stretch was not scored; empty when it was
 
     @property
     def decided(self) -> tuple[str, ...]:

@@ -30,10 +30,7 @@ def encode_floats(values: Sequence[float]) -> bytes:
 def decode_floats(data: bytes) -> tuple[float, ...]:
     """Return the numbers of a std_msgs/Float64MultiArray, whatever its dimensions are.
 
-    Raises
-    ------
-    CdrError
-        When the bytes are cut short or no Float64MultiArray.
+    Raises CdrError: when the bytes are cut short or no Float64MultiArray.
     """
     reader = CdrReader(data)
     for _ in range(reader.count()):  # dimensions

@@ -17,26 +17,15 @@ _STAMP = struct.Struct("<iI")
 
 @dataclass(frozen=True)
 class JointSample:
-    """One sensor_msgs/JointState.
+    """One sensor_msgs/JointState."""
 
-    Attributes
-    ----------
-    stamp_ns : int
-        Header stamp in nanoseconds.
-    names : tuple of str
-        Joint names.
-    position, velocity, effort : tuple of float
-        One value per joint, or empty where the message carries none.
-    frame_id : str
-        Frame of the header.
-    """
-
-    stamp_ns: int
-    names: tuple[str, ...]
+    stamp_ns: int  # header stamp in nanoseconds
+    names: tuple[str, ...]  # joint names
+    # One value per joint, or empty where the message carries none
     position: tuple[float, ...] = ()
     velocity: tuple[float, ...] = ()
     effort: tuple[float, ...] = ()
-    frame_id: str = ""
+    frame_id: str = ""  # frame of the header
 
 
 def peek_stamp(data: bytes) -> int:
@@ -85,10 +74,7 @@ def encode_joint_state(sample: JointSample) -> bytes:
 def decode_joint_state(data: bytes) -> JointSample:
     """Return the content of a sensor_msgs/JointState.
 
-    Raises
-    ------
-    CdrError
-        When the bytes are cut short or no JointState.
+    Raises CdrError: when the bytes are cut short or no JointState.
     """
     reader = CdrReader(data)
     stamp, frame = reader.stamp(), reader.string()
@@ -99,12 +85,7 @@ def decode_joint_state(data: bytes) -> JointSample:
 class JointWriter:
     """Packs JointState messages of one shape: only stamp and numbers change.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Joints.
-    fields : sequence of str
-        Which of position, velocity, effort are filled (one value per joint each).
+    `names`: joints; `fields`: which of position, velocity, effort are filled (one value per joint each).
     """
 
     def __init__(self, names: Sequence[str], fields: Sequence[str]) -> None:
@@ -145,11 +126,8 @@ class JointWriter:
 class JointReader:
     """Takes chosen joints and fields out of JointState messages, fast while their shape repeats.
 
-    Parameters
-    ----------
-    wanted : sequence of (joint, field)
-        What to take, in this order; NaN stands where a message has no such joint or field. The joint
-        ``*`` is the first joint of the message, whatever its name.
+    `wanted`: what to take, in this order; NaN stands where a message has no such joint or field. The joint ``*`` is the
+    first joint of the message, whatever its name.
     """
 
     def __init__(self, wanted: Sequence[tuple[str, str]]) -> None:
@@ -162,10 +140,7 @@ class JointReader:
     def read(self, data: bytes) -> tuple[int, tuple[float, ...]]:
         """Return stamp in nanoseconds and the wanted values.
 
-        Raises
-        ------
-        CdrError
-            When the bytes are cut short or no JointState.
+        Raises CdrError: when the bytes are cut short or no JointState.
         """
         if self._layout is None or len(data) < self._layout.end or self._fixed(data) != self._shape:
             self._learn(data)

@@ -88,18 +88,7 @@ def to_values(summary: Any, prefix: str = "") -> dict[str, str]:
 def from_values(kind: Callable[..., Summary], values: Mapping[str, str], prefix: str = "", **more: Any) -> Summary:
     """Return the dataclass that `to_values` wrote.
 
-    Parameters
-    ----------
-    kind : type
-    values : mapping of str to str
-    prefix : str
-    **more
-        Fields of other types.
-
-    Raises
-    ------
-    KeyError, ValueError, InputError
-        A value is missing or cannot be read.
+    `more`: fields of other types. Raises KeyError, ValueError, InputError: a value is missing or cannot be read.
     """
     hints, found = get_type_hints(kind), dict(more)
     for one in fields(kind):  # type: ignore[arg-type]
@@ -118,10 +107,7 @@ def from_values(kind: Callable[..., Summary], values: Mapping[str, str], prefix:
 def reading(topic: str, statuses: Sequence[Status]) -> Iterator[dict[str, str]]:
     """Give the key values of the first status; errors of reading become a CdrError that names the topic.
 
-    Raises
-    ------
-    CdrError
-        There is no status, or a value is missing or cannot be read.
+    Raises CdrError: there is no status, or a value is missing or cannot be read.
     """
     if not statuses:
         raise CdrError(f"{topic} holds no status")

@@ -13,20 +13,13 @@ from idloop_nodes.codec.key_values import from_values, reading, to_values
 
 @dataclass(frozen=True)
 class Measures:
-    """Errors of one model on one kind of data.
+    """Errors of one model on one kind of data."""
 
-    Attributes
-    ----------
-    nrmse, fit, rmse : dict of str to float
-        By output: error over spread, FIT in percent, error in the output's unit.
-    force : float or None
-        Relative error of the drive force, where it can be compared.
-    """
-
+    # By output: error over spread, FIT in percent, error in the output's unit
     nrmse: dict[str, float] = field(default_factory=dict)
     fit: dict[str, float] = field(default_factory=dict)
     rmse: dict[str, float] = field(default_factory=dict)
-    force: float | None = None
+    force: float | None = None  # relative error of the drive force, where it can be compared
 
     @property
     def line(self) -> str:
@@ -36,63 +29,31 @@ class Measures:
 
 @dataclass(frozen=True)
 class StepSummary:
-    """One step: what was added, on what evidence, and what it did to the error.
+    """One step: what was added, on what evidence, and what it did to the error."""
 
-    Attributes
-    ----------
-    added : EffectSummary or None
-        None for the start.
-    set : tuple of str
-        Effects that the data could not tell from the one added, that one included.
-    p_value : float or None
-    chosen_by : str
-        ``diagnosis`` or ``user``; empty for the start.
-    train, validation : Measures
-        On the data of the fit, and on data that it never saw.
-    model : str
-        The model of this step as a model file.
-    """
-
-    added: EffectSummary | None = None
-    set: tuple[str, ...] = ()
+    added: EffectSummary | None = None  # None for the start
+    set: tuple[str, ...] = ()  # effects that the data could not tell from the one added, that one included
     p_value: float | None = field(default=None, metadata={"key": "step_p_value"})
-    chosen_by: str = ""
+    chosen_by: str = ""  # ``diagnosis`` or ``user``; empty for the start
+    # On the data of the fit, and on data that it never saw
     train: Measures = field(default_factory=Measures)
     validation: Measures = field(default_factory=Measures)
-    model: str = ""
+    model: str = ""  # the model of this step as a model file
 
 
 @dataclass(frozen=True)
 class LadderSummary:
-    """All steps so far.
+    """All steps so far."""
 
-    Attributes
-    ----------
-    model : str
-        Name of the model.
-    steps : tuple of StepSummary
-        The first one is the start.
-    verdict : str
-        As of the newest diagnosis.
-    untestable : tuple of str
-    suggested_experiment : dict or None
-        The next experiment, as `idloop suggest` writes it.
-    experiments : int
-        Experiments whose data are in.
-    document : str
-        All of it as `idloop refine` writes it (JSON, schema idloop/refine/1): the ladder can be climbed on offline.
-    error : str
-        Why the last order could not be carried out, one line; empty when it was.
-    """
-
-    model: str
-    steps: tuple[StepSummary, ...] = ()
-    verdict: str = ""
+    model: str  # name of the model
+    steps: tuple[StepSummary, ...] = ()  # the first one is the start
+    verdict: str = ""  # as of the newest diagnosis
     untestable: tuple[str, ...] = ()
-    suggested_experiment: dict[str, Any] | None = None
-    experiments: int = 0
+    suggested_experiment: dict[str, Any] | None = None  # the next experiment, as `idloop suggest` writes it
+    experiments: int = 0  # experiments whose data are in
+    # All of it as `idloop refine` writes it (JSON, schema idloop/refine/1): the ladder can be climbed on offline
     document: str = ""
-    error: str = ""
+    error: str = ""  # why the last order could not be carried out, one line; empty when it was
 
     @property
     def line(self) -> str:

@@ -12,30 +12,14 @@ from idloop_nodes.codec.numbers import plus_minus
 
 @dataclass(frozen=True)
 class RecursionSummary:
-    """Estimate of a recursive method for one output.
+    """Estimate of a recursive method for one output."""
 
-    Attributes
-    ----------
-    output : str
-        As "motor.position".
-    unit : str
-        Of the output.
-    method : str
-        As the parameter `recursion` has it.
-    samples : int
-        Measurements that were used.
-    innovation_std : float
-        Standard deviation of the innovations [output unit].
-    coefficients : dict of str to tuple of float
-        Value and standard error by name, as "a1".
-    """
-
-    output: str
-    unit: str
-    method: str
-    samples: int
-    innovation_std: float
-    coefficients: dict[str, tuple[float, float]]
+    output: str  # as "motor.position"
+    unit: str  # of the output
+    method: str  # as the parameter `recursion` has it
+    samples: int  # measurements that were used
+    innovation_std: float  # standard deviation of the innovations [output unit]
+    coefficients: dict[str, tuple[float, float]]  # value and standard error by name, as "a1"
 
 
 def recursion_to_statuses(node: str, summaries: Sequence[RecursionSummary]) -> list[Status]:

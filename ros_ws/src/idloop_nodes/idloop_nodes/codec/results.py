@@ -16,42 +16,23 @@ from idloop_nodes.codec.numbers import plus_minus
 
 @dataclass(frozen=True)
 class FitSummary:
-    """What one fit on a window is worth on the samples after it.
+    """What one fit on a window is worth on the samples after it."""
 
-    Attributes
-    ----------
-    model : str
-        Name of the model.
-    effects : tuple of str
-        Effects in the model, ``name@site``.
-    criterion : str
-        What was minimised.
-    fit_window, validation_window : tuple of int
-        First and last stamp in nanoseconds.
-    fit : dict of str to float
-        FIT per output in percent on the validation window, which the fit never saw.
-    fit_train : dict of str to float
-        FIT per output in percent on the fit window.
-    loss : float
-        Loss of the fit.
-    whiteness : dict of str to float
-        By output, p-value of the whiteness test of the free-run residual on the validation window.
-    error : str
-        Why there is no fit, one line; empty when there is one.
-    missed : dict of str to float
-        By output, rms error of the free run on the validation window over the sensor's noise.
-    """
-
-    model: str
-    effects: tuple[str, ...] = ()
-    criterion: str = ""
+    model: str  # name of the model
+    effects: tuple[str, ...] = ()  # effects in the model, ``name@site``
+    criterion: str = ""  # what was minimised
+    # First and last stamp in nanoseconds
     fit_window: tuple[int, int] = (0, 0)
     validation_window: tuple[int, int] = (0, 0)
+    # FIT per output in percent on the validation window, which the fit never saw
     fit: dict[str, float] = field(default_factory=dict)
+    # FIT per output in percent on the fit window
     fit_train: dict[str, float] = field(default_factory=dict, metadata={"key": "train"})
-    loss: float = float("nan")
+    loss: float = float("nan")  # loss of the fit
+    # By output, p-value of the whiteness test of the free-run residual on the validation window
     whiteness: dict[str, float] = field(default_factory=dict, metadata={"key": "white"})
-    error: str = ""
+    error: str = ""  # why there is no fit, one line; empty when there is one
+    # By output, rms error of the free run on the validation window over the sensor's noise
     missed: dict[str, float] = field(default_factory=dict)
 
 

@@ -13,51 +13,29 @@ LEARNING, ALARM, QUIET, CANNOT_TELL = "learning", "alarm", "quiet", "cannot_tell
 
 @dataclass(frozen=True)
 class WatchSummary:
-    """One parameter that is watched.
-
-    Attributes
-    ----------
-    parameter, unit : str
-    value : float
-        Of the healthy machine [unit].
-    watched : float
-        Growth that is to be noticed [unit].
-    state : str
-        ``alarm``, ``quiet`` or ``cannot_tell``.
-    able : bool
-        Whether the reference allows an alarm at all.
-    why : str
-        Why it cannot tell; empty otherwise.
-    growth, low, high : float or None
-        Growth that the newest samples show, with its 95 % interval [unit]; None before any informative sample.
-    evidence, threshold : float
-        Sum of log-likelihood ratios, and where it alarms.
-    blocks, telling : int
-        Blocks, and the informative ones among them.
-    delay : float
-        Expected time from the watched growth to its alarm in motions as recorded [s]; infinite where there is none.
-    alarms : int
-        Raised so far.
-    first, newest, onset : int
-        Stamps of the first and the newest alarm, and of the likeliest onset before the newest [ns]; 0 without alarms.
-    """
+    """One parameter that is watched."""
 
     parameter: str
     unit: str
-    value: float
-    watched: float
-    state: str
-    able: bool = True
-    why: str = ""
+    value: float  # of the healthy machine [unit]
+    watched: float  # growth that is to be noticed [unit]
+    state: str  # ``alarm``, ``quiet`` or ``cannot_tell``
+    able: bool = True  # whether the reference allows an alarm at all
+    why: str = ""  # why it cannot tell; empty otherwise
+    # Growth that the newest samples show, with its 95 % interval [unit]; None before any informative sample
     growth: float | None = None
     low: float | None = None
     high: float | None = None
+    # Sum of log-likelihood ratios, and where it alarms
     evidence: float = 0.0
     threshold: float = float("inf")
+    # Blocks, and the informative ones among them
     blocks: int = 0
     telling: int = 0
+    # Expected time from the watched growth to its alarm in motions as recorded [s]; infinite where there is none
     delay: float = float("inf")
-    alarms: int = 0
+    alarms: int = 0  # raised so far
+    # Stamps of the first and the newest alarm, and of the likeliest onset before the newest [ns]; 0 without alarms
     first: int = 0
     newest: int = 0
     onset: int = 0
@@ -84,29 +62,14 @@ class WatchSummary:
 
 @dataclass(frozen=True)
 class WearSummary:
-    """The monitor.
+    """The monitor."""
 
-    Attributes
-    ----------
-    model : str
-        Name of the model.
-    state : str
-        The worst of the watches' states, or ``learning``.
-    false_alarm_hours : float
-        Running time between two false alarms [h].
-    reference : float
-        Length of the healthy reference [s].
-    watches : tuple of WatchSummary
-    error : str
-        Why the newest data were not looked at, one line; empty when they were.
-    """
-
-    model: str
-    state: str = LEARNING
-    false_alarm_hours: float = 0.0
-    reference: float = 0.0
+    model: str  # name of the model
+    state: str = LEARNING  # the worst of the watches' states, or ``learning``
+    false_alarm_hours: float = 0.0  # running time between two false alarms [h]
+    reference: float = 0.0  # length of the healthy reference [s]
     watches: tuple[WatchSummary, ...] = ()
-    error: str = ""
+    error: str = ""  # why the newest data were not looked at, one line; empty when they were
 
     @property
     def level(self) -> Level:

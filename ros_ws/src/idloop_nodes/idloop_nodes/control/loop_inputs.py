@@ -13,19 +13,9 @@ from idloop_nodes.streams.polled_stream import PolledStream
 class LoopInputs:
     """Takes messages of `reference` and `excitation` in and returns the values that hold.
 
-    Parameters
-    ----------
-    poll_topic : callable
-        Subscribes to a topic; both are always subscribed, so that the start barrier knows what to expect.
-    used : dict of str to bool
-        Whether each of the two is used.
-    period_ns : int
-        Sample time [ns].
-
-    Attributes
-    ----------
-    unreadable : int
-        Messages that could not be read.
+    `poll_topic`: subscribes to a topic; both are always subscribed, so that the start barrier knows what to expect.
+    `used`: whether each of the two is used. `period_ns`: sample time [ns]. Attributes: `unreadable`: messages that
+    could not be read.
     """
 
     def __init__(self, poll_topic: Callable[[str], PolledStream], used: dict[str, bool], period_ns: int) -> None:

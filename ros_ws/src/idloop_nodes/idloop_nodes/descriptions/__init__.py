@@ -19,10 +19,7 @@ KINDS = tuple(sorted(one.stem for one in Path(__file__).parents[1].glob("nodes/[
 def describe(kind: str) -> NodeDescription:
     """Return the description of a kind of node.
 
-    Raises
-    ------
-    KeyError
-        No such kind.
+    Raises KeyError: no such kind.
     """
     if kind not in KINDS:
         raise KeyError(kind)

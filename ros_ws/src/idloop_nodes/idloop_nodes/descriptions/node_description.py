@@ -10,28 +10,15 @@ from idloop_nodes.parameters import Table
 
 @dataclass(frozen=True)
 class NodeDescription:
-    """One executable: for its start, for the start barrier of the others, and for the documentation.
+    """One executable: for its start, for the start barrier of the others, and for the documentation."""
 
-    Attributes
-    ----------
-    about : str
-        What it does, as Markdown.
-    parameters : callable
-        Returns its parameter table; called when the table is needed, because some import parts of the library.
-    publishes, subscribes : tuple of str
-        Topics beside `progress` and `/diagnostics`, which all nodes have.
-    services : mapping of str to str
-        Name of each std_srvs/Trigger service, and what it does.
-    example : str
-        Arguments after ``--ros-args`` that show its use.
-    uses_applied_command : bool
-        Behind a bridge it reads the applied command (`bridge/command`) in place of the requested one.
-    """
-
-    about: str
+    about: str  # what it does, as Markdown
+    # Returns its parameter table; called when the table is needed, because some import parts of the library
     parameters: Callable[[], Table]
+    # Topics beside `progress` and `/diagnostics`, which all nodes have
     publishes: tuple[str, ...] = ()
     subscribes: tuple[str, ...] = ()
-    services: Mapping[str, str] = field(default_factory=dict)
-    example: str = ""
+    services: Mapping[str, str] = field(default_factory=dict)  # name of each std_srvs/Trigger service, and what it does
+    example: str = ""  # arguments after ``--ros-args`` that show its use
+    # Behind a bridge it reads the applied command (`bridge/command`) in place of the requested one
     uses_applied_command: bool = False

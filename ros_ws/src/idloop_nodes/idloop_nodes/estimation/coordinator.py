@@ -39,28 +39,10 @@ class Autopilot:
 class Coordinator:
     """The orders under way, and their newest results.
 
-    Parameters
-    ----------
-    submit : callable
-        ``submit(verb, state, **more)`` builds a job from the newest data and gives it to the worker;
-        raises InputError when there is no data.
-    hand_over : callable
-        ``hand_over(experiment)`` gives an experiment to the excitation; `handed_over` or `refused` follows.
-    ask_limits : callable
-        Asks the excitation for its limits; `limits_known` or `refused` follows.
-    autopilot : callable
-        Returns the present `Autopilot`.
-    log : callable
-        Receives one line for the user.
-
-    Attributes
-    ----------
-    ordered : str
-        Verb of the order that the worker has; empty when none.
-    waiting : str
-        What the excitation is being asked for; empty when nothing.
-    span : tuple of int, or None
-        Stamps of a running experiment whose data will be diagnosed [ns].
+    `submit`: ``submit(verb, state, **more)`` builds a job from the newest data and gives it to the worker; raises
+    InputError when there is no data. `hand_over`: ``hand_over(experiment)`` gives an experiment to the excitation;
+    `handed_over` or `refused` follows. `ask_limits`: asks the excitation for its limits; `limits_known` or `refused`
+    follows. `autopilot`: returns the present `Autopilot`. `log`: receives one line for the user.
     """
 
     submit: Callable[..., str]
@@ -71,9 +53,9 @@ class Coordinator:
     state: bytes = b""
     missing: MissingSummary | None = None
     ladder: LadderSummary | None = None
-    ordered: str = ""
-    waiting: str = ""
-    span: tuple[int, int] | None = None
+    ordered: str = ""  # verb of the order that the worker has; empty when none
+    waiting: str = ""  # what the excitation is being asked for; empty when nothing
+    span: tuple[int, int] | None = None  # stamps of a running experiment whose data will be diagnosed [ns]
     _queued_effects: tuple[str, ...] | None = None
     _automatic: int = 0  # experiments ordered automatically since the last added effect
     _asked: tuple[str, ...] | None = None  # what the last of them was to separate
@@ -88,10 +70,7 @@ class Coordinator:
     def order(self, verb: str, **more: Any) -> str:
         """Give an order; return what was started.
 
-        Raises
-        ------
-        InputError
-            One is under way already, nothing to do it with, or no data.
+        Raises InputError: one is under way already, nothing to do it with, or no data.
         """
         if self.busy:
             raise InputError(f"{self.ordered or self.waiting} is under way: wait for its result")

@@ -22,24 +22,15 @@ DIAGNOSE, ADD_BEST, UNDO, EFFECTS, SUGGEST = "diagnose", "add_best_effect", "und
 
 @dataclass(frozen=True)
 class MotionLimits:
-    """What a suggested experiment may do, as the excitation node declares it.
+    """What a suggested experiment may do, as the excitation node declares it."""
 
-    Attributes
-    ----------
-    amplitude, position_min, position_max, velocity : float or None
-        None where nothing is declared.
-    adds_to : {"command", "reference"}
-        Where the node's samples go.
-    absolute : bool
-        Whether they are the reference itself, not added to it.
-    """
-
+    # None where nothing is declared
     amplitude: float | None = None
     position_min: float | None = None
     position_max: float | None = None
     velocity: float | None = None
-    adds_to: str = "command"
-    absolute: bool = False
+    adds_to: str = "command"  # {"command", "reference"}: where the node's samples go
+    absolute: bool = False  # whether they are the reference itself, not added to it
 
     @property
     def position(self) -> tuple[float, float] | None:
@@ -53,88 +44,38 @@ class MotionLimits:
 
 @dataclass(frozen=True)
 class DiagnosisAnswer:
-    """Result of a job.
+    """Result of a job."""
 
-    Attributes
-    ----------
-    number : int
-        Of the job.
-    verb : str
-        What was ordered.
-    stamp : int
-        Of the newest sample that was used [ns].
-    state : bytes
-        Pickle of the ladder and the newest diagnosis, for the next job; as before when the job failed.
-    model : Model or None
-        Model to continue with where the job changed it.
-    missing : MissingSummary or None
-        New contents of ``estimator/missing_effects``.
-    ladder : LadderSummary or None
-        New contents of ``estimator/ladder``.
-    error : str
-        Why the job could not be done, one line.
-    """
-
-    number: int
-    verb: str
-    stamp: int
-    state: bytes = b""
-    model: Model | None = None
-    missing: MissingSummary | None = None
-    ladder: LadderSummary | None = None
-    error: str = ""
+    number: int  # of the job
+    verb: str  # what was ordered
+    stamp: int  # of the newest sample that was used [ns]
+    state: bytes = b""  # pickle of the ladder and the newest diagnosis, for the next job; as before when the job failed
+    model: Model | None = None  # model to continue with where the job changed it
+    missing: MissingSummary | None = None  # new contents of ``estimator/missing_effects``
+    ladder: LadderSummary | None = None  # new contents of ``estimator/ladder``
+    error: str = ""  # why the job could not be done, one line
 
 
 @dataclass(frozen=True)
 class DiagnosisJob:
-    """One order.
-
-    Attributes
-    ----------
-    number : int
-    verb : str
-        Method of `LadderState` that does it.
-    stamp : int
-        Of the newest sample [ns].
-    model : Model
-        As it is now; where there is no ladder yet, its start.
-    state : bytes
-        State that the last job returned; empty at the start.
-    records, validation : tuple of Record
-    windows : tuple of (int, int)
-        First and last stamp of each stretch of data [ns].
-    effects : tuple of str
-        For EFFECTS: what the model is to have beside those of its file, as text.
-    catalogue : tuple of str
-        Candidate effects; the whole catalogue when empty.
-    level : float
-        Family-wise error rate.
-    criterion : str
-    minimum_improvement : float
-        Part by which an effect must reduce the errors on unseen samples.
-    seed : int
-    experiments : int
-        Experiments among the records.
-    limits : MotionLimits
-        For SUGGEST.
-    """
+    """One order."""
 
     number: int
-    verb: str
-    stamp: int
-    model: Model
-    state: bytes = b""
+    verb: str  # method of `LadderState` that does it
+    stamp: int  # of the newest sample [ns]
+    model: Model  # as it is now; where there is no ladder yet, its start
+    state: bytes = b""  # state that the last job returned; empty at the start
     records: tuple[Record, ...] = ()
     validation: tuple[Record, ...] = ()
-    windows: tuple[tuple[int, int], ...] = ()
-    effects: tuple[str, ...] = ()
-    catalogue: tuple[str, ...] = ()
-    level: float = 0.01
+    windows: tuple[tuple[int, int], ...] = ()  # first and last stamp of each stretch of data [ns]
+    effects: tuple[str, ...] = ()  # for EFFECTS: what the model is to have beside those of its file, as text
+    catalogue: tuple[str, ...] = ()  # candidate effects; the whole catalogue when empty
+    level: float = 0.01  # family-wise error rate
     criterion: str = "auto"
-    minimum_improvement: float = 0.01
+    minimum_improvement: float = 0.01  # part by which an effect must reduce the errors on unseen samples
     seed: int = 0
-    experiments: int = 0
-    limits: MotionLimits = MotionLimits()
+    experiments: int = 0  # experiments among the records
+    limits: MotionLimits = MotionLimits()  # for SUGGEST
     replaceable: bool = False
 
     def work(self, report: Report) -> DiagnosisAnswer:

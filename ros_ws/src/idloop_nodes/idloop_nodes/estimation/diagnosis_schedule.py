@@ -27,22 +27,9 @@ MAXIMUM_LINES = 4  # of where the model fails, in the log; the message has all o
 class DiagnosisSchedule:
     """Orders diagnoses of the newest data and publishes their results.
 
-    Parameters
-    ----------
-    context : EstimatorContext
-    client : ExperimentClient
-        Of the excitation node.
-    model : Model
-    publish_missing, publish_ladder : callable
-        Of ``estimator/missing_effects`` and ``estimator/ladder``.
-
-    Attributes
-    ----------
-    coordinator : Coordinator
-    last : int or None
-        Stamp of the newest sample that was processed [ns].
-    model : Model
-        The estimator's present model.
+    `client`: of the excitation node; `publish_missing`, `publish_ladder`: of ``estimator/missing_effects`` and
+    ``estimator/ladder``. Attributes: `last`: stamp of the newest sample that was processed [ns]; `model`: the
+    estimator's present model.
     """
 
     def __init__(

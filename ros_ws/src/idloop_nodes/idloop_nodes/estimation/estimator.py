@@ -37,25 +37,8 @@ FORGET_PERIOD = SECOND // 2  # between two deletions of old samples [ns]
 class Estimator:
     """Gives each block of samples to the parts, and each answer of the worker to the part that ordered it.
 
-    Parameters
-    ----------
-    context : EstimatorContext
-    jobs : JobQueue
-    model : Model
-    publisher : callable
-        Returns the publish function of a topic.
-    client : ExperimentClient
-    end : ExperimentEnd
-    adopted : callable
-        Called with the effects of a new step of the ladder, beside those of the model file.
-
-    Attributes
-    ----------
-    model : Model
-        The present one.
-    input : SampleInput
-    diagnosis : DiagnosisSchedule
-    fits : FitSchedule
+    `publisher`: returns the publish function of a topic; `adopted`: called with the effects of a new step of the
+    ladder, beside those of the model file. Attributes: `model`: the present one.
     """
 
     def __init__(

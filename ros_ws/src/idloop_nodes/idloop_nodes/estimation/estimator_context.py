@@ -38,29 +38,17 @@ class Jobs(Protocol):
 
 @dataclass
 class EstimatorContext:
-    """Name, log, parameters, samples and worker of one estimator.
+    """Name, log, parameters, samples and worker of one estimator."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the node.
-    info, warn, error : callable
-        Take one line for the log.
-    parameters : NodeParameters or mapping
-    buffer : SampleBuffer
-    jobs : JobQueue
-    submitted : int
-        Number of the newest job.
-    """
-
-    name: str
+    name: str  # name of the node
+    # Take one line for the log
     info: Log
     warn: Log
     error: Log
     parameters: Values
     buffer: SampleBuffer
     jobs: Jobs
-    submitted: int = 0
+    submitted: int = 0  # number of the newest job
 
     @property
     def period_ns(self) -> int:

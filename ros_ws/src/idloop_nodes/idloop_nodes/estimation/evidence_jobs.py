@@ -20,55 +20,28 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class EvidenceAnswer:
-    """Result of a job.
+    """Result of a job."""
 
-    Attributes
-    ----------
-    number : int
-        Of the job.
-    state : bytes
-        Pickle of the evidence; empty before the first job.
-    summary : EvidenceSummary
-        Without the estimates.
-    """
-
-    number: int
-    state: bytes
-    summary: EvidenceSummary
+    number: int  # of the job
+    state: bytes  # pickle of the evidence; empty before the first job
+    summary: EvidenceSummary  # without the estimates
 
 
 @dataclass(frozen=True)
 class EvidenceJob:
-    """Score a stretch of samples by fits to earlier ones.
-
-    Attributes
-    ----------
-    number : int
-    stamp : int
-        Of the end of the stretch [ns].
-    model : Model
-        Against which effects are scored.
-    state : bytes
-        Pickle of the evidence so far; empty at the start.
-    earlier, new : Record
-        Samples that are fitted, and the stretch after them.
-    known : EvidenceSummary
-        Newest result before it.
-    level, minimum_improvement : float
-    catalogue : tuple of str
-        Candidate effects; the whole catalogue when empty.
-    """
+    """Score a stretch of samples by fits to earlier ones."""
 
     number: int
-    stamp: int
-    model: Model
-    state: bytes
+    stamp: int  # of the end of the stretch [ns]
+    model: Model  # against which effects are scored
+    state: bytes  # pickle of the evidence so far; empty at the start
+    # Samples that are fitted, and the stretch after them
     earlier: Record
     new: Record
-    known: EvidenceSummary
+    known: EvidenceSummary  # newest result before it
     level: float = 0.01
     minimum_improvement: float = 0.01
-    catalogue: tuple[str, ...] = ()
+    catalogue: tuple[str, ...] = ()  # candidate effects; the whole catalogue when empty
     replaceable: bool = False
 
     def work(self, report: Report) -> EvidenceAnswer:

@@ -30,17 +30,8 @@ MINIMUM_LOOKS = 2  # before which no estimate may be trusted
 class EvidenceSchedule:
     """Scores every stretch of new samples once, judges the estimates, and ends the experiment if asked.
 
-    Parameters
-    ----------
-    context : EstimatorContext
-    model : Model
-    missing : callable
-        Returns the newest diagnosis of the present model, or None.
-    diagnose : callable
-        Orders a diagnosis, with the reason for it.
-    end : ExperimentEnd
-    publish_evidence, publish_parameters : callable
-        Of ``estimator/evidence`` and ``estimator/parameters``.
+    `missing`: returns the newest diagnosis of the present model, or None; `diagnose`: orders a diagnosis, with the
+    reason for it; `publish_evidence`, `publish_parameters`: of ``estimator/evidence`` and ``estimator/parameters``.
     """
 
     def __init__(

@@ -17,11 +17,7 @@ Refused = Callable[[str], None]
 class ExperimentClient:
     """Calls the excitation node without waiting for it.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    excitation : str
-        Name of the excitation node.
+    `excitation`: name of the excitation node.
     """
 
     def __init__(self, node: Any, excitation: str) -> None:

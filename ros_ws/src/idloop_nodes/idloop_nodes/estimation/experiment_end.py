@@ -13,15 +13,8 @@ TIMEOUT = 10.0  # seconds within which a node has to answer
 class ExperimentEnd:
     """Stops the motor and the excitation, without waiting for them.
 
-    Parameters
-    ----------
-    calls : ServiceCalls
-    guards : sequence of str
-        Nodes with the service ``~/emergency_stop``, the nearest to the motor first.
-    excitation : str
-        Node with the service ``~/stop``.
-    warn : callable
-        Receives one line when a node refuses or does not answer.
+    `guards`: nodes with the service ``~/emergency_stop``, the nearest to the motor first; `excitation`: node with the
+    service ``~/stop``; `warn`: receives one line when a node refuses or does not answer.
     """
 
     def __init__(

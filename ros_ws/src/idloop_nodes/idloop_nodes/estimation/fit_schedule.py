@@ -17,11 +17,7 @@ if TYPE_CHECKING:
 class FitSchedule:
     """Orders a fit of a sliding window every `fit_period`, judged on the samples after the window.
 
-    Parameters
-    ----------
-    context : EstimatorContext
-    publish : callable
-        Of ``estimator/fit``.
+    `publish`: of ``estimator/fit``.
     """
 
     def __init__(self, context: EstimatorContext, publish: Publish) -> None:

@@ -42,18 +42,9 @@ class JobProgress:
 class JobQueue:
     """Jobs that a worker process does one after the other.
 
-    Parameters
-    ----------
-    keep_all : bool
-        True does every job (lock-step: equal runs give equal results); False lets a newer job replace a waiting one
-        of its kind (real time: only the newest window is of interest).
-
-    Attributes
-    ----------
-    progress : JobProgress or None
-        How far the running job is.
-    skipped, failures : int
-        Jobs that were replaced while they waited, and worker processes that were lost.
+    `keep_all`: True does every job (lock-step: equal runs give equal results); False lets a newer job replace a waiting
+    one of its kind (real time: only the newest window is of interest). Attributes: `progress`: how far the running job
+    is; `skipped`, `failures`: jobs that were replaced while they waited, and worker processes that were lost.
     """
 
     def __init__(self, *, keep_all: bool) -> None:

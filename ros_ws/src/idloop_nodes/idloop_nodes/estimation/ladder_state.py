@@ -23,20 +23,11 @@ if TYPE_CHECKING:
 
 @dataclass
 class LadderState:
-    """Ladder and newest findings; every method carries out one order.
+    """Ladder and newest findings; every method carries out one order."""
 
-    Attributes
-    ----------
-    ladder : Ladder or None
-        None before the first order.
-    diagnosis : Diagnosis or None
-        The newest one, without its fits; None when the model has changed since.
-    suggested : dict or None
-        The next experiment, as `idloop suggest` writes it, and under ``experiment`` what the excitation receives.
-    """
-
-    ladder: Ladder | None = None
-    diagnosis: Diagnosis | None = None
+    ladder: Ladder | None = None  # None before the first order
+    diagnosis: Diagnosis | None = None  # the newest one, without its fits; None when the model has changed since
+    # The next experiment, as `idloop suggest` writes it, and under ``experiment`` what the excitation receives
     suggested: dict[str, Any] | None = None
 
     def diagnose(self, job: DiagnosisJob, report: Report) -> DiagnosisAnswer:

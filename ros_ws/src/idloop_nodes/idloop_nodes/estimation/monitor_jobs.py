@@ -23,55 +23,28 @@ USUAL = "usual"  # watch dry friction and what sits in couplings
 
 @dataclass(frozen=True)
 class MonitorAnswer:
-    """Result of a job.
+    """Result of a job."""
 
-    Attributes
-    ----------
-    number : int
-        Of the job.
-    stamp : int
-        After the newest sample that was used [ns].
-    state : bytes
-        Pickle of the monitor, for the next job; empty when it could not be built.
-    settling : float
-        Settling time of the observer before a stretch [s].
-    summary : WearSummary
-        New contents of ``estimator/wear``.
-    """
-
-    number: int
-    stamp: int
-    state: bytes
-    settling: float
-    summary: WearSummary
+    number: int  # of the job
+    stamp: int  # after the newest sample that was used [ns]
+    state: bytes  # pickle of the monitor, for the next job; empty when it could not be built
+    settling: float  # settling time of the observer before a stretch [s]
+    summary: WearSummary  # new contents of ``estimator/wear``
 
 
 @dataclass(frozen=True)
 class LearnJob:
-    """Learn what is normal.
-
-    Attributes
-    ----------
-    number, stamp : int
-    model : Model
-    watches, vary : tuple of str
-        As the parameters `monitor` and `monitor_vary` have them.
-    false_alarms : str
-        As ``per 1000 h``.
-    records : tuple of Record
-        The healthy start of this run; empty when there are bags.
-    bags : tuple of str
-        Recordings of the healthy machine.
-    """
+    """Learn what is normal."""
 
     number: int
     stamp: int
     model: Model
+    # As the parameters `monitor` and `monitor_vary` have them
     watches: tuple[str, ...]
     vary: tuple[str, ...]
-    false_alarms: str
-    records: tuple[Record, ...] = ()
-    bags: tuple[str, ...] = ()
+    false_alarms: str  # as ``per 1000 h``
+    records: tuple[Record, ...] = ()  # the healthy start of this run; empty when there are bags
+    bags: tuple[str, ...] = ()  # recordings of the healthy machine
     replaceable: bool = False
 
     def work(self, report: Report) -> MonitorAnswer:
@@ -97,28 +70,14 @@ class LearnJob:
 
 @dataclass(frozen=True)
 class CheckJob:
-    """Check a stretch of data.
-
-    Attributes
-    ----------
-    number, stamp : int
-    state : bytes
-        Pickle of the monitor.
-    record : Record
-        Begins early by the settling time of the observer.
-    new_run : bool
-        Whether a new run of the clock begins with it.
-    known : WearSummary
-        Newest result before it.
-    settling : float
-    """
+    """Check a stretch of data."""
 
     number: int
     stamp: int
-    state: bytes
-    record: Record
-    new_run: bool
-    known: WearSummary
+    state: bytes  # pickle of the monitor
+    record: Record  # begins early by the settling time of the observer
+    new_run: bool  # whether a new run of the clock begins with it
+    known: WearSummary  # newest result before it
     settling: float
     replaceable: bool = False
 

@@ -18,13 +18,8 @@ if TYPE_CHECKING:
 class MonitorSchedule:
     """Learns from the healthy start of a run, or from bags, and then checks every stretch of data once.
 
-    Parameters
-    ----------
-    context : EstimatorContext
-    model : Model
-        Of the healthy machine; later fits and steps of the ladder do not change it.
-    publish : callable
-        Of ``estimator/wear``.
+    `model`: of the healthy machine; later fits and steps of the ladder do not change it. `publish`: of
+    ``estimator/wear``.
     """
 
     def __init__(self, context: EstimatorContext, model: Model, publish: Publish) -> None:

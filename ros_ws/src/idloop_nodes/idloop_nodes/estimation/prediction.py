@@ -29,17 +29,8 @@ def update_block_length(sample_time: float) -> int:
 class Prediction:
     """Predicts measurements, publishes predictions and residuals.
 
-    Parameters
-    ----------
-    values : NodeParameters
-        ``recursive`` and ``sample_time`` (nominal step; every update uses the measured stamps).
-    packer : OutputPacker
-    publish_prediction, publish_residual : callable
-
-    Attributes
-    ----------
-    failure : str
-        Why there is no prediction any more; empty when there is.
+    `values`: ``recursive`` and ``sample_time`` (nominal step; every update uses the measured stamps). Attributes:
+    `failure`: why there is no prediction any more; empty when there is.
     """
 
     def __init__(
@@ -81,12 +72,7 @@ class Prediction:
     def take(self, origin: int, block: Sequence[Sample], commands: Sequence[Sample | None]) -> None:
         """Predict a block of measurements, each with the command that holds at its stamp.
 
-        Parameters
-        ----------
-        origin : int
-            Stamp that counts as time 0 [ns].
-        block : sequence of (stamp, values)
-        commands : sequence of (stamp, values) or None
+        `origin`: stamp that counts as time 0 [ns].
         """
         while block and self._recursive is not None and not self.failure:
             # With the last sample of its own block it learns, which takes milliseconds: what comes before goes first.

@@ -22,18 +22,8 @@ if TYPE_CHECKING:
 class RecursiveModel:
     """Follows the samples, publishes innovations and coefficients.
 
-    Parameters
-    ----------
-    context : EstimatorContext
-    model : Model
-        Whose input and outputs are followed.
-    packer : OutputPacker
-    publish_innovation, publish_coefficients : callable
-
-    Attributes
-    ----------
-    failure : str
-        Why it does not follow any more; empty when it does.
+    `model`: whose input and outputs are followed. Attributes: `failure`: why it does not follow any more; empty when it
+    does.
     """
 
     def __init__(
@@ -91,12 +81,7 @@ class RecursiveModel:
     def take(self, origin: int, block: Sequence[Sample], commands: Sequence[Sample | None]) -> None:
         """Follow a block of measurements, each with the command that holds at its stamp.
 
-        Parameters
-        ----------
-        origin : int
-            Stamp that counts as time 0 [ns].
-        block : sequence of (stamp, values)
-        commands : sequence of (stamp, values) or None
+        `origin`: stamp that counts as time 0 [ns].
         """
         if self._recursion is None or self.failure:
             return

@@ -25,23 +25,9 @@ Sample = tuple[int, tuple[float, ...]]
 class SampleInput:
     """Takes messages in and gives blocks of measurements out, in order, as soon as their commands are known.
 
-    Parameters
-    ----------
-    model : Model
-    period_ns : int
-        Sample time [ns].
-    lockstep : bool
-    buffer : SampleBuffer
-        Receives every sample.
-    restart : callable
-        Called when the stamps were set back: a new run begins.
-
-    Attributes
-    ----------
-    unreadable : int
-        Messages that could not be read.
-    last : int or None
-        Stamp of the newest sample that was given out [ns].
+    `period_ns`: sample time [ns]; `buffer`: receives every sample; `restart`: called when the stamps were set back: a
+    new run begins. Attributes: `unreadable`: messages that could not be read; `last`: stamp of the newest sample that
+    was given out [ns].
     """
 
     def __init__(
@@ -105,12 +91,8 @@ class SampleInput:
     def next_block(self, ends: Iterable[int | None], run_end: int | None) -> list[Sample]:
         """Return the next samples whose commands are known, or that have waited long enough for them.
 
-        Parameters
-        ----------
-        ends : iterable of int or None
-            Stamps at which a window or an experiment is complete: its last sample is the last of a block [ns].
-        run_end : int or None
-            Stamp after which nothing comes, where that is known [ns].
+        `ends`: stamps at which a window or an experiment is complete: its last sample is the last of a block [ns];
+        `run_end`: stamp after which nothing comes, where that is known [ns].
         """
         if not self._pending:
             return []

@@ -28,12 +28,7 @@ class WhitenessWatch:
     def look(self, whiteness: Mapping[str, float], fit: Mapping[str, float]) -> bool:
         """Take in one fit; return whether to diagnose now.
 
-        Parameters
-        ----------
-        whiteness : mapping of str to float
-            By output, p-value of the whiteness test.
-        fit : mapping of str to float
-            FIT of the same residuals in percent.
+        `whiteness`: by output, p-value of the whiteness test; `fit`: FIT of the same residuals in percent.
         """
         if not whiteness:
             return False

@@ -12,11 +12,7 @@ from idloop_nodes.streams.polled_stream import PolledStream
 class AxisGuard:
     """Compares the measurements during an experiment with its limits.
 
-    Parameters
-    ----------
-    poll_topic : callable
-        Subscribes to a topic.
-    joint : str
+    `poll_topic`: subscribes to a topic.
     """
 
     def __init__(self, poll_topic: Callable[[str], PolledStream], joint: str) -> None:

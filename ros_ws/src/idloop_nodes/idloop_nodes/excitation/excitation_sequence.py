@@ -36,25 +36,11 @@ def blend(start: float, end: float, seconds: float, sample_time: float) -> tuple
 class ExcitationSequence:
     """Values in the order in which they are announced.
 
-    Parameters
-    ----------
-    position, velocity : array, shape (n,)
-        Normal signal and its rate.
-    period_ns : int
-        Time between samples.
-    keeps : bool
-        Whether a signal that has ended or was stopped stays at its value (a reference) or is zero.
-    ahead : int
-        Samples that are announced ahead at most.
-    repeats : float or None
-        Begin again when the normal signal is over; where it keeps its value, on a smooth way back of so long [s].
-
-    Attributes
-    ----------
-    index : int
-        Samples of the normal signal that are out.
-    span : tuple of int, or None
-        Stamps of the newest experiment's first sample and after its last one; the ways in and back are outside.
+    `position`, `velocity` (n,): normal signal and its rate. `period_ns`: time between samples. `keeps`: whether a
+    signal that has ended or was stopped stays at its value (a reference) or is zero. `ahead`: samples that are
+    announced ahead at most. `repeats`: begin again when the normal signal is over; where it keeps its value, on a
+    smooth way back of so long [s]. Attributes: `index`: samples of the normal signal that are out. `span`: stamps of
+    the newest experiment's first sample and after its last one; the ways in and back are outside.
     """
 
     def __init__(
@@ -154,15 +140,8 @@ class ExcitationSequence:
 
         What is announced stays: the experiment begins behind it, where everybody can still follow.
 
-        Parameters
-        ----------
-        experiment : Experiment
-        handover : float
-            Time of the smooth way in and back [s].
-        rest : float
-            Time without excitation before it, so that it begins at rest [s].
-        stamp : int
-            [ns]
+        `handover`: time of the smooth way in and back [s]; `rest`: time without excitation before it, so that it begins
+        at rest [s]; `stamp`: [ns].
         """
         step, first, last = experiment.sample_time, float(experiment.value[0]), float(experiment.value[-1])
         still = first if self._keeps else 0.0

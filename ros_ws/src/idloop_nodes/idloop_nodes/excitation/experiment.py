@@ -23,17 +23,10 @@ FORM = "{signal: {name: multilevel, amplitude: 2.0, duration: 20.0}, adds_to: co
 
 @dataclass(frozen=True)
 class Limits:
-    """What an experiment must keep within; None where nothing is declared.
+    """What an experiment must keep within; None where nothing is declared."""
 
-    Attributes
-    ----------
-    amplitude : float or None
-        Largest absolute value of the signal.
-    position_min, position_max, velocity : float or None
-        Of the axis; of a reference also before it moves.
-    """
-
-    amplitude: float | None = None
+    amplitude: float | None = None  # largest absolute value of the signal
+    # Of the axis; of a reference also before it moves
     position_min: float | None = None
     position_max: float | None = None
     velocity: float | None = None
@@ -71,21 +64,13 @@ class Limits:
 
 @dataclass(frozen=True)
 class Experiment:
-    """A signal to play once.
+    """A signal to play once."""
 
-    Attributes
-    ----------
-    value, rate : array, shape (n,)
-        Samples and their time derivative per second.
-    adds_to : {"command", "reference"}
-    sample_time : float
-        Seconds between samples.
-    """
-
+    # shape (n,): samples and their time derivative per second
     value: Array
     rate: Array
-    adds_to: str
-    sample_time: float
+    adds_to: str  # {"command", "reference"}
+    sample_time: float  # seconds between samples
 
     def fastest(self, value: Array) -> float:
         """Return the largest rate of change of a signal on this grid."""
@@ -95,19 +80,8 @@ class Experiment:
 def read_experiment(text: str, target: str, sample_time: float) -> Experiment:
     """Read the YAML text of an experiment and build its signal.
 
-    Parameters
-    ----------
-    text : str
-        Such as `FORM`.
-    target : str
-        Where the excitation node's samples go: ``reference``, ``position`` or ``effort``.
-    sample_time : float
-        Of the node [s].
-
-    Raises
-    ------
-    InputError
-        No such text, no such signal, or one that this node cannot play.
+    `text`: such as `FORM`; `target`: where the excitation node's samples go: ``reference``, ``position`` or ``effort``;
+    `sample_time`: of the node [s]. Raises InputError: no such text, no such signal, or one that this node cannot play.
     """
     document = read_yaml(text, "experiment")
     if not isinstance(document, Mapping) or not isinstance(document.get("signal"), Mapping):

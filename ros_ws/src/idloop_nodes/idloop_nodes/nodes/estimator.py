@@ -96,10 +96,7 @@ class EstimatorNode(StreamNode):
     def _switch_off_automatic(self) -> str:
         """Add and move nothing unasked any more: the step that the user took back would come again.
 
-        Returns
-        -------
-        str
-            What was switched off, for the user; empty when nothing was on.
+        Returns: what was switched off, for the user; empty when nothing was on.
         """
         names = [name for name in ("auto_add", "auto_experiment") if self.parameters[name]]
         if not names:

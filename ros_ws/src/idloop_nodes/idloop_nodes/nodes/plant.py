@@ -39,12 +39,7 @@ def simulated(values: NodeParameters) -> Plant:
 class PlantNode(StreamNode):
     """Steps a machine: when the command arrives (lock-step) or by the clock (real time).
 
-    Parameters
-    ----------
-    kind : str
-        Executable, whose parameters are declared.
-    build : callable
-        Makes the machine from the parameters.
+    `kind`: executable, whose parameters are declared; `build`: makes the machine from the parameters.
     """
 
     poll_period = 0.005

@@ -179,10 +179,7 @@ class RecorderNode(StreamNode):
     def close(self) -> None:
         """Take in what is still on its way, then finish the bag.
 
-        Raises
-        ------
-        IdloopError
-            When the bag could not be written to its end.
+        Raises IdloopError: when the bag could not be written to its end.
         """
         quiet_since = started = time.monotonic()
         while (now := time.monotonic()) - quiet_since < DRAIN_QUIET and now - started < DRAIN_LIMIT:

@@ -11,13 +11,8 @@ FULL_LOAD = 0.9  # share of a processor core beyond which messages begin to wait
 class BridgeCounters:
     """Measurements, commands and sent messages of a bridge.
 
-    Attributes
-    ----------
-    measured, commanded, sent : RateCounter
-    load : RateCounter
-        Processor time of the thread that forwards messages [s].
-    unreadable : int
-        Messages that could not be read.
+    Attributes: `load`: processor time of the thread that forwards messages [s]; `unreadable`: messages that could not
+    be read.
     """
 
     def __init__(self) -> None:
@@ -27,14 +22,8 @@ class BridgeCounters:
     def status(self, values: dict[str, str], commanders: int, problem: str) -> Status:
         """Return the check of the streams.
 
-        Parameters
-        ----------
-        values : dict of str to str
-            Further key values.
-        commanders : int
-            Nodes that publish commands.
-        problem : str
-            Error that goes before all others; empty when there is none.
+        `values`: further key values. `commanders`: nodes that publish commands. `problem`: error that goes before all
+        others; empty when there is none.
         """
         rate, load = self.measured.rate(), self.load.rate()
         counts = {

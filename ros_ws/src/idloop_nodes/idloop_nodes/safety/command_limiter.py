@@ -10,33 +10,15 @@ from idloop.records.bags.cdr import SECOND
 
 @dataclass(frozen=True)
 class CommandLimits:
-    """Limits of a command, in its own unit.
+    """Limits of a command, in its own unit."""
 
-    Attributes
-    ----------
-    command : float
-        Largest distance of the command from its base: from zero, or for a position from where the axis is.
-    rate : float or None
-        Largest change per second.
-    rms : float or None
-        Largest root of the low-pass filtered square, as a winding warms up.
-    rms_time : float
-        Time constant of that filter [s].
-    energy_time : float
-        Time constant with which work is forgotten [s].
-    soft_start : float
-        Time in which the allowed command grows from nothing to `command` [s].
-    standing : float
-        Longest time for which a command holds without another check [s].
-    """
-
-    command: float
-    rate: float | None = None
-    rms: float | None = None
-    rms_time: float = 10.0
-    energy_time: float = 10.0
-    soft_start: float = 1.0
-    standing: float = 0.05
+    command: float  # largest distance of the command from its base: from zero, or for a position from where the axis is
+    rate: float | None = None  # largest change per second
+    rms: float | None = None  # largest root of the low-pass filtered square, as a winding warms up
+    rms_time: float = 10.0  # time constant of that filter [s]
+    energy_time: float = 10.0  # time constant with which work is forgotten [s]
+    soft_start: float = 1.0  # time in which the allowed command grows from nothing to `command` [s]
+    standing: float = 0.05  # longest time for which a command holds without another check [s]
 
 
 class CommandLimiter:
@@ -45,14 +27,7 @@ class CommandLimiter:
     Times are nanoseconds of a steady clock. The state is never cleared: a motor does not cool down because
     of a service call.
 
-    Parameters
-    ----------
-    limits : CommandLimits
-
-    Attributes
-    ----------
-    work : float
-        Sum of abs(command × velocity) over time, forgotten with `energy_time`.
+    Attributes: `work`: sum of abs(command × velocity) over time, forgotten with `energy_time`.
     """
 
     def __init__(self, limits: CommandLimits) -> None:

@@ -11,14 +11,7 @@ from idloop.errors import InputError
 def refuse_loops(node: Any) -> None:
     """Refuse topics of the robot that are topics of the bridge itself.
 
-    Parameters
-    ----------
-    node : BridgeNode
-
-    Raises
-    ------
-    InputError
-        The bridge would read or forward its own messages.
+    Raises InputError: the bridge would read or forward its own messages.
     """
     for parameter, ours in (("robot_states", "joint_states"), ("robot_commands", "joint_command")):
         topic = node.resolve_topic_name(node.parameters[parameter])
@@ -34,13 +27,8 @@ def competing_publishers(node: Any, topic: str, known: Collection[str]) -> str:
 
     What they publish passes every limit. A second process under a known name counts as well.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    topic : str
-        Topic on which the robot takes commands.
-    known : collection of str
-        Fully qualified names of the nodes that may publish there.
+    `topic`: topic on which the robot takes commands; `known`: fully qualified names of the nodes that may publish
+    there.
     """
     publishers = [_name(one) for one in node.get_publishers_info_by_topic(topic)]
     others = {one for one in publishers if one not in known or publishers.count(one) > 1}
@@ -50,11 +38,7 @@ def competing_publishers(node: Any, topic: str, known: Collection[str]) -> str:
 def several_commanders(node: Any, count: int) -> str:
     """Return why no command may pass because several nodes publish `joint_command`; empty when at most one does.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    count : int
-        Publishers that are connected.
+    `count`: publishers that are connected.
     """
     if count <= 1:
         return ""

@@ -14,23 +14,9 @@ STOPPED = "zero command until ~/reset"
 class EmergencyStop:
     """``~/emergency_stop``, latched, and ``~/reset``.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-        Node that offers them.
-    lock : threading.Lock
-        Held while one of them is served.
-    stop : callable
-        Stops the motor at once.
-    reset : callable
-        Clears stop and faults; returns why that cannot be done, empty when it was.
-    done : str
-        Message of a successful reset.
-
-    Attributes
-    ----------
-    latched : str
-        ``emergency stop`` until reset, else empty.
+    `node`: node that offers them. `lock`: held while one of them is served. `stop`: stops the motor at once. `reset`:
+    clears stop and faults; returns why that cannot be done, empty when it was. `done`: message of a successful reset.
+    Attributes: `latched`: ``emergency stop`` until reset, else empty.
     """
 
     def __init__(

@@ -16,44 +16,25 @@ MOTION = ("position_min", "position_max", "velocity")
 
 @dataclass(frozen=True)
 class GateSettings:
-    """What a gate allows, in the model's units.
+    """What a gate allows, in the model's units."""
 
-    Attributes
-    ----------
-    command : CommandLimits
-        Of what is sent.
-    motion : Limits
-        Position and velocity of the axis.
-    neutral : {"zero", "hold_measured", "hold_command"}
-        What is sent where nothing may move: zero (effort, velocity), or for a position the one that was measured
-        when the fault came, or the last one sent.
-    energy : float or None
-        Largest work, see `CommandLimiter.work`.
-    coast_time : float
-        The axis runs on for velocity × this after the command has ended [s]; where it would come to rest must be
-        inside the limits, too.
-    watchdog : float
-        Silence of command or measurement after which the motor is stopped [s].
-    latch_watchdog : bool
-        What the watchdog found stays until reset.
-    """
-
-    command: CommandLimits
-    motion: Limits = field(default_factory=Limits)
+    command: CommandLimits  # of what is sent
+    motion: Limits = field(default_factory=Limits)  # position and velocity of the axis
+    # {"zero", "hold_measured", "hold_command"}: what is sent where nothing may move: zero (effort, velocity), or for a
+    # position the one that was measured when the fault came, or the last one sent
     neutral: Neutral = "zero"
-    energy: float | None = None
+    energy: float | None = None  # largest work, see `CommandLimiter.work`
+    # The axis runs on for velocity × this after the command has ended [s]; where it would come to rest must be inside
+    # the limits, too
     coast_time: float = 0.0
-    watchdog: float = 0.04
-    latch_watchdog: bool = False
+    watchdog: float = 0.04  # silence of command or measurement after which the motor is stopped [s]
+    latch_watchdog: bool = False  # what the watchdog found stays until reset
 
 
 def gate_settings(values: Mapping[str, Any]) -> GateSettings:
     """Return what the parameters allow.
 
-    Raises
-    ------
-    InputError
-        A limit is missing, or two of them contradict one another.
+    Raises InputError: a limit is missing, or two of them contradict one another.
     """
     if values["limit.command"] is None:
         raise InputError("bridge: limit.command is not set; give the largest command that this motor may get")

@@ -24,29 +24,16 @@ WATCHES, WAITS, STOPPED = b"W", b"U", b"S"  # first byte of what a guardian send
 
 @dataclass(frozen=True)
 class Hello:
-    """What a guardian has to know of its bridge.
+    """What a guardian has to know of its bridge."""
 
-    Attributes
-    ----------
-    topic : str
-        Topic on which the robot takes commands, fully qualified.
-    message : str
-        Name of the message type it takes, as in the bridge's parameter ``command_type``.
-    """
-
-    topic: str
-    message: str
+    topic: str  # topic on which the robot takes commands, fully qualified
+    message: str  # name of the message type it takes, as in the bridge's parameter ``command_type``
 
 
 def address(domain: int, bridge: str) -> str:
     """Return the abstract socket address at which the guardian of a bridge listens.
 
-    Parameters
-    ----------
-    domain : int
-        ROS domain.
-    bridge : str
-        Fully qualified name of the bridge's node.
+    `domain`: ROS domain; `bridge`: fully qualified name of the bridge's node.
     """
     # Hashed, since an address holds 107 bytes and a namespace may be longer.
     return "\0idloop-guardian-" + hashlib.sha256(f"{os.getuid()} {domain} {bridge}".encode()).hexdigest()
@@ -85,19 +72,9 @@ def _receive(connection: socket.socket) -> tuple[list[bytes], bool]:
 class BridgeEnd:
     """The bridge's end of the link.
 
-    Parameters
-    ----------
-    where : str
-        Address from `address`.
-    hello : Hello
-        What the guardian has to know.
-    timeout_ns : int
-        Silence after which the guardian counts as hung [ns].
-
-    Attributes
-    ----------
-    guardian : str
-        Fully qualified name of the guardian's node, empty before its first record.
+    `where`: address from `address`; `hello`: what the guardian has to know; `timeout_ns`: silence after which the
+    guardian counts as hung [ns]. Attributes: `guardian`: fully qualified name of the guardian's node, empty before its
+    first record.
     """
 
     def __init__(self, where: str, hello: Hello, timeout_ns: int) -> None:
@@ -113,15 +90,7 @@ class BridgeEnd:
     def listen(self, now_ns: int) -> str:
         """Take in what the guardian has sent; never waits.
 
-        Parameters
-        ----------
-        now_ns : int
-            Steady time [ns].
-
-        Returns
-        -------
-        str
-            Why the motor must not be driven; empty while the guardian watches.
+        `now_ns`: steady time [ns]. Returns: why the motor must not be driven; empty while the guardian watches.
         """
         stopped = self._take(now_ns)
         if self._connection is None or self._heard is None:
@@ -135,10 +104,7 @@ class BridgeEnd:
     def beat(self, neutral: bytes) -> None:
         """Tell that the bridge is alive; never waits.
 
-        Parameters
-        ----------
-        neutral : bytes
-            Message to the robot that the guardian is to send if the bridge falls silent; empty for none.
+        `neutral`: message to the robot that the guardian is to send if the bridge falls silent; empty for none.
         """
         if self._connection is not None:
             with contextlib.suppress(OSError):  # a guardian that hangs does not empty its queue
@@ -184,20 +150,8 @@ class BridgeEnd:
 class GuardianEnd:
     """The guardian's end of the link; one bridge at a time.
 
-    Parameters
-    ----------
-    where : str
-        Address from `address`.
-
-    Attributes
-    ----------
-    hello : Hello or None
-        Of the bridge that came last.
-
-    Raises
-    ------
-    InputError
-        Another guardian listens there.
+    `where`: address from `address`. Attributes: `hello`: of the bridge that came last. Raises InputError: another
+    guardian listens there.
     """
 
     def __init__(self, where: str) -> None:
@@ -224,12 +178,8 @@ class GuardianEnd:
     def receive(self) -> tuple[bytes | None, bool]:
         """Take in what has come.
 
-        Returns
-        -------
-        bytes or None
-            The newest neutral message (empty: nothing is to be sent), None when no beat has come.
-        bool
-            Whether the bridge has gone since the last time.
+        Returns: the newest neutral message (empty: nothing is to be sent), None when no beat has come; whether the
+        bridge has gone since the last time.
         """
         if self._connection is None:
             self._accept()

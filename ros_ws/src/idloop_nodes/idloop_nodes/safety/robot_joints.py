@@ -32,24 +32,8 @@ class Conversion:
 class RobotJoints:
     """Reads the robot's measurements and writes its commands.
 
-    Parameters
-    ----------
-    values : mapping
-        Parameters of the bridge.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Our names of the joints, the driven first.
-    robot_names : tuple of str
-        The robot's.
-    fields : tuple of str
-        Which fields the robot measures.
-
-    Raises
-    ------
-    InputError
-        Parameters that contradict one another.
+    `values`: parameters of the bridge. Attributes: `names`: our names of the joints, the driven first; `robot_names`:
+    the robot's; `fields`: which fields the robot measures. Raises InputError: parameters that contradict one another.
     """
 
     def __init__(self, values: Mapping[str, Any]) -> None:
@@ -70,10 +54,7 @@ class RobotJoints:
     def read(self, data: bytes) -> tuple[int, list[float]] | None:
         """Return stamp and position, velocity, effort of every joint in our units; None without the driven joint.
 
-        Raises
-        ------
-        CdrError
-            When the bytes are no JointState.
+        Raises CdrError: when the bytes are no JointState.
         """
         stamp, raw = self._reader.read(data)
         if self.robot_names[0] not in self._reader.names:

@@ -24,22 +24,8 @@ class SafetyGate:
 
     Times are nanoseconds of a steady clock, stamps those of the messages.
 
-    Parameters
-    ----------
-    settings : GateSettings
-
-    Attributes
-    ----------
-    active : bool
-        Only an active gate lets commands pass.
-    reason : str
-        Why nothing passes, empty while commands do.
-    faults : int
-        How often commands that passed were stopped.
-    limited : int
-        Commands that were changed by a limit.
-    limiter : CommandLimiter
-    commands, measurements : StreamWatch
+    Attributes: `active`: only an active gate lets commands pass; `reason`: why nothing passes, empty while commands do;
+    `faults`: how often commands that passed were stopped; `limited`: commands that were changed by a limit.
     """
 
     def __init__(self, settings: GateSettings) -> None:
@@ -101,11 +87,7 @@ class SafetyGate:
     def forbid(self, source: str, reason: str) -> None:
         """Let no command pass for a reason that the gate cannot see; an empty reason lets them pass again.
 
-        Parameters
-        ----------
-        source : str
-            Origin of the reason: each has one at a time.
-        reason : str
+        `source`: origin of the reason: each has one at a time.
         """
         self._forbidden[source] = reason
 

@@ -8,17 +8,8 @@ AFTER_END_NS = 500_000_000  # time for which it sends in place of a bridge that 
 class SilenceWatch:
     """Decides what is sent in place of a bridge.
 
-    Parameters
-    ----------
-    silence_ns : int
-        Time without a beat after which the bridge counts as hung [ns].
-
-    Attributes
-    ----------
-    interventions : int
-        How often it sent in place of the bridge.
-    longest_ns : int
-        Longest time between two beats [ns].
+    `silence_ns`: time without a beat after which the bridge counts as hung [ns]. Attributes: `interventions`: how often
+    it sent in place of the bridge; `longest_ns`: longest time between two beats [ns].
     """
 
     def __init__(self, silence_ns: int) -> None:

@@ -19,14 +19,8 @@ class StallNotice:
     def due(self, what: Hashable, now: float, timeout: float | None = None) -> bool:
         """Whether it is time to report a wait that was not reported yet.
 
-        Parameters
-        ----------
-        what : hashable
-            What the node waits for; another one begins a new wait, None ends it.
-        now : float
-            Of a clock that never jumps [s].
-        timeout : float, optional
-            Length of a wait that is not reported [s]; default `TIMEOUT`.
+        `what`: what the node waits for; another one begins a new wait, None ends it. `now`: of a clock that never jumps
+        [s]. `timeout`: length of a wait that is not reported [s]; default `TIMEOUT`.
         """
         if what != self._what:
             self._what, self._since, self._reported = what, now, False

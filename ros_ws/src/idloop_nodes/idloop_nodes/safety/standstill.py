@@ -18,10 +18,7 @@ class StandstillWatch:
     not always announced again: observed as a controller that computes and whose commands the bridge never receives.
     Only a new participant is discovered for certain.
 
-    Parameters
-    ----------
-    now, worked : float
-        As of `forgotten`, before the participant is made.
+    `now`, `worked`: as of `forgotten`, before the participant is made.
     """
 
     def __init__(self, now: float, worked: float) -> None:
@@ -30,12 +27,7 @@ class StandstillWatch:
     def forgotten(self, now: float, worked: float) -> bool:
         """Return whether the process has stood still since the last call for longer than the others wait.
 
-        Parameters
-        ----------
-        now : float
-            Steady time [s].
-        worked : float
-            Processor time of the process [s].
+        `now`: steady time [s]; `worked`: processor time of the process [s].
         """
         gap, work = now - self._now, worked - self._worked
         self._now, self._worked = now, worked

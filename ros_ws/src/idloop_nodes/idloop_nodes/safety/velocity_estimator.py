@@ -11,10 +11,7 @@ from idloop_nodes.codec.joints import NAN
 class VelocityEstimator:
     """Slope of the positions over a short window.
 
-    Parameters
-    ----------
-    window_ns : int
-        Least distance of the two positions that are compared: short ones show the encoder's steps.
+    `window_ns`: least distance of the two positions that are compared: short ones show the encoder's steps.
     """
 
     def __init__(self, window_ns: int = 20_000_000) -> None:

@@ -31,10 +31,7 @@ QOS_RELIABLE = {
 def choose_folder(bag: str, directory: str, prefix: str) -> Path:
     """Return a folder that does not exist yet: the named one, or one named by the time of day.
 
-    Raises
-    ------
-    InputError
-        When the named one exists: a recording is never written over.
+    Raises InputError: when the named one exists: a recording is never written over.
     """
     if bag:
         path = Path(bag)
@@ -83,21 +80,9 @@ class _Topic:
 class BagWriter:
     """Writes serialized messages.
 
-    Parameters
-    ----------
-    folder : Path
-        Made by this object; must not exist.
-    topics : dict of str to str
-        Absolute topic name to message type, ``pkg/msg/Name``.
-    distribution : str
-        ROS distribution whose definitions describe the types.
-    split_bytes, split_ns : int
-        New file after this much data or time; 0 never.
-
-    Attributes
-    ----------
-    count : int
-        Messages written so far.
+    `folder`: made by this object; must not exist. `topics`: absolute topic name to message type, ``pkg/msg/Name``.
+    `distribution`: ROS distribution whose definitions describe the types. `split_bytes`, `split_ns`: new file after
+    this much data or time; 0 never. Attributes: `count`: messages written so far.
     """
 
     def __init__(

@@ -17,17 +17,8 @@ class Bursts:
     would be older by up to a period. Where the same work takes more of a core, because others crowd its caches or it
     runs on a slower machine, bursts are drawn apart until it takes less than a quarter of one.
 
-    Parameters
-    ----------
-    length : float
-        Shortest time between two bursts, about [s].
-    period : float
-        Of the samples [s]; 0 where their clock is another one.
-
-    Attributes
-    ----------
-    wait : float
-        Time until the next burst [s].
+    `length`: shortest time between two bursts, about [s]. `period`: of the samples [s]; 0 where their clock is another
+    one. Attributes: `wait`: time until the next burst [s].
     """
 
     def __init__(self, length: float, period: float = 0.0) -> None:
@@ -41,10 +32,7 @@ class Bursts:
     def due(self, now: float) -> bool:
         """Whether it is time for a burst.
 
-        Parameters
-        ----------
-        now : float
-            Of a clock that never jumps [s].
+        `now`: of a clock that never jumps [s].
         """
         self.wait = self._next - now
         return self.wait <= 0.0
@@ -52,12 +40,8 @@ class Bursts:
     def plan(self, now: float, age: float | None = None) -> None:
         """Choose the next instant, after a burst.
 
-        Parameters
-        ----------
-        now : float
-            As for `due`.
-        age : float, optional
-            Time since the stamp of the newest sample by the clock that runs here [s]; None when the burst brought none.
+        `now`: as for `due`. `age`: time since the stamp of the newest sample by the clock that runs here [s]; None when
+        the burst brought none.
         """
         self.wait = self._length
         if self._period and age is not None and 0.0 <= age < OTHER_CLOCK:
@@ -69,12 +53,7 @@ class Bursts:
     def weigh(self, now: float, spent: float) -> None:
         """Draw the bursts apart or together by what the work takes.
 
-        Parameters
-        ----------
-        now : float
-            As for `due`.
-        spent : float
-            Processor time of the process so far [s].
+        `now`: as for `due`; `spent`: processor time of the process so far [s].
         """
         if self._weighed is None:
             self._weighed = now, spent

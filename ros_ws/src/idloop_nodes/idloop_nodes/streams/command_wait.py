@@ -14,13 +14,7 @@ class CommandWait:
     the commands, however long they take, so that equal runs give equal results; only a recording that lacks commands
     shows measurements far beyond the last one, or its end, and then nothing comes.
 
-    Parameters
-    ----------
-    period_ns : int
-        Of the samples.
-    lockstep : bool
-    now : float
-        Of a clock that never jumps [s].
+    `period_ns`: of the samples; `now`: of a clock that never jumps [s].
     """
 
     def __init__(self, period_ns: int, lockstep: bool, now: float) -> None:
@@ -35,16 +29,8 @@ class CommandWait:
     def known_until(self, command: int | None, output: int, end: int | None, now: float) -> int:
         """Newest stamp whose command is settled [ns].
 
-        Parameters
-        ----------
-        command : int or None
-            Stamp of the newest command.
-        output : int
-            Stamp of the newest measurement.
-        end : int or None
-            Stamp after which nothing comes, where that is known.
-        now : float
-            [s]
+        `command`: stamp of the newest command; `output`: stamp of the newest measurement; `end`: stamp after which
+        nothing comes, where that is known; `now`: [s].
         """
         given_up = output - self._patience
         if self._lockstep and now - self._newest < SILENCE:

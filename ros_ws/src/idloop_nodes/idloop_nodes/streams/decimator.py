@@ -11,15 +11,7 @@ BURST = 20
 class Decimator:
     """Passes samples up to a mean rate, as a leaky bucket.
 
-    Parameters
-    ----------
-    rate : float
-        Largest rate [Hz].
-
-    Attributes
-    ----------
-    left_out : int
-        Samples that were not passed.
+    `rate`: largest rate [Hz]. Attributes: `left_out`: samples that were not passed.
     """
 
     def __init__(self, rate: float) -> None:

@@ -10,17 +10,9 @@ from idloop_nodes.streams.stream_watch import JUMP_NS
 def effective_time(stamp: int, received: int, now: int) -> int:
     """Return when a command takes effect: at its stamp, or on arrival when it is late.
 
-    Parameters
-    ----------
-    stamp, received : int
-        Of the command, by the clock of the system [ns].
-    now : int
-        The plant's own time, which goes on evenly when that clock is set [ns].
-
-    Raises
-    ------
-    InputError
-        It would hold up all that follow: of an unknown sender, or from a clock that was set.
+    `stamp`, `received`: of the command, by the clock of the system [ns]; `now`: the plant's own time, which goes on
+    evenly when that clock is set [ns]. Raises InputError: it would hold up all that follow: of an unknown sender, or
+    from a clock that was set.
     """
     if abs(received - now) >= JUMP_NS:
         received = now

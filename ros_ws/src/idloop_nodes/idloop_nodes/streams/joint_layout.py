@@ -16,10 +16,7 @@ if TYPE_CHECKING:
 class OutputPacker:
     """Packs a model's outputs into one JointState: NaN where a joint's field is not measured.
 
-    Parameters
-    ----------
-    outputs : sequence of (joint, field)
-        Outputs in the model's order.
+    `outputs`: outputs in the model's order.
     """
 
     def __init__(self, outputs: Sequence[tuple[str, str]]) -> None:
@@ -43,10 +40,7 @@ class OutputPacker:
 def output_columns(model: Model) -> list[tuple[str, str]]:
     """Return (joint, field) of every output.
 
-    Raises
-    ------
-    InputError
-        When the outputs lie on several topics.
+    Raises InputError: when the outputs lie on several topics.
     """
     topics = {output.topic for output in model.outputs}
     if len(topics) > 1:

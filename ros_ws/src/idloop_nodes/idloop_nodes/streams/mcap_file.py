@@ -47,13 +47,8 @@ def _mapping(form: str, items: Iterable[tuple[int, int]]) -> bytes:
 class McapFile:
     """Writes messages in chunks with indexes.
 
-    Parameters
-    ----------
-    sink : object with ``write``
-    chunk_size : int
-        Bytes of records after which a chunk is written.
-    library : str
-        Who writes it.
+    `sink`: object with ``write``; `chunk_size`: bytes of records after which a chunk is written; `library`: who writes
+    it.
     """
 
     def __init__(self, sink: Sink, chunk_size: int, library: str) -> None:

@@ -9,13 +9,7 @@ from typing import Any
 class PolledStream:
     """Messages as bytes, taken in batches.
 
-    Attributes
-    ----------
-    subscription : rclpy.subscription.Subscription
-    topic : str
-        Fully qualified name.
-    received : bool
-        Whether any message has arrived.
+    Attributes: `topic`: fully qualified name; `received`: whether any message has arrived.
     """
 
     def __init__(self, subscription: Any) -> None:

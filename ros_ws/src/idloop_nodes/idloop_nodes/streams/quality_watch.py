@@ -28,11 +28,7 @@ class QualityWatch:
     The middleware reports a mismatch when it discovers a publisher, where it can; the graph tells which publisher it
     is, and when it is mended.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    log : callable
-        Takes a line for each new mismatch.
+    `log`: takes a line for each new mismatch.
     """
 
     def __init__(self, node: Any, log: Callable[[str], object]) -> None:
@@ -46,12 +42,7 @@ class QualityWatch:
     def callbacks(self, topic: str, **others: Any) -> SubscriptionEventCallbacks:
         """Return the event callbacks of a new subscription.
 
-        Parameters
-        ----------
-        topic : str
-            Name as given to `watch`.
-        **others
-            Further callbacks.
+        `topic`: name as given to `watch`; `others`: further callbacks.
         """
 
         def incompatible(event: Any) -> None:
@@ -109,14 +100,7 @@ def _advice(cure: str, wanted: str = "") -> str:
 def mismatch(offered: QoSProfile, wanted: QoSProfile) -> tuple[str, str] | None:
     """Return how an offer falls short of what is asked for, and what should be offered; None where it suffices.
 
-    Parameters
-    ----------
-    offered, wanted : QoSProfile
-        Of the publisher, as discovery has it, and of the subscription.
-
-    Returns
-    -------
-    tuple of (str, str) or None
+    `offered`, `wanted`: of the publisher, as discovery has it, and of the subscription.
     """
     # Not by `qos_check_compatible`: it takes the deadline that discovery leaves at zero for one that was asked for.
     best_effort = offered.reliability == ReliabilityPolicy.BEST_EFFORT

@@ -19,19 +19,9 @@ Span = tuple[int, int]
 class SampleBuffer:
     """Commands, measurements and references by stamp.
 
-    Parameters
-    ----------
-    outputs : int
-        Measured signals.
-
-    Attributes
-    ----------
-    first : int or None
-        Stamp of the first measurement that was worked on [ns].
-    computed : tuple of Finding
-        Velocities that the driver computes from the position, as far as records have shown.
-    wrong : tuple of Finding
-        Velocities that are none of the position, likewise.
+    `outputs`: measured signals. Attributes: `first`: stamp of the first measurement that was worked on [ns];
+    `computed`: velocities that the driver computes from the position, as far as records have shown; `wrong`: velocities
+    that are none of the position, likewise.
     """
 
     def __init__(self, outputs: int) -> None:
@@ -145,23 +135,8 @@ class DiagnosisData:
     def renew(self, buffer: SampleBuffer, model: Model, end: int, length: int, share: float, shortest: int) -> bool:
         """Take the newest normal stretch, if there is a new one that is long enough.
 
-        Parameters
-        ----------
-        buffer : SampleBuffer
-        model : Model
-        end : int
-            Stamp after the newest sample [ns].
-        length : int
-            Its length, at most [ns].
-        share : float
-            Part of it that judges.
-        shortest : int
-            Samples that are too few.
-
-        Returns
-        -------
-        bool
-            Whether there is any data now.
+        `end`: stamp after the newest sample [ns]; `length`: its length, at most [ns]; `share`: part of it that judges;
+        `shortest`: samples that are too few. Returns: whether there is any data now.
         """
         if buffer.first is None:
             return False

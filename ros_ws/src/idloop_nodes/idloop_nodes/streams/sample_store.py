@@ -12,10 +12,7 @@ MOST_NEW = 256  # rows that wait to be stored together: one by one, each costs a
 class SampleStore:
     """Rows of numbers with stamps in nanoseconds, strictly increasing.
 
-    Parameters
-    ----------
-    columns : int
-        Numbers in a row.
+    `columns`: numbers in a row.
     """
 
     def __init__(self, columns: int) -> None:
@@ -53,12 +50,7 @@ class SampleStore:
     def window(self, first: int, last: int, before: bool = False) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Return copies of stamps (n,) and rows (n, c) with first <= stamp < last.
 
-        Parameters
-        ----------
-        first, last : int
-            Nanoseconds.
-        before : bool
-            Include the row before the window: a held value reaches into it.
+        `first`, `last`: nanoseconds; `before`: include the row before the window: a held value reaches into it.
         """
         self._store_new()
         stamps = self._stamps[self._start : self._stop]

@@ -17,24 +17,12 @@ RENAMED = 10.0  # seconds for which everything known is matched before partners 
 
 @dataclass(frozen=True)
 class Endpoints:
-    """The other side of one stream.
+    """The other side of one stream."""
 
-    Attributes
-    ----------
-    expected : int
-        How many of the graph's own nodes belong there.
-    own : int
-        How many of them are known.
-    known : int
-        How many there are, strangers among them.
-    matched : int
-        How many of these are connected with this node.
-    """
-
-    expected: int
-    own: int
-    known: int
-    matched: int
+    expected: int  # how many of the graph's own nodes belong there
+    own: int  # how many of them are known
+    known: int  # how many there are, strangers among them
+    matched: int  # how many of these are connected with this node
 
     @property
     def connected(self) -> bool:
@@ -86,12 +74,7 @@ class StreamMatch:
     def complete(self, streams: Iterable[Endpoints], now: float) -> bool:
         """Whether all partners are connected.
 
-        Parameters
-        ----------
-        streams : iterable of Endpoints
-            Of one node, as they are now.
-        now : float
-            Of a clock that never jumps [s].
+        `streams`: of one node, as they are now; `now`: of a clock that never jumps [s].
         """
         streams = list(streams)
         if not all(one.connected for one in streams):

@@ -23,15 +23,8 @@ class StreamWatch:
     away in either direction, while the stream was not silent, shows that a clock was set. After a silence any other
     stamp is a new beginning.
 
-    Parameters
-    ----------
-    timeout_ns : int
-        Silence after which the stream counts as dead.
-
-    Attributes
-    ----------
-    jumps, stale : int
-        How often a clock was set, and how many messages were left out.
+    `timeout_ns`: silence after which the stream counts as dead. Attributes: `jumps`, `stale`: how often a clock was
+    set, and how many messages were left out.
     """
 
     def __init__(self, timeout_ns: int) -> None:

@@ -23,19 +23,9 @@ class MotorStop:
     The motor counts as stopped while the last node before it reports the stop and its commands are neutral. It counts
     as released when no node holds it any more.
 
-    Parameters
-    ----------
-    calls : ServiceCalls
-    state : State
-        Receives the state of the stop.
-    nodes : sequence of str
-        Nodes with the services ``~/emergency_stop`` and ``~/reset``, the nearest to the motor first.
-    released : callable
-        Called when a reset has let the motor go.
-    holds_position : bool
-        The command is a position: neutral is one that is held, not zero.
-    clock : callable
-        Steady time [s].
+    `state`: receives the state of the stop; `nodes`: nodes with the services ``~/emergency_stop`` and ``~/reset``, the
+    nearest to the motor first; `released`: called when a reset has let the motor go; `holds_position`: the command is a
+    position: neutral is one that is held, not zero; `clock`: steady time [s].
     """
 
     def __init__(

@@ -32,23 +32,9 @@ ACTIVITIES = {
 class PageOrders:
     """Calls the services of estimator, excitation, controller and bridge.
 
-    Parameters
-    ----------
-    calls : ServiceCalls
-    page : State
-        Of the page.
-    estimator, excitation : str
-        Names of the nodes.
-    guards : sequence of str
-        Nodes that can stop the motor, the nearest to it first.
-    holds_position : bool
-        The command is a position.
-
-    Attributes
-    ----------
-    motor : MotorStop
-    pending : bool
-        An order was sent that the health of the estimator does not show yet.
+    `page`: of the page; `estimator`, `excitation`: names of the nodes; `guards`: nodes that can stop the motor, the
+    nearest to it first; `holds_position`: the command is a position. Attributes: `pending`: an order was sent that the
+    health of the estimator does not show yet.
     """
 
     def __init__(

@@ -24,17 +24,8 @@ if TYPE_CHECKING:
 class PageResults:
     """Takes results in, one method for each topic.
 
-    Parameters
-    ----------
-    source : LiveSource
-        Whose state and model are kept up to date.
-    model : Model
-        As the estimator starts with it.
-
-    Attributes
-    ----------
-    takers : dict of str to callable
-        Method by topic.
+    `source`: whose state and model are kept up to date; `model`: as the estimator starts with it. Attributes: `takers`:
+    method by topic.
     """
 
     def __init__(self, source: LiveSource, model: Model) -> None:

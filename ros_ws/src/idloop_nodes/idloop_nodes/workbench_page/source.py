@@ -24,19 +24,8 @@ REFRESH = 5 * SECOND  # of new samples after which a free run that somebody look
 class LiveSource:
     """Implements `idloop.reporting.workbench.state.Source`.
 
-    Parameters
-    ----------
-    model : Model
-        As the estimator starts with it.
-    capacity : int
-        Samples that are kept of every stream.
-    window : callable
-        Returns the length of data that is assessed [s].
-
-    Attributes
-    ----------
-    requests : queue of (str, str)
-        Orders for the node: verb, and what it is about.
+    `model`: as the estimator starts with it; `capacity`: samples that are kept of every stream; `window`: returns the
+    length of data that is assessed [s]. Attributes: `requests`: orders for the node: verb, and what it is about.
     """
 
     def __init__(self, model: Model, capacity: int, window: Callable[[], float]) -> None:
