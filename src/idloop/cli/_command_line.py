@@ -13,19 +13,8 @@ from click.core import ParameterSource
 def command_line(context: click.Context, *, without: Collection[str] = (), with_: Sequence[str] = ()) -> str:
     """Write the verb with the arguments and options that were given, defaults left out.
 
-    Parameters
-    ----------
-    context : click.Context
-        Of the verb.
-    without : collection of str
-        Names of parameters to leave out.
-    with_ : sequence of str
-        Words that come first.
-
-    Returns
-    -------
-    str
-        For a shell.
+    `context`: of the verb; `without`: names of parameters to leave out; `with_`: words that come first. Returns: for a
+    shell.
     """
     words, options = ["idloop", context.info_name or "", *with_], []
     for parameter in context.command.params:

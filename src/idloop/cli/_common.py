@@ -75,10 +75,7 @@ def trust_option(function: Function) -> Function:
 def open_model(source: str) -> Model:
     """Load a model that the command line names.
 
-    Raises
-    ------
-    InputError
-        As `load_model`; effect files beside it that are not trusted, without `--trust-effects`.
+    Raises InputError: as `load_model`; effect files beside it that are not trusted, without `--trust-effects`.
     """
     from idloop.physics import load_model
 
@@ -125,10 +122,7 @@ def model_options(function: Function) -> Function:
 def parse_setting(text: str) -> tuple[str, float]:
     """Split "motor.inertia=0.5" into its name and its value.
 
-    Raises
-    ------
-    InputError
-        When there is no "=" or the value is not a finite number.
+    Raises InputError: when there is no "=" or the value is not a finite number.
     """
     name, equals, value = text.partition("=")
     if not equals or not name.strip():
@@ -166,10 +160,7 @@ def read_fitted_and_unseen(
 ) -> tuple[list[Record], list[Record]]:
     """Read what is fitted, and what is to judge it.
 
-    Raises
-    ------
-    InputError
-        As `read_records`; a bag that is both.
+    Raises InputError: as `read_records`; a bag that is both.
     """
     fitted = {bag.resolve() for bag in bags}
     for bag in unseen:

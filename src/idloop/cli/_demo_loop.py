@@ -251,25 +251,8 @@ def check_loop(
 ) -> tuple[dict[str, Any], list[str]]:
     """Run the loop of each graph from end to end and compare what comes out.
 
-    Parameters
-    ----------
-    graphs : sequence of str
-    folder : Path
-        For all results.
-    seconds : float
-        Signal of each graph [s].
-    seed : int
-    domain : int or None
-        ROS domain.
-    quiet : bool
-        Print nothing.
-
-    Returns
-    -------
-    document : dict
-        What was found, for JSON.
-    failures : list of str
-        What did not come out as it must, one line each.
+    `folder`: for all results; `seconds`: signal of each graph [s]; `domain`: ROS domain; `quiet`: print nothing.
+    Returns `document`: what was found, for JSON; `failures`: what did not come out as it must, one line each.
     """
     runs = []
     for graph in graphs or GRAPHS:

@@ -24,26 +24,15 @@ MEASURED = ("amplitude", "bandwidth")  # what it may go over in the bags themsel
 
 @dataclass(frozen=True)
 class Sweep:
-    """One setting and the values that it takes.
+    """One setting and the values that it takes."""
 
-    Attributes
-    ----------
-    name : str
-        One of `SWEPT` or `MEASURED`.
-    values : tuple of float
-        Whole numbers but for the sample time; none of what each bag has of itself.
-    """
-
-    name: str
-    values: tuple[float, ...] = ()
+    name: str  # one of `SWEPT` or `MEASURED`
+    values: tuple[float, ...] = ()  # whole numbers but for the sample time; none of what each bag has of itself
 
     def unit(self, command: str) -> str | None:
         """Unit of the values; None of a number of states.
 
-        Parameters
-        ----------
-        command : str
-            Unit of the command.
+        `command`: unit of the command.
         """
         return {"amplitude": command, "bandwidth": "Hz", **SWEPT}[self.name]
 
@@ -68,10 +57,7 @@ class NumbersArgument(click.ParamType[Any]):
 def parse_values(text: str, option: str, *, whole: bool, least: float) -> tuple[float, ...]:
     """Numbers of "4", "1:8", "0.01:0.05:0.01" or "1,2,4".
 
-    Raises
-    ------
-    InputError
-        No numbers, too many, or numbers below `least`.
+    Raises InputError: no numbers, too many, or numbers below `least`.
     """
     kind: type[int | float] = int if whole else float
     example = "3, 1:8 or 1,2,4" if whole else "0.01,0.02 or 0.01:0.05:0.01"
@@ -105,10 +91,7 @@ def _spread(limits: list[float], *, whole: bool) -> list[float]:
 def parse_sweep(text: str) -> Sweep:
     """Setting and values of "order=1:10"; of "amplitude" the setting alone.
 
-    Raises
-    ------
-    InputError
-        Another setting, or no values where there must be some.
+    Raises InputError: another setting, or no values where there must be some.
     """
     name, equals, values = text.partition("=")
     name = name.strip().replace("_", "-")
@@ -133,10 +116,7 @@ def parse_sweep(text: str) -> Sweep:
 def parse_structure(text: str | None) -> dict[str, int]:
     """Degrees of "na=2,nb=1".
 
-    Raises
-    ------
-    InputError
-        Another name than of a polynomial, or no whole number.
+    Raises InputError: another name than of a polynomial, or no whole number.
     """
     degrees: dict[str, int] = {}
     for part in (text or "").split(",") if text else ():
@@ -151,12 +131,7 @@ def parse_structure(text: str | None) -> dict[str, int]:
 
 
 def check_structure(degrees: Mapping[str, int], methods: Sequence[Method]) -> None:
-    """Refuse degrees of polynomials that none of the methods has.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse degrees of polynomials that none of the methods has."""
     with_some = [method for method in methods if method.polynomials]
     for name in degrees if with_some else ():
         if not any(name in method.polynomials for method in with_some):
@@ -165,12 +140,7 @@ def check_structure(degrees: Mapping[str, int], methods: Sequence[Method]) -> No
 
 
 def check_save(path: Path, kinds: Sequence[str], *, swept: bool) -> None:
-    """Refuse a result that is no model, or a format that it does not have, before the work is done.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a result that is no model, or a format that it does not have, before the work is done."""
     from idloop.estimation import linear, networks
 
     if swept or len(kinds) != 1:

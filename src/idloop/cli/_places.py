@@ -24,13 +24,8 @@ _TAKEN = "idloop.places"  # of this command line, in click's notes
 class OutputFile(click.ParamType[Path]):
     """A file that the verb will write.
 
-    Parameters
-    ----------
-    suffixes : sequence of str
-        What it may end in; anything when empty.
-    replaces : bool
-        A file that is there is written anew without being asked: figures and pages, which the verb makes again.
-        Else it takes `--force`.
+    `suffixes`: what it may end in; anything when empty. `replaces`: a file that is there is written anew without being
+    asked: figures and pages, which the verb makes again. Else it takes `--force`.
     """
 
     name = "FILE"
@@ -57,12 +52,7 @@ class OutputFile(click.ParamType[Path]):
 class OutputFolder(click.ParamType[Path]):
     """A folder that the verb will write into, made where it is not there.
 
-    Parameters
-    ----------
-    new : bool
-        One that is there is refused.
-    parents : bool
-        Folders above it are made as well.
+    `new`: one that is there is refused; `parents`: folders above it are made as well.
     """
 
     name = "DIR"

@@ -36,24 +36,12 @@ def quiet_option(function: Function) -> Function:
 
 @dataclass
 class Work:
-    """What is being done, since when, and how far it is.
+    """What is being done, since when, and how far it is."""
 
-    Attributes
-    ----------
-    text : str
-        What it is, as a whole.
-    clock : callable
-        Seconds since any instant.
-    share : float
-        Part done, from 0 to 1.
-    note : str
-        What is being done now.
-    """
-
-    text: str
-    clock: Callable[[], float] = time.monotonic
-    share: float = 0.0
-    note: str = ""
+    text: str  # what it is, as a whole
+    clock: Callable[[], float] = time.monotonic  # seconds since any instant
+    share: float = 0.0  # part done, from 0 to 1
+    note: str = ""  # what is being done now
     started: float = field(init=False)
 
     def __post_init__(self) -> None:
@@ -88,17 +76,8 @@ class Work:
 def progress(text: str, *, writes: bool = False) -> Iterator[Callable[..., None]]:
     """Say on stderr how far the block is while it runs.
 
-    Parameters
-    ----------
-    text : str
-        What it does.
-    writes : bool
-        It leaves files behind as it goes; else Ctrl-C says that nothing is kept.
-
-    Yields
-    ------
-    callable
-        `update(fraction, note="")` with the part done, from 0 to 1.
+    `text`: what it does. `writes`: it leaves files behind as it goes; else Ctrl-C says that nothing is kept. Yields:
+    `update(fraction, note="")` with the part done, from 0 to 1.
     """
     context = click.get_current_context(silent=True)
     quiet = context is not None and context.meta.get(_QUIET, False)

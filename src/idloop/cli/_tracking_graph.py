@@ -36,25 +36,9 @@ def run_loops(
 ) -> Loops:
     """Run the graph twice.
 
-    Parameters
-    ----------
-    machine : Model or Path
-        From `idloop.api.tracking_runs.machine_of`.
-    compensation : Compensation
-    section : mapping
-        Of the controller, which the compensating model names.
-    reference : Reference
-    bags : Path or None
-        New folder for the recordings; None: they are not kept.
-    domain : int or None
-        ROS domain of these graphs alone.
-    seed, noise : int, bool
-        Of the sensors.
-
-    Raises
-    ------
-    InputError
-        The reference is no signal that the excitation node can play.
+    `machine`: from `idloop.api.tracking_runs.machine_of`. `section`: of the controller, which the compensating model
+    names. `bags`: new folder for the recordings; None: they are not kept. `domain`: ROS domain of these graphs alone.
+    `seed`, `noise`: of the sensors. Raises InputError: the reference is no signal that the excitation node can play.
     """
     from idloop.graph.tracking import TrackingExperiment, track_on_graph
 

@@ -119,15 +119,8 @@ def _save_traceback() -> str:
 def run(arguments: Sequence[str]) -> int:
     """Run one command line and return its exit code; every failure is one line on stderr.
 
-    Parameters
-    ----------
-    arguments : sequence of str
-        The command line without the program's name.
-
-    Returns
-    -------
-    int
-        0 done, 1 could not, 2 wrong use or bad input, 130 after Ctrl-C, 141 when the reader of stdout has gone.
+    `arguments`: the command line without the program's name. Returns: 0 done, 1 could not, 2 wrong use or bad input,
+    130 after Ctrl-C, 141 when the reader of stdout has gone.
     """
     # The group itself takes no option with a value, so the first word is the verb.
     verb = next((word for word in arguments if not word.startswith("-")), "")

@@ -66,36 +66,20 @@ class Compensation:
 
 @dataclass(frozen=True)
 class Cancelled:
-    """An effect that is cancelled.
-
-    Attributes
-    ----------
-    active : ActiveEffect
-    how : str
-        A key of `WORDS`.
-    values : dict
-        Its parameters by their own names.
-    """
+    """An effect that is cancelled."""
 
     active: ActiveEffect
-    how: str
-    values: Mapping[str, float]
+    how: str  # a key of `WORDS`
+    values: Mapping[str, float]  # its parameters by their own names
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Every effect of a model: cancelled or not.
+    """Every effect of a model: cancelled or not."""
 
-    Attributes
-    ----------
-    cancelled : tuple of Cancelled
-        In the order of the inverse: the effect that acts last on the command comes first.
-    left : dict of str to str
-        Reason by name of each other effect, in one line.
-    """
-
+    # In the order of the inverse: the effect that acts last on the command comes first
     cancelled: tuple[Cancelled, ...]
-    left: Mapping[str, str]
+    left: Mapping[str, str]  # reason by name of each other effect, in one line
 
     def of(self, *how: str) -> list[Cancelled]:
         """Effects that are cancelled in one of these ways."""
@@ -105,17 +89,8 @@ class Plan:
 def plan_compensation(compensation: Compensation, values: Mapping[str, Any]) -> Plan:
     """Decide effect by effect.
 
-    Parameters
-    ----------
-    compensation : Compensation
-    values : mapping
-        Controller, from ``check_controller``.
-
-    Raises
-    ------
-    InputError
-        A requested effect is not in the model or cannot be cancelled; the controller reads a signal that is no output
-        of the model; or the drive gain is 0.
+    `values`: controller, from ``check_controller``. Raises InputError: a requested effect is not in the model or cannot
+    be cancelled; the controller reads a signal that is no output of the model; or the drive gain is 0.
     """
     model = compensation.model
     if model.values["drive.gain"] == 0.0:
@@ -141,16 +116,8 @@ def plan_compensation(compensation: Compensation, values: Mapping[str, Any]) -> 
 def followed_output(model: Model, values: Mapping[str, Any]) -> OutputSignal | None:
     """Controlled output; None without feedback.
 
-    Parameters
-    ----------
-    model : Model
-    values : mapping
-        From ``check_controller``.
-
-    Raises
-    ------
-    InputError
-        The controller reads a signal that is no output of the model.
+    `values`: from ``check_controller``. Raises InputError: the controller reads a signal that is no output of the
+    model.
     """
     known = {output.name: output for output in model.outputs}
     for name in controller_inputs(values):

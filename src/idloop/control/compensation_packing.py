@@ -25,21 +25,9 @@ from idloop.physics.model import Model
 def add_compensation(kernel: Kernel, model: Model, plan: Plan, settings: Settings, values: Mapping[str, Any]) -> Kernel:
     """Add a compensator between the law and the limit of a controller.
 
-    Parameters
-    ----------
-    kernel : Kernel
-        The controller alone.
-    model : Model
-        The fitted model of the machine.
-    plan : Plan
-    settings : Settings
-    values : mapping
-        Controller, from ``check_controller``.
-
-    Returns
-    -------
-    Kernel
-        Valid in this process only, since it contains addresses of machine code. Unchanged when nothing is cancelled.
+    `kernel`: the controller alone; `model`: the fitted model of the machine; `values`: controller, from
+    ``check_controller``. Returns: valid in this process only, since it contains addresses of machine code. Unchanged
+    when nothing is cancelled.
     """
     if not plan.cancelled:
         return kernel

@@ -32,41 +32,19 @@ PERIODS_TO_CROSS, PUSH_SHARE = 20.0, 0.5
 
 @dataclass(frozen=True)
 class Settings:
-    """Every number of a compensator.
+    """Every number of a compensator."""
 
-    Attributes
-    ----------
-    limit : float
-        Largest command that it adds, in its unit; infinite without a limit.
-    velocity_width : float
-        Speed below which dry friction is cancelled in part, in the unit of the bodies.
-    command_width : float
-        Size of a command below which the step of an inverse is applied in part, in its unit.
-    crossing_time : float
-        Time in which a gap is crossed [s]; 0 where there is none, as for the widths.
-    """
-
-    limit: float
-    velocity_width: float
-    command_width: float
-    crossing_time: float
+    limit: float  # largest command that it adds, in its unit; infinite without a limit
+    velocity_width: float  # speed below which dry friction is cancelled in part, in the unit of the bodies
+    command_width: float  # size of a command below which the step of an inverse is applied in part, in its unit
+    crossing_time: float  # time in which a gap is crossed [s]; 0 where there is none, as for the widths
 
 
 def choose_settings(compensation: Compensation, plan: Plan, values: Mapping[str, Any]) -> Settings:
     """Fill in the settings that a compensation leaves open.
 
-    Parameters
-    ----------
-    compensation : Compensation
-    plan : Plan
-        Of it.
-    values : mapping
-        Controller, from ``check_controller``.
-
-    Raises
-    ------
-    InputError
-        The limit is larger than the controller's.
+    `plan`: of it; `values`: controller, from ``check_controller``. Raises InputError: the limit is larger than the
+    controller's.
     """
     model = compensation.model
     most = math.inf if values["limit"] is None else float(values["limit"])
@@ -99,12 +77,7 @@ def _jump_width(plan: Plan, model: Model, values: Mapping[str, Any]) -> float:
 def command_noise(model: Model, values: Mapping[str, Any]) -> float:
     """Standard deviation of the command from sensor noise alone, in the command's unit.
 
-    Parameters
-    ----------
-    model : Model
-        Whose outputs state their noise.
-    values : mapping
-        Controller, from ``check_controller``.
+    `model`: whose outputs state their noise; `values`: controller, from ``check_controller``.
     """
     # Imported here because it compiles, which is only needed for an inverse with a step.
     from idloop.control.packing import pack
@@ -141,11 +114,7 @@ def lost_way(plan: Plan, model: Model) -> tuple[float, tuple[str, ...]]:
 def friction_sum(plan: Plan, arriving: float) -> float:
     """Breakaway level of all dry friction that is cancelled, in the unit of the drive's force.
 
-    Parameters
-    ----------
-    plan : Plan
-    arriving : float
-        Transmitted torque, for friction that depends on it.
+    `arriving`: transmitted torque, for friction that depends on it.
     """
     total = 0.0
     for one in plan.of(FORCE):

@@ -15,20 +15,8 @@ from idloop.physics.schema import read_mapping
 def load_controller(source: str | Path) -> dict[str, Any]:
     """Read the ``controller:`` section of a preset, of a model file, or of a file that holds nothing else.
 
-    Parameters
-    ----------
-    source : str or Path
-        Name of a preset, or a YAML file: a model file, ``controller: {type: ...}``, or ``{type: ...}`` by itself.
-
-    Returns
-    -------
-    dict
-        The section as it is written, checked.
-
-    Raises
-    ------
-    InputError
-        One line that names file, key and cure.
+    `source`: name of a preset, or a YAML file: a model file, ``controller: {type: ...}``, or ``{type: ...}`` by itself.
+    Returns: the section as it is written, checked. Raises InputError: one line that names file, key and cure.
     """
     path = Path(source)
     if str(source) in preset_names() or not path.exists():

@@ -25,24 +25,10 @@ def linear_feedback(
     Without limits the compiled step is affine in its state and its measurements, so that one step from each unit
     vector gives its matrices exactly.
 
-    Parameters
-    ----------
-    spec : mapping or None
-        ``controller:`` section of a model file.
-    sample_time : float, optional
-        Sample time [s] of the law; that of the controller by default.
-    where : str
-        Place named at the start of an error line.
-
-    Returns
-    -------
-    dict of str to control.StateSpace
-        By measured output, such as ``motor.position``; discrete, one input and one output each.
-
-    Raises
-    ------
-    InputError
-        No controller, or one without feedback.
+    `spec`: ``controller:`` section of a model file. `sample_time`: sample time [s] of the law; that of the controller
+    by default. `where`: place named at the start of an error line. Returns: by measured output, such as
+    ``motor.position``; discrete, one input and one output each. Raises InputError: no controller, or one without
+    feedback.
     """
     import control
 

@@ -20,29 +20,10 @@ def linear_quadratic_gains(
 ) -> NDArray[np.float64]:
     """Gains K of law = -K x that minimise the sum of x' diag(q) x + r law².
 
-    Parameters
-    ----------
-    a : array_like, shape (n, n)
-        State matrix of the continuous model.
-    b : sequence of n floats
-        Input matrix of the continuous model.
-    q : sequence of n floats
-        State weights.
-    r : float
-        Command weight.
-    sample_time : float or None
-        Seconds: design for the model sampled with the command held; None: continuous design.
-    where : str
-        Place named at the start of the error line.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-
-    Raises
-    ------
-    InputError
-        No stabilising solution exists.
+    `a` (n, n): state matrix of the continuous model. `b`: input matrix of the continuous model. `q`: state weights.
+    `r`: command weight. `sample_time`: seconds: design for the model sampled with the command held; None: continuous
+    design. `where`: place named at the start of the error line. Returns shape (n,). Raises InputError: no stabilising
+    solution exists.
     """
     from scipy.signal import cont2discrete
 

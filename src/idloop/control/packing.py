@@ -51,12 +51,7 @@ class Kernel:
 def pack(values: Mapping[str, Any], where: str = "controller") -> Kernel:
     """Fill the arrays of `controller_step`.
 
-    Parameters
-    ----------
-    values : mapping
-        Result of ``check_controller``.
-    where : str
-        Place named at the start of an error line.
+    `values`: result of ``check_controller``; `where`: place named at the start of an error line.
     """
     kind, tail, states = _TAILS[values["type"]](values, where)
     limit = values["limit"]

@@ -464,24 +464,11 @@ def controller_step(
 ) -> float:
     """One step of any controller.
 
-    Parameters
-    ----------
-    kind : int
-        ``NONE``, ``PID``, ``LEAD``, ``CASCADE`` or ``STATE_FEEDBACK``.
-    parameters, state : ndarray of float64
-        From ``controller.kernel``; the state is changed in place.
-    reference_position, reference_velocity : float
-        What to follow.
-    y : ndarray of float64, shape (inputs,)
-        Measurements of the controller's inputs, in its order.
-    feedforward : float
-        Added to the law, before linearisation and limit.
-
-    Returns
-    -------
-    float
-        The command. After a value that is not finite it is 0, with the reason in ``state[FAULT]``, until the state is
-        reset.
+    `kind`: ``NONE``, ``PID``, ``LEAD``, ``CASCADE`` or ``STATE_FEEDBACK``. `parameters`, `state`: from
+    ``controller.kernel``; the state is changed in place. `reference_position`, `reference_velocity`: what to follow.
+    `y` (inputs,): measurements of the controller's inputs, in its order. `feedforward`: added to the law, before
+    linearisation and limit. Returns: the command. After a value that is not finite it is 0, with the reason in
+    ``state[FAULT]``, until the state is reset.
     """
     if state[FAULT] != NO_FAULT:
         return 0.0

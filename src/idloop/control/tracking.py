@@ -21,26 +21,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Tracking:
-    """One run of a closed loop, a row for each sample.
+    """One run of a closed loop, a row for each sample."""
 
-    Attributes
-    ----------
-    time : ndarray (n,)
-        Time since the first sample [s].
-    output : ndarray (n, p)
-        Measurements.
-    wanted : ndarray (n, p)
-        Outputs with every body at the reference; NaN for outputs of another kind.
-    command : ndarray (n,)
-        Command after each measurement.
-    names, units : tuple of str
-        Of the outputs.
-    """
-
-    time: Array
-    output: Array
-    wanted: Array
-    command: Array
+    time: Array  # time since the first sample [s]
+    output: Array  # measurements
+    wanted: Array  # outputs with every body at the reference; NaN for outputs of another kind
+    command: Array  # command after each measurement
+    # Of the outputs
     names: tuple[str, ...]
     units: tuple[str, ...]
 
@@ -57,11 +44,7 @@ class Tracking:
     def error_of(self, name: str, settle: float = 0.0) -> TrackingError:
         """Sizes of the error of an output.
 
-        Parameters
-        ----------
-        name : str
-        settle : float
-            Time at the beginning to leave out [s].
+        `settle`: time at the beginning to leave out [s].
         """
         late = self.time >= self.time[0] + settle
         error = self.error[late, self.names.index(name)]
@@ -80,18 +63,8 @@ class TrackingError:
 def wanted_outputs(model: Model, values: Mapping[str, Any], reference: Array) -> Array:
     """Outputs of a machine whose bodies all follow the reference.
 
-    Parameters
-    ----------
-    model : Model
-    values : mapping
-        Controller, from ``check_controller``.
-    reference : ndarray (n, 2)
-        Position and velocity, in the controller's unit.
-
-    Returns
-    -------
-    ndarray (n, p)
-        NaN for outputs of another kind than the controlled one.
+    `values`: controller, from ``check_controller``; `reference`: position and velocity, in the controller's unit.
+    Returns: NaN for outputs of another kind than the controlled one.
     """
     wanted = np.full((len(reference), len(model.outputs)), np.nan)
     followed = followed_output(model, values)

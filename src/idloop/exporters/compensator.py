@@ -43,10 +43,7 @@ def export(model: Model) -> Exported:
 def export_compensation(compensation: Compensation) -> Exported:
     """Write a compensation whose model has a controller.
 
-    Raises
-    ------
-    InputError
-        An effect cannot be cancelled.
+    Raises InputError: an effect cannot be cancelled.
     """
     model = compensation.model
     values = check_controller(model.controller)

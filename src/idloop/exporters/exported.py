@@ -55,13 +55,8 @@ def effects_left_out(
 ) -> tuple[str, ...]:
     """Lines for the effects that a format cannot represent.
 
-    Parameters
-    ----------
-    model : Model
-    carried : collection of str
-        Names of the effects that it represents, such as ``coulomb_friction@motor``.
-    partly : mapping, optional
-        Loss by name of effects that it represents in part.
+    `carried`: names of the effects that it represents, such as ``coulomb_friction@motor``; `partly`: loss by name of
+    effects that it represents in part.
     """
     lines = []
     for active in model.effects:
@@ -108,11 +103,7 @@ def comment_lines(model: Model, what: str, notes: Collection[str], left_out: Col
 def xml_text(root: ET.Element, comments: Sequence[str]) -> str:
     """Return an indented XML document whose first lines inside the root are comments.
 
-    Parameters
-    ----------
-    root : Element
-    comments : sequence of str
-        One comment each; two hyphens in a row, which XML forbids there, are set apart.
+    `comments`: one comment each; two hyphens in a row, which XML forbids there, are set apart.
     """
     for place, line in enumerate(comments):
         safe = line

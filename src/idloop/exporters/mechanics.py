@@ -18,58 +18,33 @@ DRY = "coulomb_friction"
 
 @dataclass
 class Body:
-    """A body of the chain, in SI units of its joint.
-
-    Attributes
-    ----------
-    name : str
-    inertia, viscous, dry : float
-        Inertia, viscous coefficient and level of dry friction against the ground.
-    stiffness, rest : float
-        Spring to the ground and where it is relaxed.
-    load : float
-        Constant force.
-    """
+    """A body of the chain, in SI units of its joint."""
 
     name: str
+    # Inertia, viscous coefficient and level of dry friction against the ground
     inertia: float
     viscous: float
     dry: float = 0.0
+    # Spring to the ground and where it is relaxed
     stiffness: float = 0.0
     rest: float = 0.0
-    load: float = 0.0
+    load: float = 0.0  # constant force
 
 
 @dataclass
 class Mechanics:
-    """Rigid-body part of a model.
+    """Rigid-body part of a model."""
 
-    Attributes
-    ----------
-    bodies : list of Body
-        Along the chain, after compliance has split some.
-    body_of : dict
-        Place in the chain of each body of the model.
-    coupling_of : dict
-        Place among the couplings of each coupling of the model, those inside split bodies included.
-    stiffness, damping : list of float
-        Of the couplings.
-    gain : float
-        Force on the first body per unit of command.
-    whole : set of str
-        Effects that are represented completely.
-    partly : dict
-        Loss by name of effects that are represented in part.
-    """
-
-    bodies: list[Body]
-    body_of: dict[str, int]
+    bodies: list[Body]  # along the chain, after compliance has split some
+    body_of: dict[str, int]  # place in the chain of each body of the model
+    # Place among the couplings of each coupling of the model, those inside split bodies included
     coupling_of: dict[str, int]
+    # Of the couplings
     stiffness: list[float]
     damping: list[float]
-    gain: float
-    whole: set[str]
-    partly: dict[str, str]
+    gain: float  # force on the first body per unit of command
+    whole: set[str]  # effects that are represented completely
+    partly: dict[str, str]  # loss by name of effects that are represented in part
 
 
 def body_names(model: Model, layout: Layout) -> list[str]:
@@ -85,16 +60,8 @@ def body_names(model: Model, layout: Layout) -> list[str]:
 def mechanics(model: Model, form: str) -> Mechanics:
     """Rigid-body part of a model.
 
-    Parameters
-    ----------
-    model : Model
-    form : str
-        Name of the format, for the error line.
-
-    Raises
-    ------
-    InputError
-        The positions are not those of a joint (an electrical analogue).
+    `form`: name of the format, for the error line. Raises InputError: the positions are not those of a joint (an
+    electrical analogue).
     """
     if model.units.position not in ("rad", "m"):
         raise InputError(

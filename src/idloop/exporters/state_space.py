@@ -29,10 +29,7 @@ SCHEMA = "idloop/state-space/1"
 def state_space(model: Model) -> control.StateSpace:
     """Linear part of a model as a continuous-time system of python-control.
 
-    Returns
-    -------
-    control.StateSpace
-        From the command to the outputs; states are positions, then velocities, of all bodies.
+    Returns: from the command to the outputs; states are positions, then velocities, of all bodies.
     """
     return from_document(to_document(model))
 
@@ -40,15 +37,7 @@ def state_space(model: Model) -> control.StateSpace:
 def from_document(document: Mapping[str, Any]) -> control.StateSpace:
     """System of a file that `export` wrote.
 
-    Parameters
-    ----------
-    document : mapping
-        The parsed JSON.
-
-    Raises
-    ------
-    InputError
-        Another kind of document, or matrices of inconsistent shapes.
+    `document`: the parsed JSON. Raises InputError: another kind of document, or matrices of inconsistent shapes.
     """
     import control
 

@@ -22,10 +22,7 @@ def node_command(node: NodeEntry, parameter_file: Path) -> list[str]:
 
     Our own nodes run with this interpreter; those of other packages with the script that ROS installed.
 
-    Raises
-    ------
-    IdloopError
-        The executable is not installed.
+    Raises IdloopError: the executable is not installed.
     """
     command = _executable(node)
     command += [*node.arguments, "--ros-args"]

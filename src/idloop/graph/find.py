@@ -18,10 +18,7 @@ _NAME = re.compile(r"[A-Za-z0-9_\-]{1,200}")
 def package_share(package: str) -> Path:
     """Return the share folder of a ROS package.
 
-    Raises
-    ------
-    InputError
-        It is neither in the sourced ROS environment nor in this checkout.
+    Raises InputError: it is neither in the sourced ROS environment nor in this checkout.
     """
     if not _NAME.fullmatch(package):
         raise InputError(f"no ROS package {listed([package])}: not a valid name")

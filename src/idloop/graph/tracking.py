@@ -26,27 +26,13 @@ _COMMON = frozenset({"amplitude", "offset", "seed", "ramp_in"})
 
 @dataclass(frozen=True)
 class TrackingExperiment:
-    """A tracking experiment on the graph.
+    """A tracking experiment on the graph."""
 
-    Attributes
-    ----------
-    model : Model
-        Model with the input, outputs and controller of the nodes.
-    machine : Model or Path
-        The simulated machine, or an MJCF file that MuJoCo simulates.
-    signal : mapping
-        The reference: ``name``, ``duration`` [s] and the signal's own parameters.
-    seed : int
-        Of the measurement noise.
-    noise : bool
-        Whether to add measurement noise.
-    """
-
-    model: Model
-    machine: Model | Path
-    signal: Mapping[str, Any]
-    seed: int = 0
-    noise: bool = True
+    model: Model  # model with the input, outputs and controller of the nodes
+    machine: Model | Path  # the simulated machine, or an MJCF file that MuJoCo simulates
+    signal: Mapping[str, Any]  # the reference: ``name``, ``duration`` [s] and the signal's own parameters
+    seed: int = 0  # of the measurement noise
+    noise: bool = True  # whether to add measurement noise
 
 
 def track_on_graph(
@@ -60,27 +46,9 @@ def track_on_graph(
 ) -> Tracking:
     """Run excitation, controller, machine and recorder to the end of the signal.
 
-    Parameters
-    ----------
-    experiment : TrackingExperiment
-    compensation : Compensation, optional
-        Compensation of the controller node; None: none.
-    bag : Path
-        Recording to make.
-    scratch : Path
-        Folder for the input files of the nodes.
-    say, domain_id : optional
-        As in `run_graph`.
-
-    Returns
-    -------
-    Tracking
-        The measured run.
-
-    Raises
-    ------
-    IdloopError
-        A node failed, or the run was stopped before its end.
+    `compensation`: compensation of the controller node; None: none. `bag`: recording to make. `scratch`: folder for the
+    input files of the nodes. `say`, `domain_id`: as in `run_graph`. Returns: the measured run. Raises IdloopError: a
+    node failed, or the run was stopped before its end.
     """
     values = launch_values(experiment, compensation, bag, scratch)
     if not run_graph(load_graph(GRAPH, values), say=say, domain_id=domain_id):
@@ -166,19 +134,8 @@ def _plain(value: Any) -> Any:
 def read_tracking(bag: Path, model: Model) -> Tracking:
     """Tracking of a recorded run.
 
-    Parameters
-    ----------
-    bag : Path
-        One run with a recorded reference.
-    model : Model
-        Model with the controller of the run.
-
-    Raises
-    ------
-    InputError
-        The bag cannot be read.
-    IdloopError
-        It has no reference.
+    `bag`: one run with a recorded reference; `model`: model with the controller of the run. Raises InputError: the bag
+    cannot be read; IdloopError: it has no reference.
     """
     from idloop.control import check_controller
     from idloop.control.tracking import Tracking, wanted_outputs

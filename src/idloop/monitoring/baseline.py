@@ -42,36 +42,19 @@ _STEP = 0.1
 
 @dataclass(frozen=True)
 class ReferenceStatistics:
-    """Statistics of one watch on the healthy reference.
-
-    Attributes
-    ----------
-    watch : Watch
-    offset, offset_stderr : float
-        Change against the model that the reference itself shows [unit].
-    sensitivity : float
-        Share of a change that the scores show: 1 with a known state, less where noise of the estimated state
-        enlarges the slopes.
-    variance_ratio : float
-        Long-run variance of the scores over that with white innovations.
-    information : float
-        Mean information of an informative block [1/unit²].
-    evidence : Evidence or None
-        None where the reference is not informative enough.
-    threshold : float
-        Alarm threshold of the CUSUM; infinite where no alarm is possible.
-    why : str
-        Reason why no alarm is possible; empty where one is.
-    """
+    """Statistics of one watch on the healthy reference."""
 
     watch: Watch
+    # Change against the model that the reference itself shows [unit]
     offset: float
     offset_stderr: float
-    variance_ratio: float
-    information: float
-    evidence: Evidence | None
-    threshold: float
-    why: str = ""
+    variance_ratio: float  # long-run variance of the scores over that with white innovations
+    information: float  # mean information of an informative block [1/unit²]
+    evidence: Evidence | None  # None where the reference is not informative enough
+    threshold: float  # alarm threshold of the CUSUM; infinite where no alarm is possible
+    why: str = ""  # reason why no alarm is possible; empty where one is
+    # Share of a change that the scores show: 1 with a known state, less where noise of the estimated state enlarges the
+    # slopes
     sensitivity: float = 1.0
 
     def ratio(self, score: EfficientScore) -> Array:
@@ -372,14 +355,8 @@ def _with_threshold(normal: ReferenceStatistics, hours: float, block: float) -> 
 def evidence_of(information: Array, unit: float, least: float) -> Evidence:
     """Evidence of blocks.
 
-    Parameters
-    ----------
-    information : array, shape (b,)
-        [1/unit²].
-    unit : float
-        Half the squared growth over the variance ratio: turns information into a mean log-likelihood ratio.
-    least : float
-        Least information of an informative block [1/unit²].
+    `information` (b,): [1/unit²]; `unit`: half the squared growth over the variance ratio: turns information into a
+    mean log-likelihood ratio; `least`: least information of an informative block [1/unit²].
     """
     informative = np.where(information > least, information, 0.0)
     total, squares = float(np.sum(informative)), float(np.sum(informative**2))

@@ -30,21 +30,13 @@ _FULL = 0.8
 
 @dataclass(frozen=True)
 class Scores:
-    """Scores of blocks in the order of time.
+    """Scores of blocks in the order of time."""
 
-    Attributes
-    ----------
-    index : array of int, shape (b,)
-        Number of each block on the grid of the record's clock, from ``index * length`` to ``(index + 1) * length`` [s].
-    gradient : array, shape (b, k)
-        Score of each parameter [1/unit].
-    information : array, shape (b, k, k)
-        Information [1/unit²].
-    """
-
+    # shape (b,): number of each block on the grid of the record's clock, from ``index * length`` to ``(index + 1) *
+    # length`` [s]
     index: NDArray[np.int64]
-    gradient: Array
-    information: Array
+    gradient: Array  # shape (b, k): score of each parameter [1/unit]
+    information: Array  # shape (b, k, k): information [1/unit²]
 
     def __len__(self) -> int:
         """Number of blocks."""
@@ -53,14 +45,9 @@ class Scores:
 
 @dataclass(frozen=True)
 class EfficientScore:
-    """Score of one parameter per block, independent of changes of the others.
+    """Score of one parameter per block, independent of changes of the others."""
 
-    Attributes
-    ----------
-    gradient, information : array, shape (b,)
-        Score [1/unit] and information [1/unit²].
-    """
-
+    # shape (b,): score [1/unit] and information [1/unit²]
     gradient: Array
     information: Array
 
@@ -76,23 +63,9 @@ def block_scores(
 ) -> Scores:
     """Score and information of every whole block of a record.
 
-    Parameters
-    ----------
-    engine : Engine
-        Its k free parameters are those that are watched or may vary.
-    observer : ReferenceObserver
-    theta, steps : array, shape (k,)
-        Values, and the steps of the difference quotients.
-    data : Data
-    length : float
-        Length of a block [s].
-    origin : float
-        Origin of the grid on the record's clock [s].
-
-    Returns
-    -------
-    Scores
-        Of the blocks that are measured completely, after the observer has settled.
+    `engine`: its k free parameters are those that are watched or may vary; `theta`, `steps` (k,): values, and the steps
+    of the difference quotients; `length`: length of a block [s]; `origin`: origin of the grid on the record's clock
+    [s]. Returns: of the blocks that are measured completely, after the observer has settled.
     """
     initial = InitialStates(engine, [data])
 
@@ -148,10 +121,7 @@ def block_scores(
 def join(parts: Sequence[Scores]) -> Scores:
     """Scores of overlapping stretches, each block once.
 
-    Parameters
-    ----------
-    parts : sequence of Scores
-        In the order of time, at least one.
+    `parts`: in the order of time, at least one.
     """
     index = np.concatenate([part.index for part in parts])
     # A block in two stretches is taken from the first, whose observer has settled for longer.
@@ -166,13 +136,8 @@ def efficient_score(scores: Scores, parameter: int, sizes: Array) -> EfficientSc
 
     See Basseville and Nikiforov, 1993, ch. 7.2.6. The others may change in each block.
 
-    Parameters
-    ----------
-    scores : Scores
-    parameter : int
-        Its index among the k.
-    sizes : array, shape (k,)
-        Typical changes; changes of the others are assumed to be below about ten times these.
+    `parameter`: its index among the k. `sizes` (k,): typical changes; changes of the others are assumed to be below
+    about ten times these.
     """
     others = [i for i in range(scores.gradient.shape[1]) if i != parameter]
     own = scores.information[:, parameter, parameter]

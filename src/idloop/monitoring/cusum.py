@@ -27,50 +27,27 @@ class Growth:
 
 @dataclass(frozen=True)
 class Alarm:
-    """One alarm.
+    """One alarm."""
 
-    Attributes
-    ----------
-    block : int
-        At the end of which it was raised.
-    onset : int
-        First block after the sum was last 0: the maximum-likelihood estimate of the change time.
-    growth : Growth
-        From the onset to the alarm. Biased upwards by the selection of an alarm; `Cusum.growth` is not.
-    """
-
-    block: int
-    onset: int
+    block: int  # at the end of which it was raised
+    onset: int  # first block after the sum was last 0: the maximum-likelihood estimate of the change time
+    # From the onset to the alarm. Biased upwards by the selection of an alarm; `Cusum.growth` is not.
     growth: Growth
 
 
 @dataclass
 class Cusum:
-    """State of one watch.
+    """State of one watch."""
 
-    Attributes
-    ----------
-    sum : float
-        Sum of log-likelihood ratios since the onset.
-    onset : int or None
-        First block since the sum was last 0; None while it is 0.
-    alarms : list of Alarm
-        In order. After each the sum restarts, so that a lasting growth raises another alarm.
-    blocks, informative : int
-        Blocks processed, and the informative ones among them.
-    information : float
-        Of all blocks [1/unit²].
-    squares : float
-        Sum of the squared information [1/unit⁴].
-    """
-
-    sum: float = 0.0
-    onset: int | None = None
+    sum: float = 0.0  # sum of log-likelihood ratios since the onset
+    onset: int | None = None  # first block since the sum was last 0; None while it is 0
+    # In order. After each the sum restarts, so that a lasting growth raises another alarm.
     alarms: list[Alarm] = field(default_factory=list)
+    # Blocks processed, and the informative ones among them
     blocks: int = 0
     informative: int = 0
-    information: float = 0.0
-    squares: float = 0.0
+    information: float = 0.0  # of all blocks [1/unit²]
+    squares: float = 0.0  # sum of the squared information [1/unit⁴]
     _since: tuple[float, float] = (0.0, 0.0)
     _newest: deque[tuple[float, float]] = field(default_factory=deque)
     _held: tuple[float, float] = (0.0, 0.0)
@@ -80,17 +57,8 @@ class Cusum:
     ) -> list[float]:
         """Process blocks in the order of time.
 
-        Parameters
-        ----------
-        normal : ReferenceStatistics
-            Reference statistics of this watch.
-        index : array of int, shape (b,)
-        score : EfficientScore
-
-        Returns
-        -------
-        list of float, length b
-            Sum after each block, before the restart at an alarm.
+        `normal`: reference statistics of this watch; `index` (b,). Returns: sum after each block, before the restart at
+        an alarm.
         """
         least = LEAST_SHARE * normal.information
         sums = []

@@ -32,45 +32,20 @@ _MOST_RAISE = 12.0  # decades by which the disturbance may be raised for that
 
 @dataclass(frozen=True)
 class ReferenceObserver:
-    """A stationary observer and the noise model of its innovations on the healthy machine.
+    """A stationary observer and the noise model of its innovations on the healthy machine."""
 
-    Attributes
-    ----------
-    gain : array, shape (2 b + 1, p)
-        Observer gain.
-    memory : int
-        Samples that the observer takes to settle.
-    sample_time : float
-        Sample time of the design [s].
-    groups : tuple of tuple of int
-        Outputs measured at the same instants.
-    whiteners : tuple of Whitener
-        One for each group.
-    weights : tuple of array, shape (g, g)
-        Scale the whitened innovations of each group to unit covariance.
-    """
-
-    gain: Array
-    memory: int
-    sample_time: float
-    groups: tuple[tuple[int, ...], ...]
-    whiteners: tuple[Whitener, ...]
-    weights: tuple[Array, ...]
+    gain: Array  # shape (2 b + 1, p): observer gain
+    memory: int  # samples that the observer takes to settle
+    sample_time: float  # sample time of the design [s]
+    groups: tuple[tuple[int, ...], ...]  # outputs measured at the same instants
+    whiteners: tuple[Whitener, ...]  # one for each group
+    weights: tuple[Array, ...]  # shape (g, g): scale the whitened innovations of each group to unit covariance
 
     def whitened(self, innovations: Array, group: int, rows: NDArray[np.bool_]) -> Array:
         """Innovations of one group, white and of unit variance.
 
-        Parameters
-        ----------
-        innovations : array, shape (n, p)
-        group : int
-        rows : array of bool, shape (n,)
-            Rows to use.
-
-        Returns
-        -------
-        array, shape (m − order, g)
-            Of the m rows, without the first ones, whose past is incomplete.
+        `innovations` (n, p); `rows` (n,): rows to use. Returns shape (m − order, g): of the m rows, without the first
+        ones, whose past is incomplete.
         """
         part = np.ascontiguousarray(innovations[rows][:, list(self.groups[group])])
         return np.asarray(self.whiteners[group].apply(part) @ self.weights[group].T)
@@ -89,17 +64,7 @@ def design_reference_observer(engine: Engine | CompiledEngine, data: Sequence[Da
     The disturbance intensity maximises the likelihood, as in a fit by the prediction criterion; it is raised where
     the observer would settle too slowly.
 
-    Parameters
-    ----------
-    engine : Engine
-    data : sequence of Data
-    theta : array, shape (k,)
-        Free parameters.
-
-    Raises
-    ------
-    IdloopError
-        No observer can be designed.
+    `theta` (k,): free parameters. Raises IdloopError: no observer can be designed.
     """
     short = _shortened(list(data))
     noise = output_noise(engine.model, short)

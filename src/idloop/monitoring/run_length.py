@@ -31,22 +31,13 @@ _NODES = 41
 
 @dataclass(frozen=True)
 class Evidence:
-    """Information of a record about one watch.
+    """Information of a record about one watch."""
 
-    Attributes
-    ----------
-    ratio : float
-        Mean log-likelihood ratio by which an informative block lowers the sum of a healthy machine, positive: half the
-        squared growth times the information of the block.
-    informative : float
-        Share of the blocks that are informative, in (0, 1].
-    blocks : float
-        Number of informative blocks.
-    """
-
+    # Mean log-likelihood ratio by which an informative block lowers the sum of a healthy machine, positive: half the
+    # squared growth times the information of the block
     ratio: float
-    informative: float
-    blocks: float
+    informative: float  # share of the blocks that are informative, in (0, 1]
+    blocks: float  # number of informative blocks
 
     @property
     def offset_stderr(self) -> float:
@@ -57,19 +48,8 @@ class Evidence:
 def run_length(threshold: ArrayLike, drift: ArrayLike, variance: ArrayLike) -> Array:
     """Average number of blocks until a CUSUM that starts at 0 crosses the threshold.
 
-    Parameters
-    ----------
-    threshold : array_like
-        Positive.
-    drift : array_like
-        Mean of a block's ratio; negative for a healthy machine.
-    variance : array_like
-        Its variance, positive.
-
-    Returns
-    -------
-    array
-        Of the common shape; infinite where a number would overflow.
+    `threshold`: positive. `drift`: mean of a block's ratio; negative for a healthy machine. `variance`: its variance,
+    positive. Returns: of the common shape; infinite where a number would overflow.
     """
     step = np.sqrt(np.asarray(variance, dtype=float))
     barrier = np.asarray(threshold, dtype=float) / step + _OVERSHOOT
@@ -101,16 +81,8 @@ def false_alarm_rate(threshold: float, evidence: Evidence) -> float:
 def find_threshold(blocks: float, evidence: Evidence) -> float:
     """Threshold with one false alarm in so many blocks, on average over references.
 
-    Parameters
-    ----------
-    blocks : float
-        Blocks of running between two false alarms.
-    evidence : Evidence
-
-    Raises
-    ------
-    IdloopError
-        The reference is too short for any threshold.
+    `blocks`: blocks of running between two false alarms. Raises IdloopError: the reference is too short for any
+    threshold.
     """
     # Below the least threshold a slight error of the model would raise an alarm.
     low, high = _LEAST_THRESHOLD, _most(blocks)
@@ -128,16 +100,7 @@ def find_threshold(blocks: float, evidence: Evidence) -> float:
 def needed_reference(blocks: float, evidence: Evidence) -> float:
     """Factor by which the reference has to be longer for a threshold with a practical detection delay.
 
-    Parameters
-    ----------
-    blocks : float
-        Blocks of running between two false alarms.
-    evidence : Evidence
-
-    Returns
-    -------
-    float
-        1 where it is long enough.
+    `blocks`: blocks of running between two false alarms. Returns: 1 where it is long enough.
     """
     factor = 1.0
     while factor < 1e6:
@@ -156,18 +119,8 @@ def _most(blocks: float) -> float:
 def detection_delay(threshold: float, evidence: Evidence, growth: float = 1.0) -> float:
     """Average number of blocks, uninformative ones included, from a sudden growth to its alarm.
 
-    Parameters
-    ----------
-    threshold : float
-    evidence : Evidence
-        Of the data that are monitored.
-    growth : float
-        In units of the watched growth.
-
-    Returns
-    -------
-    float
-        Infinite for a growth of at most half the watched one, which the test does not detect.
+    `evidence`: of the data that are monitored; `growth`: in units of the watched growth. Returns: infinite for a growth
+    of at most half the watched one, which the test does not detect.
     """
     drift = evidence.ratio * (2.0 * growth - 1.0)
     if drift <= 0.0:

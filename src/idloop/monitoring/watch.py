@@ -110,18 +110,8 @@ def choose_watches(model: Model, texts: Sequence[str]) -> tuple[Watch, ...]:
 def may_vary(model: Model, watches: Sequence[Watch], more: Iterable[str] = ()) -> tuple[str, ...]:
     """Parameters whose change is not wear: viscous friction, which depends on the temperature, and others.
 
-    Parameters
-    ----------
-    model : Model
-    watches : sequence of Watch
-        Their parameters are left out.
-    more : iterable of str
-        Further parameters of the model.
-
-    Raises
-    ------
-    InputError
-        The model has no such parameter.
+    `watches`: their parameters are left out; `more`: further parameters of the model. Raises InputError: the model has
+    no such parameter.
     """
     losses = {name for body in model.bodies for name in model.equivalent_parameters(f"{body}.viscous_friction")}
     viscous = [p.name for p in model.parameters if p.name in losses and p.value > 0.0]

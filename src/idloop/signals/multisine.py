@@ -15,17 +15,9 @@ def harmonics(
 ) -> tuple[IntArray, IntArray, IntArray]:
     """Excited, odd detection and even detection harmonics between two harmonics.
 
-    Parameters
-    ----------
-    grid : str
-        ``full``: every harmonic; ``odd``: odd ones; ``odd_random``: odd ones without one, drawn at
-        random, of each `group` neighbours.
-    lowest, highest : int
-        First and last harmonic of the band.
-    group : int
-        Size of the groups of ``odd_random``.
-    random : numpy.random.Generator
-        Draws the detection lines.
+    `grid`: ``full``: every harmonic; ``odd``: odd ones; ``odd_random``: odd ones without one, drawn at random, of each
+    `group` neighbours. `lowest`, `highest`: first and last harmonic of the band. `group`: size of the groups of
+    ``odd_random``. `random`: draws the detection lines.
     """
     every = np.arange(lowest, highest + 1, dtype=np.int64)
     none = np.empty(0, dtype=np.int64)

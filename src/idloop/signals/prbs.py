@@ -46,19 +46,8 @@ TAPS: dict[int, tuple[int, ...]] = {
 def maximum_length_bits(order: int, count: int, start: int) -> NDArray[np.uint8]:
     """Bits of a linear feedback shift register.
 
-    Parameters
-    ----------
-    order : int
-        Register length, 2 to 31; the bits repeat after ``2**order - 1``.
-    count : int
-        Number of bits.
-    start : int
-        Register content at the start, 1 to ``2**order - 1``.
-
-    Returns
-    -------
-    ndarray of uint8, shape (count,)
-        Zeros and ones.
+    `order`: register length, 2 to 31; the bits repeat after ``2**order - 1``. `count`: number of bits. `start`:
+    register content at the start, 1 to ``2**order - 1``. Returns shape (count,): zeros and ones.
     """
     taps = TAPS[order]
     bits = np.zeros(max(count, order), dtype=np.uint8)

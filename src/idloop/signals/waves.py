@@ -19,14 +19,8 @@ _DUTY = ParameterSpec(
 def cycle_fraction(request: Request, frequency: float, phase: float) -> FloatArray:
     """Position within the cycle, in [0, 1).
 
-    Parameters
-    ----------
-    request : Request
-        The sampling grid.
-    frequency : float
-        Frequency, at most half the sample rate [Hz].
-    phase : float
-        Phase at time zero [rad].
+    `request`: the sampling grid; `frequency`: frequency, at most half the sample rate [Hz]; `phase`: phase at time zero
+    [rad].
     """
     request.check_frequency("frequency", frequency)
     period = whole_period(request, frequency)

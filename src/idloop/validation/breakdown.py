@@ -20,27 +20,18 @@ STANDS_OUT = 0.1
 
 @dataclass(frozen=True)
 class Part:
-    """Neighbouring bins taken together.
+    """Neighbouring bins taken together."""
 
-    Attributes
-    ----------
-    first, last : int
-        Bins; `last` is below `first` where the part includes the end of a turn.
-    error, usual : float
-        Share of the squared error, and reference share: of the time or of the signal power.
-    mean, rms : float
-        Mean (NaN for frequencies) and root mean square of the error in it.
-    text : str
-        One sentence.
-    """
-
+    # Bins; `last` is below `first` where the part includes the end of a turn
     first: int
     last: int
+    # Share of the squared error, and reference share: of the time or of the signal power
     error: float
     usual: float
+    # Mean (NaN for frequencies) and root mean square of the error in it
     mean: float
     rms: float
-    text: str
+    text: str  # one sentence
 
 
 @dataclass(frozen=True)
@@ -225,18 +216,8 @@ def break_down(
 def sums(index: NDArray[np.int64], error: Array, count: int) -> tuple[Array, Array, Array, Array]:
     """Share of error and of samples, mean and rms of the error, by bin.
 
-    Parameters
-    ----------
-    index : array of int, shape (n,)
-        Bin of each sample.
-    error : array, shape (n,)
-        Finite.
-    count : int
-        Number of bins.
-
-    Returns
-    -------
-    error, usual, mean, rms : array, shape (count,)
+    `index` (n,): bin of each sample; `error` (n,): finite; `count`: number of bins. Returns `error`, `usual`, `mean`,
+    `rms` (count,).
     """
     number = np.bincount(index, minlength=count).astype(float)
     # Relative to the largest error, whose square may overflow.

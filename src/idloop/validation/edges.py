@@ -22,17 +22,8 @@ def round_step(span: float, most: int) -> float:
 def round_edges(values: Array, floor: float = 0.0) -> Array:
     """Edges at round numbers over the range of some values.
 
-    Parameters
-    ----------
-    values : array, shape (n,)
-        Finite values.
-    floor : float
-        Absolute values up to this one have a bin of their own, such as standing among velocities.
-
-    Returns
-    -------
-    array, shape (bins + 1,)
-        Increasing; the first and the last enclose the values approximately.
+    `values` (n,): finite values; `floor`: absolute values up to this one have a bin of their own, such as standing
+    among velocities. Returns shape (bins + 1,): increasing; the first and the last enclose the values approximately.
     """
     low, high = float(np.min(values)), float(np.max(values))
     # Extremes share the outermost bins and do not widen the others.
@@ -81,14 +72,7 @@ def decade_edges(low: float, high: float) -> Array:
 def since_edges(since: Array) -> Array:
     """Edges for the time since an event: 0, then 1, 2, 5, 10, ... from where enough samples fall.
 
-    Parameters
-    ----------
-    since : array, shape (n,)
-        Finite, not negative.
-
-    Returns
-    -------
-    array, shape (bins + 1,)
+    `since` (n,): finite, not negative. Returns shape (bins + 1,).
     """
     longest = float(np.max(since))
     if longest <= 0.0:

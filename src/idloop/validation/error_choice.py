@@ -28,24 +28,12 @@ _MOTION, _LARGE = 0.3, 0.7
 
 @dataclass(frozen=True)
 class Basis:
-    """Error to break down.
+    """Error to break down."""
 
-    Attributes
-    ----------
-    name : str
-        ``free_run``, ``ahead`` or ``one_step``.
-    kind : str
-        Description of the error.
-    why : str
-        Reason why it is not the free run; empty when it is.
-    error : array, shape (n,)
-        Measured minus modelled; NaN where one is not known.
-    """
-
-    name: str
-    kind: str
-    why: str
-    error: Array
+    name: str  # ``free_run``, ``ahead`` or ``one_step``
+    kind: str  # description of the error
+    why: str  # reason why it is not the free run; empty when it is
+    error: Array  # shape (n,): measured minus modelled; NaN where one is not known
 
 
 def choose_basis(runs: Runs, column: int) -> Basis:
@@ -72,10 +60,7 @@ def choose_basis(runs: Runs, column: int) -> Basis:
 def drift(time: Array, measured: Array, error: Array) -> str:
     """Text of how a free run deviates from the measurement; empty when it does not drift.
 
-    Parameters
-    ----------
-    time, measured, error : array, shape (n,)
-        Instants [s], measurement and measured minus simulated; NaN where not known.
+    `time`, `measured`, `error` (n,): instants [s], measurement and measured minus simulated; NaN where not known.
     """
     known = np.isfinite(measured)
     if not np.all(np.isfinite(error[known])):

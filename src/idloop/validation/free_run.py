@@ -37,22 +37,8 @@ def free_run(engine: Engine, data: Data) -> Array:
     They are those of least squares over the record, within three standard deviations of what its opening measures, so
     that sensor noise makes no drift; those of a body without a sensor are free.
 
-    Parameters
-    ----------
-    engine : Engine
-        Model with the parameter values to use; only the initial state is fitted.
-    data : Data
-        Record.
-
-    Returns
-    -------
-    array, shape (n, p)
-        Simulated outputs at the record's times.
-
-    Raises
-    ------
-    IdloopError
-        If the model cannot be simulated.
+    `engine`: model with the parameter values to use; only the initial state is fitted. `data`: record. Returns shape
+    (n, p): simulated outputs at the record's times. Raises IdloopError: if the model cannot be simulated.
     """
     return _from_fitted_start(engine, data)[0]
 
@@ -60,22 +46,8 @@ def free_run(engine: Engine, data: Data) -> Array:
 def free_runs(engine: Engine, data: Data, other: Engine) -> tuple[Array, Array]:
     """Simulate a record with two models of the same bodies, both from the initial state of the first.
 
-    Parameters
-    ----------
-    engine, other : Engine
-        Models that differ in what acts on the readings; only that then makes the runs differ.
-    data : Data
-        Record.
-
-    Returns
-    -------
-    tuple of array, shape (n, p)
-        Simulated outputs of both.
-
-    Raises
-    ------
-    IdloopError
-        If the first model cannot be simulated.
+    `engine`, `other`: models that differ in what acts on the readings; only that then makes the runs differ. `data`:
+    record. Returns shape (n, p): simulated outputs of both. Raises IdloopError: if the first model cannot be simulated.
     """
     simulated, start = _from_fitted_start(engine, data)
     return simulated, SimulationCriterion(other, [data]).simulated(other.model.theta, start, 0)

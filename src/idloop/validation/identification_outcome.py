@@ -21,27 +21,14 @@ _SIGMAS = 2.0  # standard errors within which two models do equally well
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """The model that one method gave, and its scores.
-
-    Attributes
-    ----------
-    label : str
-    found : Identified or None
-        None where it failed.
-    score : Score or None
-        None for responses and failures.
-    information : Information or None
-    error : str
-    record : str
-        The one that it was identified from, where each has a model of its own.
-    """
+    """The model that one method gave, and its scores."""
 
     label: str
-    found: Identified | None = None
-    score: Score | None = None
+    found: Identified | None = None  # None where it failed
+    score: Score | None = None  # None for responses and failures
     information: Information | None = None
     error: str = ""
-    record: str = ""
+    record: str = ""  # the one that it was identified from, where each has a model of its own
 
     @property
     def states(self) -> int | None:
@@ -118,16 +105,8 @@ def on_the_same_samples(outcomes: Sequence[Outcome]) -> list[Outcome]:
 def excitation_measure(name: Literal["amplitude", "bandwidth"], data: Sequence[SampledData]) -> float:
     """Amplitude or bandwidth of the commands of a record.
 
-    Parameters
-    ----------
-    name : "amplitude" or "bandwidth"
-        Standard deviation [of the command], or frequency below which three quarters of its power lie [Hz].
-    data : sequence of SampledData
-        Stretches of the record.
-
-    Returns
-    -------
-    float
+    `name`: "amplitude" or "bandwidth", standard deviation [of the command], or frequency below which three quarters of
+    its power lie [Hz]; `data`: stretches of the record.
     """
     import numpy as np
 
@@ -159,12 +138,7 @@ def best_values(rows: Sequence[tuple[float, Outcome]]) -> dict[str, float]:
 def smallest_orders(rows: Sequence[tuple[float, Outcome]], judged: Sequence[SampledData]) -> dict[str, float]:
     """Least order by method whose free run is not worse than the best one's within the uncertainty of the difference.
 
-    Parameters
-    ----------
-    rows : sequence of (float, Outcome)
-        Orders and what they came to.
-    judged : sequence of SampledData
-        That all were judged on.
+    `rows`: orders and what they came to; `judged`: that all were judged on.
     """
     from idloop.validation.score import fit_difference
 

@@ -33,33 +33,21 @@ STANDING = 0.02
 
 @dataclass(frozen=True)
 class OperatingState:
-    """State of one body and of the command, as classes for errors.
+    """State of one body and of the command, as classes for errors."""
 
-    Attributes
-    ----------
-    body : str
-        Body that is described.
-    position_unit, command_unit : str
-    time, command : array, shape (n,)
-        Instants [s] and the held command.
-    position, velocity : array, shape (n,), or None
-        Smoothed measurement; None without a sensor.
-    direction, since : array, shape (n,), or None
-        1 forward, -1 backward, 0 standing; time since the last reversal [s].
-    floor : float
-        Speed below which the body counts as standing.
-    """
-
-    body: str
+    body: str  # body that is described
     position_unit: str
     command_unit: str
+    # shape (n,): instants [s] and the held command
     time: Array
     command: Array
+    # shape (n,): smoothed measurement; None without a sensor
     position: Array | None
     velocity: Array | None
+    # shape (n,): 1 forward, -1 backward, 0 standing; time since the last reversal [s]
     direction: Array | None
     since: Array | None
-    floor: float
+    floor: float  # speed below which the body counts as standing
 
     def at(self, time: Array, command: Array | None = None) -> OperatingState:
         """State at other instants, by the nearest sample; with another command if one is given."""
@@ -147,12 +135,8 @@ def _motion(place: Array | None, speed: Array | None, step: float) -> tuple[Arra
 def direction_of(velocity: Array, floor: float = 0.0) -> Array:
     """Direction of motion: 1 forward, -1 backward, 0 standing.
 
-    Parameters
-    ----------
-    velocity : array, shape (n,)
-        NaN counts as standing.
-    floor : float
-        Speed from sensor noise alone; 2 % of the typical speed when that is more.
+    `velocity` (n,): NaN counts as standing. `floor`: speed from sensor noise alone; 2 % of the typical speed when that
+    is more.
     """
     v = np.nan_to_num(velocity)
     typical = float(np.sqrt(np.mean(v**2)))
@@ -162,20 +146,9 @@ def direction_of(velocity: Array, floor: float = 0.0) -> Array:
 def since_reversal(time: Array, direction: Array) -> tuple[Array, NDArray[np.int64]]:
     """Time since the last reversal.
 
-    Parameters
-    ----------
-    time : array, shape (n,)
-        Instants [s].
-    direction : array, shape (n,)
-        Result of `direction_of`. Standing still between two stretches of one direction is no reversal, nor is
-        the first start from rest.
-
-    Returns
-    -------
-    since : array, shape (n,)
-        Time [s]; infinite before the first reversal.
-    turns : array of int
-        First sample of each new direction.
+    `time` (n,): instants [s]. `direction` (n,): result of `direction_of`. Standing still between two stretches of one
+    direction is no reversal, nor is the first start from rest. Returns `since` (n,): time [s]; infinite before the
+    first reversal. `turns`: first sample of each new direction.
     """
     # The last direction of motion, held while standing.
     index = np.maximum.accumulate(np.where(direction != 0.0, np.arange(len(direction)), 0))
@@ -192,17 +165,8 @@ def since_reversal(time: Array, direction: Array) -> tuple[Array, NDArray[np.int
 def motion_regions(time: Array, velocity: Array) -> dict[str, NDArray[np.bool_]]:
     """Classify samples by the motion: standing, forward, backward, just after a reversal.
 
-    Parameters
-    ----------
-    time : array, shape (n,)
-        Instants [s].
-    velocity : array, shape (n,)
-        Velocity of the driven body; NaN counts as standing.
-
-    Returns
-    -------
-    dict of str to array of bool, shape (n,)
-        Disjoint, together all samples.
+    `time` (n,): instants [s]. `velocity` (n,): velocity of the driven body; NaN counts as standing. Returns shape (n,):
+    disjoint, together all samples.
     """
     direction = direction_of(velocity)
     since, turns = since_reversal(time, direction)
@@ -220,17 +184,8 @@ def motion_regions(time: Array, velocity: Array) -> dict[str, NDArray[np.bool_]]
 def error_share(error: Array, regions: dict[str, NDArray[np.bool_]]) -> dict[str, dict[str, float]]:
     """Share of the squared error and of the time in each region.
 
-    Parameters
-    ----------
-    error : array, shape (n,)
-        Error of one output; NaN samples are left out.
-    regions : dict
-        Result of `motion_regions`.
-
-    Returns
-    -------
-    dict
-        ``{region: {"error": share, "time": share}}``; the shares add up to 1.
+    `error` (n,): error of one output; NaN samples are left out. `regions`: result of `motion_regions`. Returns:
+    ``{region: {"error": share, "time": share}}``; the shares add up to 1.
     """
     square = np.where(np.isfinite(error), error, 0.0) ** 2
     total, count = float(np.sum(square)), max(int(np.sum(np.isfinite(error))), 1)

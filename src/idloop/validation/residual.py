@@ -116,17 +116,8 @@ def _stems(axes: Any, lag: Array, value: Array, band: Array) -> None:
 def autocorrelation(values: ArrayLike, lags: int) -> Array:
     """Autocorrelation of a series with its mean removed, biased estimate.
 
-    Parameters
-    ----------
-    values : array, shape (n,)
-        Series without NaN.
-    lags : int
-        Largest lag.
-
-    Returns
-    -------
-    array, shape (lags + 1,)
-        Correlation at lags 0..lags; 1 at lag 0 (0 everywhere for a constant series).
+    `values` (n,): series without NaN; `lags`: largest lag. Returns shape (lags + 1,): correlation at lags 0..lags; 1 at
+    lag 0 (0 everywhere for a constant series).
     """
     e = np.asarray(values, dtype=float)
     return _cross(e, e, lags)[lags:]
@@ -147,17 +138,8 @@ def _cross(x: Array, e: Array, lags: int) -> Array:
 def ljung_box(values: ArrayLike, lags: int) -> tuple[float, float]:
     """Portmanteau test of whiteness (Ljung and Box, Biometrika 65, 1978).
 
-    Parameters
-    ----------
-    values : array, shape (n,)
-        Series without NaN.
-    lags : int
-        Number of lags pooled.
-
-    Returns
-    -------
-    statistic, p_value : float
-        ``n (n + 2) Σ r_k² / (n − k)`` and its χ²(lags) tail probability.
+    `values` (n,): series without NaN; `lags`: number of lags pooled. Returns `statistic`, `p_value`: ``n (n + 2) Σ r_k²
+    / (n − k)`` and its χ²(lags) tail probability.
     """
     from scipy.special import chdtrc
 
@@ -176,22 +158,10 @@ def input_residual_test(signal: ArrayLike, residual: ArrayLike, lags: int) -> tu
     residual do not give false alarms. The causal lags are pooled by a Wald
     test with the same covariance, on its well-determined directions only.
 
-    Parameters
-    ----------
-    signal, residual : array, shape (n,)
-        Input and residual at the same instants, without NaN.
-    lags : int
-        Largest lag.
-
-    Returns
-    -------
-    correlation : array, shape (2 lags + 1,)
-        Correlation at lags −lags..lags.
-    band : array, shape (2 lags + 1,)
-        Half width of the 99 % band.
-    p_value : float
-        p-value of the pooled test over lags 1..lags. Lag 0 is left out: a measurement comes before the
-        command of its stamp, so under feedback the command follows the residual there.
+    `signal`, `residual` (n,): input and residual at the same instants, without NaN; `lags`: largest lag. Returns
+    `correlation` (2 lags + 1,): correlation at lags −lags..lags. `band` (2 lags + 1,): half width of the 99 % band.
+    `p_value`: p-value of the pooled test over lags 1..lags. Lag 0 is left out: a measurement comes before the command
+    of its stamp, so under feedback the command follows the residual there.
     """
     from scipy.linalg import toeplitz
     from scipy.special import chdtrc

@@ -29,22 +29,12 @@ _SETTLING_SHARE = 0.05
 
 @dataclass(frozen=True)
 class Runs:
-    """Outputs and drive force of a model on one record; costly parts are computed at first use.
-
-    Attributes
-    ----------
-    model : Model
-    record : Record
-    steps : int
-        Prediction horizon of `ahead` in samples.
-    cutoff : float or None
-        Cut-off of the differentiating filter on the drive side [Hz]; from the data when None.
-    """
+    """Outputs and drive force of a model on one record; costly parts are computed at first use."""
 
     model: Model
     record: Record
-    steps: int = 10
-    cutoff: float | None = None
+    steps: int = 10  # prediction horizon of `ahead` in samples
+    cutoff: float | None = None  # cut-off of the differentiating filter on the drive side [Hz]; from the data when None
 
     @property
     def names(self) -> tuple[str, ...]:

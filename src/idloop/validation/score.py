@@ -27,27 +27,16 @@ _STRETCHES = 20  # of a record, for the standard error of a difference
 
 @dataclass(frozen=True, eq=False)
 class Score:
-    """Measures of one model, all on the same data.
+    """Measures of one model, all on the same data."""
 
-    Attributes
-    ----------
-    steps : int
-        Prediction horizon of the second measure [samples].
-    output_names : tuple of str
-    free_run, ahead : ndarray, shape (p,)
-        FIT [%] of the free run and of the prediction, over all stretches together; minus infinity where the model
-        diverges.
-    simulated : tuple of ndarray, shape (n, p)
-        Free run of each stretch [output units].
-    tests : tuple of ResidualTest
-        Of the one-step errors on the longest stretch; empty where that is too short or they overflow.
-    """
-
-    steps: int
+    steps: int  # prediction horizon of the second measure [samples]
     output_names: tuple[str, ...]
+    # shape (p,): FIT [%] of the free run and of the prediction, over all stretches together; minus infinity where the
+    # model diverges
     free_run: Array
     ahead: Array
-    simulated: tuple[Array, ...]
+    simulated: tuple[Array, ...]  # shape (n, p): free run of each stretch [output units]
+    # Of the one-step errors on the longest stretch; empty where that is too short or they overflow
     tests: tuple[ResidualTest, ...]
 
     def to_dict(self) -> dict[str, Any]:
@@ -66,17 +55,8 @@ class Score:
 def score(model: LinearModel | NarxModel, data: Sequence[SampledData], steps: int = 10) -> Score:
     """Compute the measures of a model on data.
 
-    Parameters
-    ----------
-    model : LinearModel or NarxModel
-    data : sequence of SampledData
-    steps : int
-        Prediction horizon [samples].
-
-    Raises
-    ------
-    InputError
-        No data, or data of other signals or another sample time than the model's.
+    `steps`: prediction horizon [samples]. Raises InputError: no data, or data of other signals or another sample time
+    than the model's.
     """
     if not data:
         raise InputError("no data to judge the model on; give at least one record")
@@ -111,18 +91,8 @@ def fit_difference(data: Sequence[SampledData], one: Score, other: Score) -> tup
     correlation time of the errors (Diebold and Mariano, J. Business and Economic Statistics 13,
     1995).
 
-    Parameters
-    ----------
-    data : sequence of SampledData
-    one, other : Score
-        Of two models on these data.
-
-    Returns
-    -------
-    difference : float
-        Mean FIT of `one` less that of `other` [%].
-    stderr : float
-        [%]; infinite where the data are too short.
+    `one`, `other`: of two models on these data. Returns `difference`: mean FIT of `one` less that of `other` [%].
+    `stderr`: [%]; infinite where the data are too short.
     """
     difference = float(np.mean(one.free_run) - np.mean(other.free_run))
     if not np.isfinite(difference):
@@ -144,18 +114,9 @@ def fit_difference(data: Sequence[SampledData], one: Score, other: Score) -> tup
 def pooled_fit(data: Sequence[SampledData], modelled: Sequence[Array], first: int = 0) -> Array:
     """FIT of every output over all stretches, each about its own mean.
 
-    Parameters
-    ----------
-    data : sequence of SampledData
-    modelled : sequence of ndarray, shape (n, p)
-    first : int
-        Samples at the start of each stretch to leave out.
-
-    Returns
-    -------
-    ndarray, shape (p,)
-        ``100 (1 - sqrt(sum of squared errors / sum of squared deviations))`` [%]; minus infinity where the model is
-        not finite or a constant output is missed.
+    `modelled` (n, p); `first`: samples at the start of each stretch to leave out. Returns shape (p,): ``100 (1 -
+    sqrt(sum of squared errors / sum of squared deviations))`` [%]; minus infinity where the model is not finite or a
+    constant output is missed.
     """
     errors, deviations = 0.0, 0.0
     with np.errstate(all="ignore"):

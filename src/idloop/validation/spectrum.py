@@ -17,16 +17,7 @@ Array = NDArray[np.float64]
 def on_even_steps(time: Array, values: Array) -> tuple[float, Array]:
     """Values at even steps; unchanged where they are even already.
 
-    Parameters
-    ----------
-    time, values : array, shape (n,)
-        Finite.
-
-    Returns
-    -------
-    step : float
-        [s].
-    values : array, shape (m,)
+    `time`, `values` (n,): finite. Returns `step`: [s]; `values` (m,).
     """
     steps = np.diff(time)
     step = float(np.median(steps))
@@ -48,15 +39,7 @@ def line_powers(values: Array) -> Array:
 def by_frequency(time: Array, error: Array, signal: Array) -> Breakdown:
     """Share of the squared error by band, against the measured signal's power about its mean in the same band.
 
-    Parameters
-    ----------
-    time, error, signal : array, shape (n,)
-        Finite.
-
-    Returns
-    -------
-    Breakdown
-        Bands end at 1, 2, 5, 10, ... Hz; the lowest includes the mean.
+    `time`, `error`, `signal` (n,): finite. Returns: bands end at 1, 2, 5, 10, ... Hz; the lowest includes the mean.
     """
     step, even = on_even_steps(time, error)
     _, reference = on_even_steps(time, signal)

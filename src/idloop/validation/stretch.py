@@ -87,21 +87,8 @@ def stamp(nanoseconds: int) -> str:
 def worst_stretches(error: Array, state: OperatingState, start_ns: int, most: int = 5) -> tuple[Stretch, ...]:
     """Find the stretches with the largest mean square error, the largest share of the error first.
 
-    Parameters
-    ----------
-    error : array, shape (n,)
-        Finite, at the instants of `state`.
-    state : OperatingState
-        Operating state at the same instants.
-    start_ns : int
-        Absolute stamp of time 0 [ns].
-    most : int
-        Largest number of stretches.
-
-    Returns
-    -------
-    tuple of Stretch
-        Disjoint; none where there is no error.
+    `error` (n,): finite, at the instants of `state`; `state`: operating state at the same instants; `start_ns`:
+    absolute stamp of time 0 [ns]; `most`: largest number of stretches. Returns: disjoint; none where there is no error.
     """
     n = len(error)
     size = float(np.max(np.abs(error), initial=0.0))
@@ -164,11 +151,7 @@ def _reach(
 def describe(state: OperatingState, first: int, last: int) -> str:
     """Describe the operating state between two samples.
 
-    Parameters
-    ----------
-    state : OperatingState
-    first, last : int
-        Samples, the last included.
+    `first`, `last`: samples, the last included.
     """
     part = slice(first, last + 1)
     words = []

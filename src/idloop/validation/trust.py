@@ -14,35 +14,18 @@ LARGEST_ERROR = 2.0
 
 @dataclass(frozen=True)
 class ModelValidation:
-    """Validation results of the model that the estimates belong to.
+    """Validation results of the model that the estimates belong to."""
 
-    Attributes
-    ----------
-    missed : mapping of str to float
-        rms error of the free run on unseen samples over the sensor's noise, by output.
-    missing : tuple of str
-        Effects with evidence above the threshold.
-    doubtful : tuple of str
-        Effects that the samples neither support nor reject.
-    weighed : float
-        Duration of new samples on which effects were tested [s]; 0 without a test.
-    unknown : bool
-        Whether an effect is missing that is not in the catalogue.
-    """
-
-    missed: Mapping[str, float]
-    missing: tuple[str, ...] = ()
-    doubtful: tuple[str, ...] = ()
-    weighed: float = 0.0
-    unknown: bool = False
+    missed: Mapping[str, float]  # rms error of the free run on unseen samples over the sensor's noise, by output
+    missing: tuple[str, ...] = ()  # effects with evidence above the threshold
+    doubtful: tuple[str, ...] = ()  # effects that the samples neither support nor reject
+    weighed: float = 0.0  # duration of new samples on which effects were tested [s]; 0 without a test
+    unknown: bool = False  # whether an effect is missing that is not in the catalogue
 
     def doubts(self, largest_error: float = LARGEST_ERROR) -> tuple[str, ...]:
         """Reasons against all estimates of this model, one line each; empty without any.
 
-        Parameters
-        ----------
-        largest_error : float
-            In units of the sensor's noise.
+        `largest_error`: in units of the sensor's noise.
         """
         found = [
             f"the error of {name} on unseen samples is {ratio:.3g} times its noise, more than {largest_error:g}"
@@ -64,17 +47,10 @@ class ModelValidation:
 
 @dataclass(frozen=True)
 class Trust:
-    """Whether one estimate is trusted, and why.
-
-    Attributes
-    ----------
-    trusted : bool
-    why : str
-        The reasons against it; without any, the results in its favour.
-    """
+    """Whether one estimate is trusted, and why."""
 
     trusted: bool
-    why: str
+    why: str  # the reasons against it; without any, the results in its favour
 
 
 def trust(
@@ -88,18 +64,9 @@ def trust(
 ) -> Trust:
     """Decide whether an estimate is trusted.
 
-    Parameters
-    ----------
-    value, stderr : float
-        The estimate and its standard error, None where there is none.
-    standing : ModelValidation
-        Validation results of the model.
-    at_bound : bool
-        Whether it is at one of its bounds.
-    largest_stderr : float
-        As part of the value.
-    largest_error : float
-        On unseen samples, in units of the sensor's noise.
+    `value`, `stderr`: the estimate and its standard error, None where there is none; `standing`: validation results of
+    the model; `at_bound`: whether it is at one of its bounds; `largest_stderr`: as part of the value; `largest_error`:
+    on unseen samples, in units of the sensor's noise.
     """
     doubts, part = [], None
     if at_bound:

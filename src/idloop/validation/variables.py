@@ -29,18 +29,8 @@ _STRETCHES = 10  # of equal duration
 def break_down_all(error: Array, signal: Array, state: OperatingState) -> tuple[tuple[Breakdown, ...], dict[str, str]]:
     """Break an error down along every variable that varies.
 
-    Parameters
-    ----------
-    error, signal : array, shape (n,)
-        Error and the measured signal it belongs to; finite, at the instants of `state`.
-    state : OperatingState
-
-    Returns
-    -------
-    breakdowns : tuple of Breakdown
-        In the order of `VARIABLES`.
-    left_out : dict
-        Reason by variable that is missing.
+    `error`, `signal` (n,): error and the measured signal it belongs to; finite, at the instants of `state`. Returns
+    `breakdowns`: in the order of `VARIABLES`; `left_out`: reason by variable that is missing.
     """
     time = state.time
     found = [

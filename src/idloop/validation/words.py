@@ -91,14 +91,8 @@ def beside(value: float, scale: float) -> str:
 def range_text(variable: str, low: float, high: float, unit: str) -> str:
     """Text of a range of a variable, to follow "of the time" or "the error is".
 
-    Parameters
-    ----------
-    variable : str
-        See `idloop.validation.breakdown.Breakdown`.
-    low, high : float
-        In the unit.
-    unit : str
-        "°" for positions means that they are counted over a turn.
+    `variable`: see `idloop.validation.breakdown.Breakdown`; `low`, `high`: in the unit; `unit`: "°" for positions means
+    that they are counted over a turn.
     """
     a, b = short(low), short(high)
     if variable == "time":

@@ -62,25 +62,13 @@ def choose_hidden(seed: int) -> str:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What the story came to.
+    """What the story came to."""
 
-    Attributes
-    ----------
-    hidden : str
-        Effect that only the machine has, as text.
-    bag : Path
-    findings : Findings
-    ladder : Ladder
-    floor : dict
-        ``fit`` [%] and ``nrmse`` that the sensors' noise alone leaves, by output.
-    files : dict
-    """
-
-    hidden: str
+    hidden: str  # effect that only the machine has, as text
     bag: Path
     findings: Findings
     ladder: Ladder
-    floor: dict[str, dict[str, float]]
+    floor: dict[str, dict[str, float]]  # ``fit`` [%] and ``nrmse`` that the sensors' noise alone leaves, by output
     files: dict[str, Path] = field(default_factory=dict)
 
     @property

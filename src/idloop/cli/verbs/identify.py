@@ -356,10 +356,7 @@ def run_sweep(
 ) -> list[tuple[float, Outcome]]:
     """Identify at every value by every method; a failure is its row's outcome.
 
-    Raises
-    ------
-    IdloopError
-        Every row failed.
+    Raises IdloopError: every row failed.
     """
     rows: list[tuple[float, Outcome]] = []
     failure: IdloopError | None = None
@@ -403,10 +400,7 @@ def run_records(
 
     Each model is judged on `unseen`, or on its own record where there is none; a failure is its row's outcome.
 
-    Raises
-    ------
-    IdloopError
-        Every row failed.
+    Raises IdloopError: every row failed.
     """
     measure: Any = sweep.name
     rows: list[tuple[float, Outcome]] = []

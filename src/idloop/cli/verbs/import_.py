@@ -32,10 +32,7 @@ def list_sets(*, as_json: bool) -> None:
 def split_arguments(words: tuple[str, ...], mapping: str | None) -> tuple[str, Path, Path]:
     """Return mapping, source and bag from the words of the command line.
 
-    Raises
-    ------
-    InputError
-        Too few or too many words, or both SET and --map.
+    Raises InputError: too few or too many words, or both SET and --map.
     """
     from idloop.records.tables.mapping import ready_mappings
 

@@ -17,10 +17,7 @@ if TYPE_CHECKING:
 def parse_arguments(words: Sequence[str]) -> dict[str, str]:
     """Split "name:=value" words.
 
-    Raises
-    ------
-    InputError
-        When a word has another form.
+    Raises InputError: when a word has another form.
     """
     values: dict[str, str] = {}
     for word in words:

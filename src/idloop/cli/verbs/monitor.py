@@ -140,10 +140,7 @@ def command(
 def split(record: Record, learn: float | None) -> tuple[Record, Record]:
     """Healthy start of a record, and the rest.
 
-    Raises
-    ------
-    InputError
-        The record is too short to be split there.
+    Raises InputError: the record is too short to be split there.
     """
     seconds = min(LEARN, 0.5 * record.duration) if learn is None else learn
     if seconds >= record.duration:

@@ -25,10 +25,7 @@ HOLDS = {True: "yes", False: "NO", None: ""}
 def _find_papers() -> None:
     """Make the rows importable: they are no part of the installed package.
 
-    Raises
-    ------
-    InputError
-        idloop was installed without its source tree.
+    Raises InputError: idloop was installed without its source tree.
     """
     if not (EXAMPLES / "papers" / "__init__.py").is_file():
         raise InputError("the rows of the papers are in examples/papers of the source tree: run this in a checkout")
