@@ -41,12 +41,7 @@ class Criterion(Protocol):
 class InitialStates:
     """Initial positions, velocities and disturbance forces of all records as nuisance parameters.
 
-    Parameters
-    ----------
-    engine : Engine
-    data : list of Data
-    force_scale : float, optional
-        Typical disturbance force; when left out, the disturbance is 0 and no parameter.
+    `force_scale`: typical disturbance force; when left out, the disturbance is 0 and no parameter.
     """
 
     def __init__(self, engine: Engine, data: list[Data], force_scale: float | None = None) -> None:

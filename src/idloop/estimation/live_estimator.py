@@ -115,15 +115,7 @@ class RecursiveEstimator:
 
         The state is kept when the bodies are the same; the information on the parameters is reset.
 
-        Parameters
-        ----------
-        model : Model
-            With the same outputs.
-
-        Raises
-        ------
-        InputError
-            If the outputs differ.
+        `model`: with the same outputs. Raises InputError: if the outputs differ.
         """
         if len(model.outputs) != self._outputs:
             raise InputError(f"model {model.name!r} has {len(model.outputs)} outputs, not {self._outputs}")
@@ -140,19 +132,9 @@ class RecursiveEstimator:
     def update(self, t: float, u: float, y: ArrayLike) -> Array:
         """Process one sample.
 
-        Parameters
-        ----------
-        t : float
-            Time of the measurement [s].
-        u : float
-            Command from ``t`` on, after the measurement.
-        y : array, shape (p,)
-            Measurement; not finite where there is none.
-
-        Returns
-        -------
-        array, shape (p,)
-            Prediction of ``y`` from all earlier samples; NaN for the first sample, after a gap, or for an old stamp.
+        `t`: time of the measurement [s]. `u`: command from ``t`` on, after the measurement. `y` (p,): measurement; not
+        finite where there is none. Returns shape (p,): prediction of ``y`` from all earlier samples; NaN for the first
+        sample, after a gap, or for an old stamp.
         """
         row = np.reshape(np.asarray(y, dtype=float), (1, -1))
         return np.asarray(self.update_block(np.array([t]), np.array([u]), row)[0])
@@ -160,17 +142,8 @@ class RecursiveEstimator:
     def update_block(self, t: ArrayLike, u: ArrayLike, y: ArrayLike) -> Array:
         """Process several samples.
 
-        Parameters
-        ----------
-        t, u : array, shape (n,)
-            Times [s] and commands from there on.
-        y : array, shape (n, p)
-            Measurements; not finite where there is none.
-
-        Returns
-        -------
-        array, shape (n, p)
-            Predictions, as of `update`.
+        `t`, `u` (n,): times [s] and commands from there on. `y` (n, p): measurements; not finite where there is none.
+        Returns shape (n, p): predictions, as of `update`.
         """
         times = np.array(t, dtype=float)
         commands = np.ascontiguousarray(u, dtype=float)

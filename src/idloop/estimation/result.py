@@ -41,17 +41,9 @@ class RecordResidual:
 
 @dataclass(frozen=True)
 class Ratio:
-    """Ratio of two parameters that the data determine, although they determine neither of them.
+    """Ratio of two parameters that the data determine, although they determine neither of them."""
 
-    Attributes
-    ----------
-    name : str
-        ``first / second``.
-    value, stderr : float
-    unit : str
-    """
-
-    name: str
+    name: str  # ``first / second``
     value: float
     stderr: float
     unit: str

@@ -20,53 +20,26 @@ Numbers = int | tuple[int, ...] | Literal["auto"]
 
 @dataclass(frozen=True)
 class Choices:
-    """What a user chooses; each method reads what it `needs`.
+    """What a user chooses; each method reads what it `needs`."""
 
-    Attributes
-    ----------
-    order : int, tuple of int or "auto"
-        Number of states, or degree of every polynomial; of several the one with the least BIC (`Method.selects`).
-    delay : int, tuple of int or "auto"
-        Lag of the first coefficient of B [samples].
-    structure : mapping of str to int
-        Degrees that differ from `order`, by ``na``, ``nb``, ``nc``, ``nd``, ``nf``.
-    horizon : int, optional
-        Of subspace methods [samples].
-    window : int, optional
-        Lag window, segment, or largest lag of a response [samples].
-    period : float, optional
-        Of a periodic excitation [s].
-    units : int, optional
-        Of a network.
-    focus : "prediction" or "simulation"
-    band : (float, float), optional
-        Frequencies that a fit is weighed towards [Hz]; 0 and infinity leave a side open.
-    stable : bool
-        Reflect poles into the unit circle.
-    integrates : bool, optional
-        Put the pole nearest 1 there; by default n4sid, moesp and cva let the data decide.
-    closed_loop : bool
-        Go by way of the reference where a method can.
-    controller : mapping, optional
-        ``controller:`` section of a model file.
-    seed : int
-        Of networks.
-    """
-
+    # int, tuple of int or "auto": number of states, or degree of every polynomial; of several the one with the least
+    # BIC (`Method.selects`)
     order: Numbers = "auto"
-    delay: Numbers = 1
+    delay: Numbers = 1  # int, tuple of int or "auto": lag of the first coefficient of B [samples]
+    # Degrees that differ from `order`, by ``na``, ``nb``, ``nc``, ``nd``, ``nf``
     structure: Mapping[str, int] = field(default_factory=dict)
-    horizon: int | None = None
-    window: int | None = None
-    period: float | None = None
-    units: int | None = None
+    horizon: int | None = None  # of subspace methods [samples]
+    window: int | None = None  # lag window, segment, or largest lag of a response [samples]
+    period: float | None = None  # of a periodic excitation [s]
+    units: int | None = None  # of a network
     focus: Literal["prediction", "simulation"] = "prediction"
+    # Frequencies that a fit is weighed towards [Hz]; 0 and infinity leave a side open
     band: tuple[float, float] | None = None
-    stable: bool = False
-    integrates: bool | None = None
-    closed_loop: bool = False
-    controller: Mapping[str, Any] | None = None
-    seed: int = 0
+    stable: bool = False  # reflect poles into the unit circle
+    integrates: bool | None = None  # put the pole nearest 1 there; by default n4sid, moesp and cva let the data decide
+    closed_loop: bool = False  # go by way of the reference where a method can
+    controller: Mapping[str, Any] | None = None  # ``controller:`` section of a model file
+    seed: int = 0  # of networks
 
 
 @dataclass(frozen=True)
@@ -81,26 +54,14 @@ class Trial:
 
 @dataclass(frozen=True, eq=False)
 class Identified:
-    """What a method found.
-
-    Attributes
-    ----------
-    order : int or "auto"
-        That the method was given: number of states, or degree of the polynomials.
-    delay : int or None
-        [samples]; None where the method has none.
-    trials : tuple of Trial
-        What was tried on the way to the order and the delay.
-    history : tuple of CoefficientHistory
-        Of each output, from recursive methods.
-    """
+    """What a method found."""
 
     method: Method
     model: Result
-    order: int | Literal["auto"] = "auto"
-    delay: int | None = None
-    trials: tuple[Trial, ...] = ()
-    history: tuple[CoefficientHistory, ...] = ()
+    order: int | Literal["auto"] = "auto"  # that the method was given: number of states, or degree of the polynomials
+    delay: int | None = None  # [samples]; None where the method has none
+    trials: tuple[Trial, ...] = ()  # what was tried on the way to the order and the delay
+    history: tuple[CoefficientHistory, ...] = ()  # of each output, from recursive methods
 
     @property
     def at_limit(self) -> bool:

@@ -400,10 +400,7 @@ METHODS: dict[str, Method] = {
 def find_method(name: str) -> Method:
     """Return a method by name.
 
-    Raises
-    ------
-    InputError
-        No such method.
+    Raises InputError: no such method.
     """
     if name not in METHODS:
         raise InputError(f"no method {name!r}{did_you_mean_or_known(name, METHODS)}")

@@ -23,45 +23,23 @@ _SHORTEST = 20  # samples: a shorter stretch between two holes carries no dynami
 class SampledData:
     """One unbroken stretch of an experiment at a constant sample time.
 
-    Attributes
-    ----------
-    name : str
-        Record that it comes from.
-    input : ndarray, shape (n, m)
-        Commands, constant from their sample to the next [`input_units`].
-    output : ndarray, shape (n, p)
-        Measurements at the samples [`output_units`], all known.
-    sample_time : float
-        Period [s].
-    input_names, input_units, output_names, output_units : tuple of str
-        Of the columns.
-    start : float
-        Instant of the first sample on the record's time axis [s].
-    reference : ndarray, shape (n,), or None
-        What the controller followed, the excitation included, in the unit of the position.
-    reference_velocity : ndarray, shape (n,), or None
-        Its velocity, where one was recorded.
-    feedforward : ndarray, shape (n,), or None
-        What the excitation added to the command [`input_units`].
-
-    Raises
-    ------
-    InputError
-        Shapes that do not belong together, or values that are not finite.
+    Raises InputError: shapes that do not belong together, or values that are not finite.
     """
 
-    name: str
-    input: Array
-    output: Array
-    sample_time: float
+    name: str  # record that it comes from
+    input: Array  # shape (n, m): commands, constant from their sample to the next [`input_units`]
+    output: Array  # shape (n, p): measurements at the samples [`output_units`], all known
+    sample_time: float  # period [s]
+    # Of the columns
     input_names: tuple[str, ...] = ("input",)
     input_units: tuple[str, ...] = ("-",)
     output_names: tuple[str, ...] = ("output",)
     output_units: tuple[str, ...] = ("-",)
-    start: float = 0.0
+    start: float = 0.0  # instant of the first sample on the record's time axis [s]
+    # shape (n,): what the controller followed, the excitation included, in the unit of the position
     reference: Array | None = None
-    reference_velocity: Array | None = None
-    feedforward: Array | None = None
+    reference_velocity: Array | None = None  # shape (n,): its velocity, where one was recorded
+    feedforward: Array | None = None  # shape (n,): what the excitation added to the command [`input_units`]
 
     def __post_init__(self) -> None:
         for what, value, names in (
@@ -131,23 +109,9 @@ def sampled(record: Record, sample_time: float | None = None, *, antialias: bool
     command itself. To a period of twice the recorded one or more both sides are filtered alike before, without
     phase and below 80 % of the new half sample rate, so that the model between them stays what it is.
 
-    Parameters
-    ----------
-    record : Record
-    sample_time : float, optional
-        Period [s]; the record's own by default.
-    antialias : bool
-        Filter before a coarser grid is taken.
-
-    Returns
-    -------
-    list of SampledData
-        In the order of time.
-
-    Raises
-    ------
-    InputError
-        Nothing longer than 20 samples is left, or the period does not suit the record.
+    `sample_time`: period [s]; the record's own by default. `antialias`: filter before a coarser grid is taken. Returns:
+    in the order of time. Raises InputError: nothing longer than 20 samples is left, or the period does not suit the
+    record.
     """
     period = record.sample_time if sample_time is None else float(sample_time)
     source = record
@@ -195,10 +159,7 @@ def sampled(record: Record, sample_time: float | None = None, *, antialias: bool
 def together(data: SampledData | Sequence[SampledData]) -> list[SampledData]:
     """Check that experiments can be identified together.
 
-    Raises
-    ------
-    InputError
-        No data, or other signals or sample times than the first.
+    Raises InputError: no data, or other signals or sample times than the first.
     """
     several = [data] if isinstance(data, SampledData) else list(data)
     if not several:
@@ -246,17 +207,7 @@ def _part(value: Array | None, stretch: slice) -> Array | None:
 def held_sum(record: Record, time: Array, *columns: tuple[str, int]) -> Array | None:
     """Sum of columns of the reference and the excitation at given times; None where none of them was recorded.
 
-    Parameters
-    ----------
-    record : Record
-    time : array, shape (n,)
-        [s].
-    *columns : tuple of str and int
-        ``("reference", 0)`` is the first column of `Record.reference`.
-
-    Returns
-    -------
-    array, shape (n,), or None
+    `time` (n,): [s]; `columns`: ``("reference", 0)`` is the first column of `Record.reference`. Returns shape (n,).
     """
     from idloop.records.filtering import resample_held
 

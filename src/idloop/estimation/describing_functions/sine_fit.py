@@ -36,18 +36,9 @@ def sine_fit(
 ) -> SineFit:
     """Fit a sampled signal by least squares: mean, straight line, sine and harmonics together.
 
-    Parameters
-    ----------
-    time, value : ndarray, shape (n,)
-        Stamps [s] and samples, all finite; whole periods.
-    frequency : float
-        Fundamental [Hz].
-    harmonics : int
-        Highest harmonic, 1 or more.
-    trend : bool
-        Let the signal drift along a straight line, as a position does.
-    beside : ndarray, shape (q,), optional
-        Frequencies [Hz] at which the residual is wanted.
+    `time`, `value` (n,): stamps [s] and samples, all finite; whole periods. `frequency`: fundamental [Hz]. `harmonics`:
+    highest harmonic, 1 or more. `trend`: let the signal drift along a straight line, as a position does. `beside` (q,):
+    frequencies [Hz] at which the residual is wanted.
     """
     phase = 2.0 * math.pi * frequency * np.outer(time, np.arange(1, harmonics + 1))
     middle, span = 0.5 * (time[0] + time[-1]), max(float(time[-1] - time[0]), 1e-300)
@@ -96,12 +87,8 @@ def held_sine_fit(
 def refine_frequency(time: Floats, value: Floats, frequency: float) -> float:
     """Frequency [Hz] near a first guess at which a sine leaves the least of a sampled signal.
 
-    Parameters
-    ----------
-    time, value : ndarray, shape (n,)
-        Stamps [s] and samples of several periods.
-    frequency : float
-        Guess, right to half a period over the record.
+    `time`, `value` (n,): stamps [s] and samples of several periods; `frequency`: guess, right to half a period over the
+    record.
     """
     from scipy.optimize import minimize_scalar
 

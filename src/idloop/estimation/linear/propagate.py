@@ -16,16 +16,8 @@ _LEAST_SHARE = 1e-9  # of an output's size: errors below are rounding
 def respond(a: Array, b: Array, c: Array, d: Array, state: Array, inputs: Array) -> Array:
     """Response of x(k+1) = A x(k) + B u(k), y(k) = C x(k) + D u(k).
 
-    Parameters
-    ----------
-    a, b, c, d : ndarray, shapes (n, n), (n, m), (p, n), (p, m)
-    state : ndarray, shape (n,)
-        State at the first sample.
-    inputs : ndarray, shape (N, m)
-
-    Returns
-    -------
-    ndarray, shape (N, p)
+    `a`, `b`, `c`, `d` (n, n), (n, m), (p, n), (p, m); `state` (n,): state at the first sample; `inputs` (N, m). Returns
+    shape (N, p).
     """
     samples, order = inputs.shape[0], a.shape[0]
     outputs = np.zeros((samples, c.shape[0]))

@@ -21,14 +21,8 @@ _AGREED = 0.03
 class FreeRunJacobian:
     """Jacobian of a free-run problem by sensitivity equations; by differences where these do not apply.
 
-    Parameters
-    ----------
-    problem : LeastSquaresProblem
-        With a `SimulationCriterion`.
-    lower, upper, scale : array, shape (k + q,)
-        Bounds and typical sizes of parameters and nuisance.
-    step : array, shape (k + q,)
-        Steps of the differences.
+    `problem`: with a `SimulationCriterion`; `lower`, `upper`, `scale` (k + q,): bounds and typical sizes of parameters
+    and nuisance; `step` (k + q,): steps of the differences.
     """
 
     def __init__(self, problem: LeastSquaresProblem, lower: Array, upper: Array, scale: Array, step: Array) -> None:

@@ -26,14 +26,8 @@ def jacobian_unreliable(
 ) -> bool:
     """Whether small steps from a point change the errors out of all proportion.
 
-    Parameters
-    ----------
-    function : callable
-        Residual in units of its standard deviation.
-    point, lower, upper, scale : array, shape (k,)
-        The point, its box, typical sizes.
-    count : int
-        Number of parameters to step along, the first ones.
+    `function`: residual in units of its standard deviation; `point`, `lower`, `upper`, `scale` (k,): the point, its
+    box, typical sizes; `count`: number of parameters to step along, the first ones.
     """
     residual = function(point)
     for index in range(count):

@@ -24,28 +24,15 @@ _MOST_DAMPING = 1e8
 
 @dataclass(frozen=True)
 class Minimum:
-    """End of a search.
+    """End of a search."""
 
-    Attributes
-    ----------
-    point : array, shape (k,)
-    residual : array, shape (n,)
-    jacobian : array, shape (n, k)
-    cost : float
-        Half the sum of squares.
-    iterations : int
-    converged : bool
-    step : array, shape (k,)
-        Difference steps in use, for the next search.
-    """
-
-    point: Array
-    residual: Array
-    jacobian: Array
-    cost: float
+    point: Array  # shape (k,)
+    residual: Array  # shape (n,)
+    jacobian: Array  # shape (n, k)
+    cost: float  # half the sum of squares
     iterations: int
     converged: bool
-    step: Array
+    step: Array  # shape (k,): difference steps in use, for the next search
 
 
 def difference_jacobian(
@@ -64,27 +51,10 @@ def difference_jacobian(
     Such a step is far above rounding and the small discontinuities of stick-slip and backlash, and far below the
     curvature.
 
-    Parameters
-    ----------
-    function : callable
-        Residual in units of its standard deviation.
-    point, lower, upper : array, shape (k,)
-    residual : array, shape (n,)
-        ``function(point)``.
-    step : array, shape (k,)
-        Steps to start from.
-    scale : array, shape (k,)
-        Typical size of each parameter.
-    central : bool
-        False takes one-sided differences at half the cost, away from the bound.
-    known : array, shape (n, k), optional
-        Columns to keep; those of NaN are computed.
-
-    Returns
-    -------
-    jacobian : array, shape (n, k)
-    step : array, shape (k,)
-        Steps used.
+    `function`: residual in units of its standard deviation. `point`, `lower`, `upper` (k,). `residual` (n,):
+    ``function(point)``. `step` (k,): steps to start from. `scale` (k,): typical size of each parameter. `central`:
+    False takes one-sided differences at half the cost, away from the bound. `known` (n, k): columns to keep; those of
+    NaN are computed. Returns `jacobian` (n, k); `step` (k,): steps used.
     """
     k = len(point)
     jacobian = np.empty((len(residual), k), order="F")  # written by columns

@@ -72,23 +72,10 @@ def solve(
 ) -> Solution:
     """Minimise a criterion over the parameters and its own nuisance parameters.
 
-    Parameters
-    ----------
-    criterion : Criterion
-    start, lower, upper : array, shape (k,)
-    report : callable, optional
-        Called with the share done and a short text.
-    draft : bool
-        End within a standard error: a start for another search.
-    typical : array, shape (k,), optional
-        Other values of the parameters, as the size of those that start at 0.
-    exact_slopes : bool
-        Use sensitivity equations, which have been checked near the start (`slopes_agree`).
-
-    Raises
-    ------
-    IdloopError
-        If the model gives no finite errors at the start, or beside a point of the search.
+    `start`, `lower`, `upper` (k,); `report`: called with the share done and a short text; `draft`: end within a
+    standard error: a start for another search; `typical` (k,): other values of the parameters, as the size of those
+    that start at 0; `exact_slopes`: use sensitivity equations, which have been checked near the start (`slopes_agree`).
+    Raises IdloopError: if the model gives no finite errors at the start, or beside a point of the search.
     """
     theta = np.clip(start, lower, upper)
     k = len(theta)

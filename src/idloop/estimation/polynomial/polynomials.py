@@ -453,22 +453,9 @@ def response_error(polynomials: Polynomials, index: int, frequency: Array) -> tu
     To first order in the coefficients: dG is linear in them, d|G| / |G| the real part of dG / G and the angle its
     imaginary part (Ljung, System Identification, 2nd ed., section 9.4).
 
-    Parameters
-    ----------
-    polynomials : Polynomials
-    index : int
-        Input.
-    frequency : ndarray, shape (f,)
-        [Hz]
-
-    Returns
-    -------
-    response : ndarray of complex, shape (f,)
-        [output unit / input unit]
-    size_error : ndarray, shape (f,)
-        Standard error of the magnitude [output unit / input unit]; NaN where no covariance is known.
-    angle_error : ndarray, shape (f,)
-        Standard error of the phase [rad].
+    `index`: input; `frequency` (f,): [Hz]. Returns `response` (f,): [output unit / input unit]. `size_error` (f,):
+    standard error of the magnitude [output unit / input unit]; NaN where no covariance is known. `angle_error` (f,):
+    standard error of the phase [rad].
     """
     orders = polynomials.orders
     delayed = np.exp(-2j * np.pi * np.asarray(frequency, dtype=float) * polynomials.sample_time)

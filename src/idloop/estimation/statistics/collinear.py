@@ -47,11 +47,7 @@ def collinearity_notes(data: Sequence[SampledData], model: LinearModel) -> tuple
     The variance of an input's coefficients is inflated by the mean of 1 / (1 - rho^2) over the canonical correlations
     rho of its past with that of the others. It is compared with the power of the one-step prediction from the inputs.
 
-    Parameters
-    ----------
-    data : sequence of SampledData
-    model : LinearModel
-        Identified from them.
+    `model`: identified from them.
     """
     names = data[0].input_names
     if len(names) < 2:

@@ -23,19 +23,9 @@ def estimate_covariance(problem: LeastSquaresProblem, point: Array, residual: Ar
 
     Each of the three is too small for some short records, and none is too large by much.
 
-    Parameters
-    ----------
-    problem : LeastSquaresProblem
-        With the weights of the solution.
-    point : array, shape (m,)
-    residual : array, shape (n,)
-        In units of its standard deviation.
-    jacobian : array, shape (n, m)
-
-    Returns
-    -------
-    array, shape (m, m)
-        NaN in the rows and columns of parameters without influence on the residual.
+    `problem`: with the weights of the solution; `point` (m,); `residual` (n,): in units of its standard deviation;
+    `jacobian` (n, m). Returns shape (m, m): NaN in the rows and columns of parameters without influence on the
+    residual.
     """
     used = np.any(jacobian != 0.0, axis=0)
     columns = jacobian[:, used]
@@ -56,15 +46,8 @@ def long_run_covariance(records: list[Array]) -> Array:
     Quadratic spectral kernel with the automatic bandwidth of Andrews (Econometrica 59, 1991), after prewhitening of
     each component by a first-order autoregression (Andrews and Monahan, Econometrica 60, 1992).
 
-    Parameters
-    ----------
-    records : list of arrays, shape (n_r, k)
-        Series of each record, of mean zero.
-
-    Returns
-    -------
-    array, shape (k, k)
-        Covariance of the sum over one sample; positive semidefinite.
+    `records` (n_r, k): series of each record, of mean zero. Returns shape (k, k): covariance of the sum over one
+    sample; positive semidefinite.
     """
     k = records[0].shape[1]
     total = sum(len(g) for g in records)
@@ -108,17 +91,9 @@ def _quadratic_spectral(x: float) -> float:
 def sandwich(bread: Array, scores: list[Array]) -> Array:
     """Covariance of an estimate that solves Σ_t g_t(θ) = 0.
 
-    Parameters
-    ----------
-    bread : array, shape (k, k)
-        Derivative of the summed scores, Σ ∂g/∂θ (the Gauss-Newton Hessian for least squares).
-    scores : list of arrays, shape (n_r, k)
-        g_t of each record at the estimate.
-
-    Returns
-    -------
-    array, shape (k, k)
-        ``H⁻¹ Ω H⁻ᵀ``, Ω the long-run covariance of the scores, times the small-sample factor n / (n − k).
+    `bread` (k, k): derivative of the summed scores, Σ ∂g/∂θ (the Gauss-Newton Hessian for least squares); `scores`
+    (n_r, k): g_t of each record at the estimate. Returns shape (k, k): ``H⁻¹ Ω H⁻ᵀ``, Ω the long-run covariance of the
+    scores, times the small-sample factor n / (n − k).
     """
     total = sum(len(g) for g in scores)
     k = bread.shape[0]
@@ -144,18 +119,9 @@ def jackknife(jacobian: Array, residual: Array, blocks: list[NDArray[np.int64]])
     Unlike asymptotic formulas it accounts for information that lies in few segments, and for a noise model that was
     fitted to the same data (Künsch, Annals of Statistics 17, 1989; one-step form of Cook and Weisberg).
 
-    Parameters
-    ----------
-    jacobian : array, shape (n, k)
-    residual : array, shape (n,)
-        In units of its standard deviation.
-    blocks : list of array of int
-        Rows of each segment; together all rows.
-
-    Returns
-    -------
-    array, shape (k, k)
-        The variance is 0 for a parameter that one segment alone determines: the jackknife does not apply to it.
+    `jacobian` (n, k). `residual` (n,): in units of its standard deviation. `blocks`: rows of each segment; together all
+    rows. Returns shape (k, k): the variance is 0 for a parameter that one segment alone determines: the jackknife does
+    not apply to it.
     """
     scale = 1.0 / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
     scaled = jacobian * scale

@@ -13,21 +13,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Information:
-    """Loss of a model and its information criteria.
+    """Loss of a model and its information criteria."""
 
-    Attributes
-    ----------
-    loss : float
-        Determinant V of the covariance of the one-step errors.
-    free : int
-        Number d of estimated parameters.
-    samples : float
-        Number N of samples.
-    """
-
-    loss: float
-    free: int
-    samples: float
+    loss: float  # determinant V of the covariance of the one-step errors
+    free: int  # number d of estimated parameters
+    samples: float  # number N of samples
 
     @property
     def fpe(self) -> float:

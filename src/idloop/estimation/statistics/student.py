@@ -23,11 +23,7 @@ def weights(standardised: Array) -> Array:
 def scale_of(errors: Array, count: float | None = None) -> float:
     """Maximum-likelihood scale of errors, positive.
 
-    Parameters
-    ----------
-    errors : array, shape (n,)
-    count : float, optional
-        Number of errors whose density contains the scale; all when left out.
+    `errors` (n,). `count`: number of errors whose density contains the scale; all when left out.
     """
     square = errors**2
     number = len(square) if count is None else max(count, 1e-9)

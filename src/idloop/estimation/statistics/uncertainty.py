@@ -33,36 +33,17 @@ def reduced_hessian(hessian: Array, parameters: int) -> Array:
 
 @dataclass(frozen=True)
 class Tie:
-    """Parameters of which the data determine only a combination.
+    """Parameters of which the data determine only a combination."""
 
-    Attributes
-    ----------
-    members : tuple of int
-        Indices of the parameters.
-    exact : bool
-        Whether only rounding separates them.
-    """
-
-    members: tuple[int, ...]
-    exact: bool
+    members: tuple[int, ...]  # indices of the parameters
+    exact: bool  # whether only rounding separates them
 
 
 def ties(hessian: Array, parameters: int) -> tuple[list[Tie], NDArray[np.bool_]]:
     """Find parameters that the data do not determine.
 
-    Parameters
-    ----------
-    hessian : array, shape (k + m, k + m)
-        Gauss-Newton Hessian, parameters first.
-    parameters : int
-        Number k of parameters.
-
-    Returns
-    -------
-    ties : list of Tie
-        Combinations of two parameters or more.
-    seen : array of bool, shape (k,)
-        Parameters that influence the data.
+    `hessian` (k + m, k + m): Gauss-Newton Hessian, parameters first; `parameters`: number k of parameters. Returns
+    `ties`: combinations of two parameters or more; `seen` (k,): parameters that influence the data.
     """
     k = parameters
     reduced = reduced_hessian(hessian, k)

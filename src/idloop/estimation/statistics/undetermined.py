@@ -35,27 +35,13 @@ _SAME = 1e-9
 
 @dataclass(frozen=True)
 class Undetermined:
-    """Parameters of which the motion determines only a combination.
+    """Parameters of which the motion determines only a combination."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        All of them.
-    held : str
-        The one that is held at its value.
-    value : float
-        Value of the held one.
-    unit : str
-        Its unit.
-    ratios : bool
-        Whether a common factor has no influence, so that the ratios are determined.
-    """
-
-    names: tuple[str, ...]
-    held: str
-    value: float
-    unit: str
-    ratios: bool
+    names: tuple[str, ...]  # all of them
+    held: str  # the one that is held at its value
+    value: float  # value of the held one
+    unit: str  # its unit
+    ratios: bool  # whether a common factor has no influence, so that the ratios are determined
 
     @property
     def text(self) -> str:

@@ -18,15 +18,9 @@ _ORDERS = (0, 1, 2, 3, 4, 6, 8, 10, 13, 16, 20, 25, 30)
 
 @dataclass(frozen=True)
 class Whitener:
-    """Vector autoregression ``e_t = Σ A_k e_{t−k} + w_t``.
+    """Vector autoregression ``e_t = Σ A_k e_{t−k} + w_t``."""
 
-    Attributes
-    ----------
-    coefficients : array, shape (order, p, p)
-        A_1..A_order.
-    """
-
-    coefficients: Array
+    coefficients: Array  # shape (order, p, p): A_1..A_order
 
     @property
     def order(self) -> int:
@@ -90,17 +84,9 @@ def _levinson(covariance: Any, innovation: Any) -> Any:
 
     Whittle, "On the fitting of multivariate autoregressions", Biometrika 50, 1963.
 
-    Parameters
-    ----------
-    covariance : array, shape (order + 1, p, p)
-        Autocovariances of lag 0..order.
-    innovation : array, shape (order + 1, p, p)
-        Receives the residual covariance of each order.
-
-    Returns
-    -------
-    array, shape (k, p, p)
-        A_1..A_k of the highest order; k is lower where the covariance becomes singular.
+    `covariance` (order + 1, p, p): autocovariances of lag 0..order; `innovation` (order + 1, p, p): receives the
+    residual covariance of each order. Returns shape (k, p, p): A_1..A_k of the highest order; k is lower where the
+    covariance becomes singular.
     """
     order, p = covariance.shape[0] - 1, covariance.shape[1]
     ahead, back = np.zeros((order, p, p)), np.zeros((order, p, p))
@@ -143,15 +129,8 @@ def _levinson(covariance: Any, innovation: Any) -> Any:
 def left_by_orders(covariance: Array) -> Array:
     """Residual covariances of autoregressions of all orders.
 
-    Parameters
-    ----------
-    covariance : array, shape (order + 1, p, p)
-        Autocovariances of lag 0..order, see `autocovariances`.
-
-    Returns
-    -------
-    array, shape (k + 1, p, p)
-        Of the orders 0..k; k is lower than ``order`` where the covariance becomes singular.
+    `covariance` (order + 1, p, p): autocovariances of lag 0..order, see `autocovariances`. Returns shape (k + 1, p, p):
+    of the orders 0..k; k is lower than ``order`` where the covariance becomes singular.
     """
     innovation = np.empty_like(covariance)
     return innovation[: len(_levinson(covariance, innovation)) + 1]
@@ -160,17 +139,8 @@ def left_by_orders(covariance: Array) -> Array:
 def fit_whitener(records: list[Array], order: int) -> Whitener:
     """Vector autoregression of a given order by the Yule-Walker equations.
 
-    Parameters
-    ----------
-    records : list of arrays, shape (n_r, p)
-        Residuals of each record, without NaN.
-    order : int
-        Number of lags.
-
-    Returns
-    -------
-    Whitener
-        A stable autoregression, by biased autocovariances; further lags are zero where the covariance becomes singular.
+    `records` (n_r, p): residuals of each record, without NaN; `order`: number of lags. Returns: a stable
+    autoregression, by biased autocovariances; further lags are zero where the covariance becomes singular.
     """
     covariance = autocovariances(records, order)
     coefficients = np.zeros((order, *covariance.shape[1:]))
@@ -182,12 +152,7 @@ def fit_whitener(records: list[Array], order: int) -> Whitener:
 def choose_order(records: list[Array], limit: int | None = None) -> int:
     """Order of the autoregression by Akaike's criterion, at most ``limit``; 0 for white or too short residuals.
 
-    Parameters
-    ----------
-    records : list of arrays, shape (n_r, p)
-        Residuals of each record, without NaN.
-    limit : int, optional
-        Largest order tried.
+    `records` (n_r, p): residuals of each record, without NaN; `limit`: largest order tried.
     """
     p = records[0].shape[1]
     total = sum(len(e) for e in records)
