@@ -17,24 +17,10 @@ def build_controller(
 ) -> Controller:
     """Build a controller.
 
-    Parameters
-    ----------
-    spec : mapping or None
-        ``controller:`` section of a model file: ``type`` and the parameters of that type
-        (``CONTROLLERS[type].parameters``), nested or dotted. None stands for ``{type: none}``.
-    where : str
-        Place named at the start of an error line.
-    compensation : Compensation, optional
-        Effects of a fitted model to cancel.
-
-    Returns
-    -------
-    Controller
-
-    Raises
-    ------
-    InputError
-        The section does not describe a controller, or an effect cannot be cancelled.
+    `spec`: ``controller:`` section of a model file: ``type`` and the parameters of that type
+    (``CONTROLLERS[type].parameters``), nested or dotted. None stands for ``{type: none}``. `where`: place named at the
+    start of an error line. `compensation`: effects of a fitted model to cancel. Raises InputError: the section does not
+    describe a controller, or an effect cannot be cancelled.
     """
     values = check_controller(spec, where)
     # The compiled step needs numba, which takes a second to import.

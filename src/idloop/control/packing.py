@@ -30,16 +30,9 @@ _FOLLOWS = {
 class Kernel:
     """A controller as a compiled closed loop needs it.
 
-    Parameters
-    ----------
-    kind : int
-        First argument of ``idloop.control.step.controller_step``.
-    parameters : ndarray of float64
-        Second argument; not changed by the step.
-    state : ndarray of float64
-        Third argument, as after a reset; the step changes it in place, so give it a copy.
-    inputs : tuple of str
-        Outputs in the argument y, in order.
+    `kind`: first argument of ``idloop.control.step.controller_step``. `parameters`: second argument; not changed by the
+    step. `state`: third argument, as after a reset; the step changes it in place, so give it a copy. `inputs`: outputs
+    in the argument y, in order.
     """
 
     kind: int

@@ -19,24 +19,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class RecordResidual:
-    """Residuals of a fitted model on one record.
+    """Residuals of a fitted model on one record."""
 
-    Attributes
-    ----------
-    name : str
-        Record.
-    time : array, shape (n,)
-        Instants [s].
-    value : array, shape (n, p)
-        Innovations, simulation errors or unexplained forces; NaN where not measured.
-    names : tuple of str
-        Columns.
-    """
-
-    name: str
-    time: Array
-    value: Array
-    names: tuple[str, ...]
+    name: str  # record
+    time: Array  # shape (n,): instants [s]
+    value: Array  # shape (n, p): innovations, simulation errors or unexplained forces; NaN where not measured
+    names: tuple[str, ...]  # columns
 
 
 @dataclass(frozen=True)

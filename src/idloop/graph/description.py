@@ -32,35 +32,19 @@ class Argument:
 
 @dataclass(frozen=True)
 class NodeEntry:
-    """One node to start.
+    """One node to start."""
 
-    Attributes
-    ----------
-    package, executable : str
-        What to run.
-    name, namespace : str
-        Node name and namespace; empty for the node's own.
-    parameters : dict
-        Values by name.
-    parameter_files : tuple of Path
-        Parameter files, read before `parameters`.
-    remappings : tuple of (str, str)
-        From, to.
-    arguments : tuple of str
-        Further words of the command line.
-    ends_graph : bool
-        The graph ends when this node ends (``on_exit: shutdown``).
-    """
-
+    # What to run
     package: str
     executable: str
+    # Node name and namespace; empty for the node's own
     name: str = ""
     namespace: str = ""
-    parameters: dict[str, Any] = field(default_factory=dict)
-    parameter_files: tuple[Path, ...] = ()
-    remappings: tuple[tuple[str, str], ...] = ()
-    arguments: tuple[str, ...] = ()
-    ends_graph: bool = False
+    parameters: dict[str, Any] = field(default_factory=dict)  # values by name
+    parameter_files: tuple[Path, ...] = ()  # parameter files, read before `parameters`
+    remappings: tuple[tuple[str, str], ...] = ()  # from, to
+    arguments: tuple[str, ...] = ()  # further words of the command line
+    ends_graph: bool = False  # the graph ends when this node ends (``on_exit: shutdown``)
 
 
 @dataclass(frozen=True)
@@ -238,23 +222,9 @@ class _Reader:
 def load_graph(name: str, values: Mapping[str, str] | None = None, *, to_run: bool = True) -> Graph:
     """Read a launch file.
 
-    Parameters
-    ----------
-    name : str
-        Name of one of our graphs, or path of a launch file.
-    values : mapping of str to str, optional
-        Values of its arguments.
-    to_run : bool
-        Whether arguments without a default must be given; otherwise they are empty.
-
-    Returns
-    -------
-    Graph
-
-    Raises
-    ------
-    InputError
-        No such graph, argument or substitution, or an entry that only `ros2 launch` supports.
+    `name`: name of one of our graphs, or path of a launch file. `values`: values of its arguments. `to_run`: whether
+    arguments without a default must be given; otherwise they are empty. Raises InputError: no such graph, argument or
+    substitution, or an entry that only `ros2 launch` supports.
     """
     path = graph_path(name)
     reader = _Reader(path, values or {})

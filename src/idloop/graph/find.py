@@ -41,10 +41,7 @@ def graph_names() -> list[str]:
 def graph_summary(name: str) -> str:
     """Return the first sentence of the comment at the head of a launch file.
 
-    Parameters
-    ----------
-    name : str
-        As for `graph_path`.
+    `name`: as for `graph_path`.
     """
     lines = graph_path(name).read_text(encoding="utf-8").splitlines()
     head = " ".join(line.lstrip("# ") for line in takewhile(lambda line: line.startswith("#"), lines))
@@ -54,10 +51,7 @@ def graph_summary(name: str) -> str:
 def graph_path(name: str) -> Path:
     """Return the launch file of a graph: its name, or the path of a launch file.
 
-    Raises
-    ------
-    InputError
-        There is no such graph; the message lists the known ones.
+    Raises InputError: there is no such graph; the message lists the known ones.
     """
     path = Path(name)
     if path.suffix in (".yaml", ".yml"):

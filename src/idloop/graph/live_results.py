@@ -70,10 +70,7 @@ class LiveResult:
 def read_results(bag: Path) -> LiveResult:
     """Read the estimator's last result from a bag.
 
-    Raises
-    ------
-    IdloopError
-        When the bag cannot be read.
+    Raises IdloopError: when the bag cannot be read.
     """
     newest: dict[str, Statuses] = {}
     fits = 0
@@ -107,34 +104,20 @@ def _numbers(values: dict[str, str], prefix: str) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Findings:
-    """Results of the estimator about missing effects, in the order of the recording.
+    """Results of the estimator about missing effects, in the order of the recording."""
 
-    Attributes
-    ----------
-    diagnoses : tuple of dict
-        Documents of schema idloop/diagnose/1, each with ``where`` (lines) and ``windows`` (first and last stamp
-        of each stretch of data in nanoseconds); ``error`` without a document.
-    experiments : tuple of dict
-        Suggested experiments, as `idloop suggest` writes them.
-    ladder : dict or None
-        The newest ladder, schema idloop/refine/1.
-    evidence : tuple of dict
-        Every evaluation of the evidence, schema idloop/live_evidence/1.
-    """
-
+    # Documents of schema idloop/diagnose/1, each with ``where`` (lines) and ``windows`` (first and last stamp of each
+    # stretch of data in nanoseconds); ``error`` without a document
     diagnoses: tuple[dict[str, Any], ...] = ()
-    experiments: tuple[dict[str, Any], ...] = ()
-    ladder: dict[str, Any] | None = None
-    evidence: tuple[dict[str, Any], ...] = ()
+    experiments: tuple[dict[str, Any], ...] = ()  # suggested experiments, as `idloop suggest` writes them
+    ladder: dict[str, Any] | None = None  # the newest ladder, schema idloop/refine/1
+    evidence: tuple[dict[str, Any], ...] = ()  # every evaluation of the evidence, schema idloop/live_evidence/1
 
 
 def read_findings(bag: Path) -> Findings:
     """Read the results about missing effects from a bag.
 
-    Raises
-    ------
-    IdloopError
-        When the bag cannot be read.
+    Raises IdloopError: when the bag cannot be read.
     """
     diagnoses: list[dict[str, Any]] = []
     experiments: list[dict[str, Any]] = []

@@ -40,19 +40,9 @@ class _Child:
 class GraphRun:
     """A running graph.
 
-    Parameters
-    ----------
-    graph : Graph
-        What to start.
-    say : callable, optional
-        ``say(label, line)`` receives every line that a node writes; default: stderr with the label in front.
-    domain_id : int, optional
-        ROS domain of this graph alone.
-
-    Raises
-    ------
-    IdloopError
-        A node cannot be started; the others are stopped.
+    `graph`: what to start. `say`: ``say(label, line)`` receives every line that a node writes; default: stderr with the
+    label in front. `domain_id`: ROS domain of this graph alone. Raises IdloopError: a node cannot be started; the
+    others are stopped.
     """
 
     def __init__(self, graph: Graph, say: Say | None = None, domain_id: int | None = None) -> None:
@@ -106,10 +96,7 @@ class GraphRun:
     def wait(self, stopped: Callable[[], bool] = lambda: False) -> None:
         """Wait until the node that ends the graph has ended, or `stopped` returns True.
 
-        Raises
-        ------
-        IdloopError
-            A node ended before that, with its last line of output.
+        Raises IdloopError: a node ended before that, with its last line of output.
         """
         while not stopped():
             for child in self._children:
@@ -160,24 +147,9 @@ class GraphRun:
 def run_graph(graph: Graph, say: Say | None = None, domain_id: int | None = None) -> bool:
     """Run a graph to its end.
 
-    Parameters
-    ----------
-    graph : Graph
-        What to run.
-    say : callable, optional
-        Receives (label, line) of all output of the nodes.
-    domain_id : int, optional
-        ROS domain of this graph alone.
-
-    Returns
-    -------
-    bool
-        True when the graph ended by itself, False when a signal stopped it (Ctrl-C, a closed terminal, ...).
-
-    Raises
-    ------
-    IdloopError
-        A node ended unexpectedly.
+    `graph`: what to run; `say`: receives (label, line) of all output of the nodes; `domain_id`: ROS domain of this
+    graph alone. Returns: True when the graph ended by itself, False when a signal stopped it (Ctrl-C, a closed
+    terminal, ...). Raises IdloopError: a node ended unexpectedly.
     """
     with event_on_ending_signal() as stopped:
         run = GraphRun(graph, say, domain_id)

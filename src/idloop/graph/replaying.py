@@ -15,14 +15,9 @@ from idloop.physics import load_model
 
 @dataclass(frozen=True)
 class Windows:
-    """Windows of the data of a live estimator.
+    """Windows of the data of a live estimator."""
 
-    Attributes
-    ----------
-    window, validation, period : float
-        Length of the data of a fit, of the validation data after it, and time between fits [s].
-    """
-
+    # Length of the data of a fit, of the validation data after it, and time between fits [s]
     window: float = 20.0
     validation: float = 10.0
     period: float = 10.0

@@ -17,20 +17,8 @@ _FORM = re.compile(r"(?:(?:1|one)?\s*per\s+)?([0-9.eE+]+)?\s*([a-z]+)", re.IGNOR
 def parse_false_alarms(text: str) -> float:
     """Mean running time between two false alarms.
 
-    Parameters
-    ----------
-    text : str
-        ``per 1000 h``, ``1000 h``, ``per year``; the units are s, min, h, days, weeks, years.
-
-    Returns
-    -------
-    float
-        Positive [h].
-
-    Raises
-    ------
-    InputError
-        It is not of that form.
+    `text`: ``per 1000 h``, ``1000 h``, ``per year``; the units are s, min, h, days, weeks, years. Returns: positive
+    [h]. Raises InputError: it is not of that form.
     """
     found = _FORM.fullmatch(text.strip())
     try:

@@ -23,25 +23,14 @@ ALARM, QUIET, CANNOT_TELL = "alarm", "quiet", "cannot_tell"
 
 @dataclass(frozen=True)
 class Trace:
-    """Sums and growth over one stretch of data.
+    """Sums and growth over one stretch of data."""
 
-    Attributes
-    ----------
-    index : array of int, shape (b,)
-        Blocks.
-    sums : array, shape (b, w)
-        Sum of each watch after each block.
-    growth, stderr : array, shape (b, w)
-        Growth by each block alone and its standard error [unit]; NaN where a block is not informative.
-    alarms : tuple of (int, int, Alarm)
-        Block, place of the watch, and the alarm, in the order of time.
-    """
-
-    index: NDArray[np.int64]
-    sums: Array
+    index: NDArray[np.int64]  # shape (b,): blocks
+    sums: Array  # shape (b, w): sum of each watch after each block
+    # shape (b, w): growth by each block alone and its standard error [unit]; NaN where a block is not informative
     growth: Array
     stderr: Array
-    alarms: tuple[tuple[int, int, Alarm], ...] = ()
+    alarms: tuple[tuple[int, int, Alarm], ...] = ()  # block, place of the watch, and the alarm, in the order of time
 
 
 @dataclass(frozen=True)

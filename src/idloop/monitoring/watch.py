@@ -44,21 +44,9 @@ class Watch:
 def parse_watch(model: Model, text: str) -> Watch:
     """Parse a watch.
 
-    Parameters
-    ----------
-    model : Model
-    text : str
-        ``EFFECT@SITE`` (its only or first parameter), ``EFFECT@SITE.PARAMETER`` or ``BODY.viscous_friction``; then,
-        if wanted, ``=20%`` or ``=0.02``, the growth as a share of the value or in the parameter's unit.
-
-    Returns
-    -------
-    Watch
-
-    Raises
-    ------
-    InputError
-        The model has no such parameter, the growth is no number or 0, or it violates the bounds of the parameter.
+    `text`: ``EFFECT@SITE`` (its only or first parameter), ``EFFECT@SITE.PARAMETER`` or ``BODY.viscous_friction``; then,
+    if wanted, ``=20%`` or ``=0.02``, the growth as a share of the value or in the parameter's unit. Raises InputError:
+    the model has no such parameter, the growth is no number or 0, or it violates the bounds of the parameter.
     """
     name, equals, amount = (part.strip() for part in text.partition("="))
     parameter = model.parameter(_full_name(model, name))
@@ -79,20 +67,8 @@ def parse_watch(model: Model, text: str) -> Watch:
 def choose_watches(model: Model, texts: Sequence[str]) -> tuple[Watch, ...]:
     """Parse watches; without any, take the dry friction and the effects in couplings that the model has.
 
-    Parameters
-    ----------
-    model : Model
-    texts : sequence of str
-        As `parse_watch` reads them.
-
-    Returns
-    -------
-    tuple of Watch
-
-    Raises
-    ------
-    InputError
-        As `parse_watch`; a parameter is named twice, or there is nothing to watch.
+    `texts`: as `parse_watch` reads them. Raises InputError: as `parse_watch`; a parameter is named twice, or there is
+    nothing to watch.
     """
     found = [parse_watch(model, text) for text in texts or _worn(model)]
     names = [watch.parameter for watch in found]

@@ -25,12 +25,8 @@ CYCLE_TOLERANCE = 1e-9
 class Segment:
     """One stretch of a stepped signal, in sample indices.
 
-    Parameters
-    ----------
-    start, settled, stop : int
-        First sample, first sample after settling, and one past the last sample.
-    frequency : float
-        Frequency in this stretch in Hz; 0 where the stretch holds a constant level.
+    `start`, `settled`, `stop`: first sample, first sample after settling, and one past the last sample. `frequency`:
+    frequency in this stretch in Hz; 0 where the stretch holds a constant level.
     """
 
     start: int
@@ -43,13 +39,8 @@ class Segment:
 class LineGrid:
     """Harmonics of a multisine.
 
-    Parameters
-    ----------
-    fundamental : float
-        Line spacing in Hz.
-    excited, odd_detection, even_detection : ndarray of int
-        Harmonic numbers that carry power, and those left empty inside the band, where only
-        odd or even nonlinearity (and noise) can show up.
+    `fundamental`: line spacing in Hz; `excited`, `odd_detection`, `even_detection`: harmonic numbers that carry power,
+    and those left empty inside the band, where only odd or even nonlinearity (and noise) can show up.
     """
 
     fundamental: float

@@ -60,15 +60,8 @@ def build_signal(name: str, **parameters: Any) -> Signal:
 def check_signal(name: str, parameters: dict[str, Any]) -> dict[str, Any]:
     """Validate the parameters of a signal kind one by one, without building it.
 
-    Returns
-    -------
-    dict
-        Every parameter of the kind, defaults filled in.
-
-    Raises
-    ------
-    InputError
-        Unknown kind or parameter, wrong type, or out of range.
+    Returns: every parameter of the kind, defaults filled in. Raises InputError: unknown kind or parameter, wrong type,
+    or out of range.
     """
     kind = find_kind(name)
     return check_values((*COMMON_PARAMETERS, *kind.parameters), parameters, f"signal {name}")

@@ -36,41 +36,23 @@ class Part:
 
 @dataclass(frozen=True)
 class Breakdown:
-    """Distribution of the squared error along one variable.
+    """Distribution of the squared error along one variable."""
 
-    Attributes
-    ----------
-    variable : str
-        ``time``, ``frequency``, ``velocity``, ``position``, ``command``, ``direction`` or ``since_reversal``.
-    label, unit : str
-        For an axis, such as "velocity of motor" in "rad/s".
-    edges : array, shape (bins + 1,), or None
-        Increasing; None where the bins are categories.
-    names : tuple of str, length bins
-        Description of each bin.
-    error : array, shape (bins,)
-        Share of the squared error; adds up to 1.
-    usual : array, shape (bins,)
-        Share of the time; of the power of the measured signal along frequency. Adds up to 1.
-    mean, rms : array, shape (bins,)
-        Mean and root mean square of the error in each bin, in its unit; NaN in an empty bin.
-    circular : bool
-        The last bin is a neighbour of the first, as over a turn.
-    levels : array, shape (bins,), or None
-        The values of a signal that has only a few.
-    """
-
+    # ``time``, ``frequency``, ``velocity``, ``position``, ``command``, ``direction`` or ``since_reversal``
     variable: str
+    # For an axis, such as "velocity of motor" in "rad/s"
     label: str
     unit: str
-    edges: Array | None
-    names: tuple[str, ...]
-    error: Array
+    edges: Array | None  # shape (bins + 1,): increasing; None where the bins are categories
+    names: tuple[str, ...]  # description of each bin
+    error: Array  # shape (bins,): share of the squared error; adds up to 1
+    # shape (bins,): share of the time; of the power of the measured signal along frequency. Adds up to 1.
     usual: Array
+    # shape (bins,): mean and root mean square of the error in each bin, in its unit; NaN in an empty bin
     mean: Array
     rms: Array
-    circular: bool = False
-    levels: Array | None = None
+    circular: bool = False  # the last bin is a neighbour of the first, as over a turn
+    levels: Array | None = None  # shape (bins,): the values of a signal that has only a few
 
     @cached_property
     def worst(self) -> Part:

@@ -33,38 +33,22 @@ _MOST_NOISE = 0.2
 
 @dataclass(frozen=True)
 class ForceError:
-    """Applied and required drive force of one record in the compared band.
+    """Applied and required drive force of one record in the compared band."""
 
-    Attributes
-    ----------
-    relative : float
-        ``‖required − applied‖ / ‖commanded‖``.
-    time, applied, required, commanded : array, shape (m,)
-        Instants [s] and low-passed forces in the model's force unit; `commanded` is the gain times the command,
-        `applied` that with the effects at the command.
-    command : array, shape (m,)
-        Mean command over one sample around each instant.
-    cutoff, band : float
-        Cut-off of the differentiating filter and of the comparison [Hz].
-    noise_share : float
-        Share of sensor noise in the power of the differentiated acceleration.
-    noise : float
-        Relative error from sensor noise alone.
-    rest_speed : float
-        Speed below which the driven body counts as standing, in its own unit.
-    """
-
-    relative: float
+    relative: float  # ``‖required − applied‖ / ‖commanded‖``
+    # shape (m,): instants [s] and low-passed forces in the model's force unit; `commanded` is the gain times the
+    # command, `applied` that with the effects at the command
     time: Array
     applied: Array
     required: Array
     commanded: Array
-    command: Array
+    command: Array  # shape (m,): mean command over one sample around each instant
+    # Cut-off of the differentiating filter and of the comparison [Hz]
     cutoff: float
     band: float
-    noise_share: float
-    noise: float
-    rest_speed: float
+    noise_share: float  # share of sensor noise in the power of the differentiated acceleration
+    noise: float  # relative error from sensor noise alone
+    rest_speed: float  # speed below which the driven body counts as standing, in its own unit
 
     @property
     def trusted(self) -> bool:
@@ -94,24 +78,10 @@ def force_error(model: Model, record: Record, cutoff: float | None = None) -> Fo
     balances the other forces up to its static level: only the excess is an error. A body is
     standing where its velocity is within three standard deviations of the velocity's noise.
 
-    Parameters
-    ----------
-    model : Model
-        With the parameter values to use; nothing is fitted.
-    record : Record
-        With measured position or velocity of every body.
-    cutoff : float, optional
-        Cut-off of the differentiating filter [Hz]; from the record's excited band when
-        left out. Give the same one to compare records.
-
-    Returns
-    -------
-    ForceError
-
-    Raises
-    ------
-    InputError
-        The motion of a body is not measured at a steady rate, or no force was applied.
+    `model`: with the parameter values to use; nothing is fitted. `record`: with measured position or velocity of every
+    body. `cutoff`: cut-off of the differentiating filter [Hz]; from the record's excited band when left out. Give the
+    same one to compare records. Raises InputError: the motion of a body is not measured at a steady rate, or no force
+    was applied.
     """
     from idloop.physics import Engine
 

@@ -39,20 +39,9 @@ def _root_mean_square(values: Array) -> Array:
 def rmse(measured: ArrayLike, modelled: ArrayLike) -> Array:
     """Root mean square error of every output.
 
-    Parameters
-    ----------
-    measured, modelled : array, shape (n,) or (n, p)
-        Measured and model output in the output's unit; NaN samples are left out.
-
-    Returns
-    -------
-    array, shape (p,)
-        RMSE in the output's unit; NaN where an output was never measured.
-
-    Raises
-    ------
-    InputError
-        If the shapes differ.
+    `measured`, `modelled` (n,) or (n, p): measured and model output in the output's unit; NaN samples are left out.
+    Returns shape (p,): RMSE in the output's unit; NaN where an output was never measured. Raises InputError: if the
+    shapes differ.
     """
     y, y_hat = _columns(measured, modelled)
     return _root_mean_square(y - y_hat)
@@ -61,21 +50,9 @@ def rmse(measured: ArrayLike, modelled: ArrayLike) -> Array:
 def nrmse(measured: ArrayLike, modelled: ArrayLike) -> Array:
     """Error norm over the norm of the measured output about its mean.
 
-    Parameters
-    ----------
-    measured, modelled : array, shape (n,) or (n, p)
-        Measured and model output; NaN samples are left out.
-
-    Returns
-    -------
-    array, shape (p,)
-        ``‖y − ŷ‖ / ‖y − mean y‖``, dimensionless (0.12 is a FIT of 88 %);
-        infinite for an error of a constant output, NaN where nothing was measured.
-
-    Raises
-    ------
-    InputError
-        If the shapes differ.
+    `measured`, `modelled` (n,) or (n, p): measured and model output; NaN samples are left out. Returns shape (p,): ``‖y
+    − ŷ‖ / ‖y − mean y‖``, dimensionless (0.12 is a FIT of 88 %); infinite for an error of a constant output, NaN where
+    nothing was measured. Raises InputError: if the shapes differ.
     """
     y, y_hat = _columns(measured, modelled)
     count = np.maximum(np.sum(np.isfinite(y), axis=0), 1)
@@ -90,20 +67,8 @@ def nrmse(measured: ArrayLike, modelled: ArrayLike) -> Array:
 def fit_percent(measured: ArrayLike, modelled: ArrayLike) -> Array:
     """FIT of every output in percent: ``100 (1 − ‖y − ŷ‖ / ‖y − mean y‖)``.
 
-    Parameters
-    ----------
-    measured, modelled : array, shape (n,) or (n, p)
-        Measured and model output; NaN samples are left out.
-
-    Returns
-    -------
-    array, shape (p,)
-        FIT in percent: 100 is perfect, 0 is as good as the mean, below 0 is worse.
-
-    Raises
-    ------
-    InputError
-        If the shapes differ.
+    `measured`, `modelled` (n,) or (n, p): measured and model output; NaN samples are left out. Returns shape (p,): FIT
+    in percent: 100 is perfect, 0 is as good as the mean, below 0 is worse. Raises InputError: if the shapes differ.
     """
     return np.asarray(100.0 * (1.0 - nrmse(measured, modelled)))
 
@@ -111,18 +76,9 @@ def fit_percent(measured: ArrayLike, modelled: ArrayLike) -> Array:
 def measures(names: tuple[str, ...], measured: ArrayLike, modelled: ArrayLike) -> dict[str, Any]:
     """All three measures as plain numbers by output name, ready for JSON.
 
-    Parameters
-    ----------
-    names : tuple of str
-        Output names, for example ``("motor.position",)``.
-    measured, modelled : array, shape (n, p)
-        Measured and model output.
-
-    Returns
-    -------
-    dict
-        ``{"fit": {name: percent}, "nrmse": {name: ratio}, "rmse": {name: value}}``;
-        ``None`` where a measure is not finite, as JSON has no NaN.
+    `names`: output names, for example ``("motor.position",)``; `measured`, `modelled` (n, p): measured and model
+    output. Returns: ``{"fit": {name: percent}, "nrmse": {name: ratio}, "rmse": {name: value}}``; ``None`` where a
+    measure is not finite, as JSON has no NaN.
     """
     table = {
         "fit": fit_percent(measured, modelled),

@@ -23,39 +23,22 @@ INPUT, REFERENCE = "input", "reference"
 
 @dataclass(frozen=True)
 class ResidualTest:
-    """Autocorrelation of one output's residual, and its correlation with the input or an exogenous signal.
+    """Autocorrelation of one output's residual, and its correlation with the input or an exogenous signal."""
 
-    Attributes
-    ----------
-    name : str
-        Output the residual belongs to.
-    lag : array, shape (m,)
-        Lags 1..m of the autocorrelation, in samples.
-    autocorrelation, autocorrelation_band : array, shape (m,)
-        Autocorrelation and the half width of its 99 % band for white noise.
-    ljung_box, ljung_box_p : float
-        Portmanteau statistic over all lags and its p-value under whiteness.
-    cross_lag : array, shape (2 m + 1,)
-        Lags −m..m; a positive lag means that the residual follows the input.
-    cross_correlation, cross_correlation_band : array, shape (2 m + 1,)
-        Correlation between input and residual and the half width of its 99 % band.
-    cross_p : float
-        p-value of independence of all outputs' residuals from past inputs (lags ≥ 1); NaN where undecided.
-    against : str
-        Tested signal: ``input``, or ``reference`` for exogenous signals of a closed loop.
-    """
-
-    name: str
-    lag: Array
+    name: str  # output the residual belongs to
+    lag: Array  # shape (m,): lags 1..m of the autocorrelation, in samples
+    # shape (m,): autocorrelation and the half width of its 99 % band for white noise
     autocorrelation: Array
     autocorrelation_band: Array
+    # Portmanteau statistic over all lags and its p-value under whiteness
     ljung_box: float
     ljung_box_p: float
-    cross_lag: Array
+    cross_lag: Array  # shape (2 m + 1,): lags −m..m; a positive lag means that the residual follows the input
+    # shape (2 m + 1,): correlation between input and residual and the half width of its 99 % band
     cross_correlation: Array
     cross_correlation_band: Array
-    cross_p: float
-    against: str = INPUT
+    cross_p: float  # p-value of independence of all outputs' residuals from past inputs (lags ≥ 1); NaN where undecided
+    against: str = INPUT  # tested signal: ``input``, or ``reference`` for exogenous signals of a closed loop
 
     @property
     def white(self) -> bool:

@@ -27,30 +27,19 @@ _DENSER, _WORTH = 2.0, 0.01
 
 @dataclass(frozen=True)
 class Stretch:
-    """Part of a record.
+    """Part of a record."""
 
-    Attributes
-    ----------
-    start, stop : float
-        On the record's own axis [s].
-    start_ns, stop_ns : int
-        Absolute stamps [ns].
-    error, time : float
-        Share of the squared error and of the samples.
-    rms : float
-        Root mean square error in it.
-    text : str
-        Operating state.
-    """
-
+    # On the record's own axis [s]
     start: float
     stop: float
+    # Absolute stamps [ns]
     start_ns: int
     stop_ns: int
+    # Share of the squared error and of the samples
     error: float
     time: float
-    rms: float
-    text: str
+    rms: float  # root mean square error in it
+    text: str  # operating state
 
     @property
     def stands_out(self) -> bool:

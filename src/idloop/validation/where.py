@@ -30,44 +30,25 @@ _FOLLOWS, _MOST_STRETCHES = 0.25, 3
 
 @dataclass(frozen=True)
 class ErrorMap:
-    """One error, broken down.
+    """One error, broken down."""
 
-    Attributes
-    ----------
-    name, unit : str
-        Output such as "motor.position", or "drive force".
-    basis : str
-        ``free_run``, ``ahead``, ``one_step``, or ``force``.
-    kind : str
-        Description of the basis.
-    why : str
-        Reason why it is not the free run, or why the drive side says nothing about the model; empty otherwise.
-    time, error : array, shape (m,)
-        Instants [s] and measured minus modelled; on the drive side applied minus needed force.
-    mean, rms, relative : float
-        Mean and root mean square of the error in its unit; rms over that of the measurement about its mean, of the
-        drive side over that of the commanded force.
-    breakdowns : tuple of Breakdown
-        Along each variable that varies in the record.
-    left_out : dict
-        Reason by variable that has no breakdown.
-    stretches : tuple of Stretch
-        The worst ones, worst first.
-    """
-
+    # Output such as "motor.position", or "drive force"
     name: str
     unit: str
-    basis: str
-    kind: str
-    why: str
+    basis: str  # ``free_run``, ``ahead``, ``one_step``, or ``force``
+    kind: str  # description of the basis
+    why: str  # reason why it is not the free run, or why the drive side says nothing about the model; empty otherwise
+    # shape (m,): instants [s] and measured minus modelled; on the drive side applied minus needed force
     time: Array
     error: Array
+    # Mean and root mean square of the error in its unit; rms over that of the measurement about its mean, of the drive
+    # side over that of the commanded force
     mean: float
     rms: float
     relative: float
-    breakdowns: tuple[Breakdown, ...]
-    left_out: dict[str, str]
-    stretches: tuple[Stretch, ...]
+    breakdowns: tuple[Breakdown, ...]  # along each variable that varies in the record
+    left_out: dict[str, str]  # reason by variable that has no breakdown
+    stretches: tuple[Stretch, ...]  # the worst ones, worst first
 
     def along(self, variable: str) -> Breakdown | None:
         """Return the breakdown along a variable; None when it was left out."""
@@ -128,19 +109,11 @@ class ErrorMap:
 
 @dataclass(frozen=True)
 class Where:
-    """Error analysis of a model on one record.
-
-    Attributes
-    ----------
-    model, record : str
-        Names.
-    maps : tuple of ErrorMap
-        The drive force first where it can be compared, then the outputs.
-    """
+    """Error analysis of a model on one record."""
 
     model: str
     record: str
-    maps: tuple[ErrorMap, ...]
+    maps: tuple[ErrorMap, ...]  # the drive force first where it can be compared, then the outputs
 
     def __getitem__(self, name: str) -> ErrorMap:
         """Return the map of an output or of the ``drive force``."""

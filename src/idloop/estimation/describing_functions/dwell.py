@@ -63,19 +63,12 @@ def recorded_signal(record: Record, name: str) -> RecordedSignal:
 
 @dataclass(frozen=True)
 class Dwell:
-    """One settled stretch of a sine.
+    """One settled stretch of a sine."""
 
-    Attributes
-    ----------
-    start, stop : float
-        After settling, to the end of the last whole period [s on the record's axis].
-    frequency : float
-        Hz.
-    """
-
+    # After settling, to the end of the last whole period [s on the record's axis]
     start: float
     stop: float
-    frequency: float
+    frequency: float  # Hz
 
     @property
     def periods(self) -> float:

@@ -31,31 +31,16 @@ class EffectElement:
     coupling  twist                  torque through the coupling, its spring included
     output    position or velocity   reading
     ========  =====================  ==================================================
-
-    Attributes
-    ----------
-    effect : Effect
-        The equations.
-    values : mapping
-        Value of each of its parameters.
-    drive : {"command", "position", "velocity", "twist"}
-        What the input is.
-    body_inertia : float
-        Of the body [kg·m² or kg].
-    coupling_stiffness : float
-        Of the coupling [N·m/rad or N/m].
-    transmitted_force : float
-        Torque or force that arrives at the body through the drive train, for friction that grows with it.
-    velocity_per_command : float
-        Velocity of the driven body per unit of command, for a limit that depends on it; 0: at standstill.
     """
 
-    effect: Effect
-    values: Mapping[str, float]
-    drive: str
-    body_inertia: float = 1.0
-    coupling_stiffness: float = 1.0
+    effect: Effect  # the equations
+    values: Mapping[str, float]  # value of each of its parameters
+    drive: str  # {"command", "position", "velocity", "twist"}: what the input is
+    body_inertia: float = 1.0  # of the body [kg·m² or kg]
+    coupling_stiffness: float = 1.0  # of the coupling [N·m/rad or N/m]
+    # Torque or force that arrives at the body through the drive train, for friction that grows with it
     transmitted_force: float = 0.0
+    # Velocity of the driven body per unit of command, for a limit that depends on it; 0: at standstill
     velocity_per_command: float = 0.0
 
     @property

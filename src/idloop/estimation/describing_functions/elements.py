@@ -108,10 +108,7 @@ class Saturation:
     N(A) = (2/π) (asin r + r √(1 − r²)) with r = limit / A above the limit, 1 below (python-control's
     ``saturation_nonlinearity``; Gelb and Vander Velde, Multiple-Input Describing Functions, 1968, appendix B).
 
-    Parameters
-    ----------
-    limit : float
-        In the input's unit, above 0.
+    `limit`: in the input's unit, above 0.
     """
 
     limit: float
@@ -188,10 +185,7 @@ class FrictionBacklash:
     Rungroungdouyboon (Lehigh University 1999), whose A is half the gap and M the amplitude, is the real part with
     k = 1; the imaginary part, the phase lag, is not printed there.
 
-    Parameters
-    ----------
-    gap : float
-        Full width of the gap, in the input's unit, above 0.
+    `gap`: full width of the gap, in the input's unit, above 0.
     """
 
     gap: float
@@ -230,15 +224,7 @@ class InertiaBacklash:
     velocity A, and meets the other wall at the phase c with c − sin c = gap / A. The first harmonic of
     that motion is N(A) = 1 + (2 sin c − ½ sin 2c − c) / π − j (1 − cos c)² / π.
 
-    Parameters
-    ----------
-    gap : float
-        Full width of the gap, in the input's unit.
-
-    Raises
-    ------
-    InputError
-        The gap is not above 0.
+    `gap`: full width of the gap, in the input's unit. Raises InputError: the gap is not above 0.
 
     Notes
     -----
@@ -306,10 +292,7 @@ class CoulombFriction:
     Of the displacement's amplitude A the same force is N(A) = j 4 level / (π A) at every frequency
     (Gelb and Vander Velde, 1968, appendix B).
 
-    Parameters
-    ----------
-    level : float
-        Friction force, above 0.
+    `level`: friction force, above 0.
     """
 
     level: float

@@ -27,28 +27,15 @@ DIED = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class LoopSimulation:
-    """What a loop does that was started near a limit cycle.
+    """What a loop does that was started near a limit cycle."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-        Seconds.
-    signal : ndarray, shape (n,)
-        Input of the element.
-    amplitude, frequency : float
-        Of the first harmonic over the last periods; the frequency [Hz] is NaN where it died out or ran away.
-    distortion : float
-        Total harmonic distortion of the signal over the last periods; NaN with the frequency.
-    steady : bool
-        Whether the last periods are alike: a limit cycle.
-    """
-
-    time: Floats
-    signal: Floats
+    time: Floats  # shape (n,): seconds
+    signal: Floats  # shape (n,): input of the element
+    # Of the first harmonic over the last periods; the frequency [Hz] is NaN where it died out or ran away
     amplitude: float
     frequency: float
-    distortion: float
-    steady: bool
+    distortion: float  # total harmonic distortion of the signal over the last periods; NaN with the frequency
+    steady: bool  # whether the last periods are alike: a limit cycle
 
     def to_dict(self) -> dict[str, float | bool | None]:
         """Return the figures as plain values for JSON."""

@@ -29,31 +29,19 @@ REPEATS, EXTRAPOLATED = 1e-9, 1e-6
 
 @dataclass(frozen=True, eq=False)
 class SineAnswer:
-    """Answer of an element to ``bias + amplitude · sin(2π frequency t)``, after the transient.
+    """Answer of an element to ``bias + amplitude · sin(2π frequency t)``, after the transient."""
 
-    Attributes
-    ----------
-    amplitude, frequency, bias : float
-        Of the sine [input unit, Hz, input unit].
-    phase, input, output : ndarray, shape (n,)
-        One period: phase [rad], what went in and what came out.
-    phasors : ndarray, shape (m + 1,)
-        Mean and harmonics of the output, see `period_harmonics`.
-    distortion : float
-        Total harmonic distortion: 0 for a sine, NaN for a constant.
-    periods : int
-        Periods driven until the answer repeated.
-    """
-
+    # Of the sine [input unit, Hz, input unit]
     amplitude: float
     frequency: float
     bias: float
+    # shape (n,): one period: phase [rad], what went in and what came out
     phase: Floats
     input: Floats
     output: Floats
-    phasors: Complexes
-    distortion: float
-    periods: int
+    phasors: Complexes  # shape (m + 1,): mean and harmonics of the output, see `period_harmonics`
+    distortion: float  # total harmonic distortion: 0 for a sine, NaN for a constant
+    periods: int  # periods driven until the answer repeated
 
     @property
     def gain(self) -> complex:

@@ -27,17 +27,10 @@ Focus = Literal["prediction", "simulation"]
 
 @dataclass(frozen=True)
 class Coefficient:
-    """One estimated number.
+    """One estimated number."""
 
-    Attributes
-    ----------
-    name : str
-        As in ``"a1"`` or ``"motor.inertia"``.
-    value, stderr : float
-        Estimate and its standard error; NaN where none is known.
-    """
-
-    name: str
+    name: str  # as in ``"a1"`` or ``"motor.inertia"``
+    # Estimate and its standard error; NaN where none is known
     value: float
     stderr: float = float("nan")
 

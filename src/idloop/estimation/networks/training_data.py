@@ -70,15 +70,10 @@ class Division:
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """Which samples serve what.
+    """Which samples serve what."""
 
-    Attributes
-    ----------
-    train, validation, test : ndarray of int
-        Rows of the regressors of all experiments one after the other; an experiment's first row belongs to the
-        first sample of which all regressors are known.
-    """
-
+    # Rows of the regressors of all experiments one after the other; an experiment's first row belongs to the first
+    # sample of which all regressors are known
     train: Indices
     validation: Indices
     test: Indices

@@ -18,24 +18,12 @@ _ROUNDING = 1e-9  # of a signal: rounding that counts as noise in noise-free rec
 
 @dataclass(frozen=True, eq=False)
 class LineLevels:
-    """What the outputs show at one kind of lines.
+    """What the outputs show at one kind of lines."""
 
-    Attributes
-    ----------
-    frequency : ndarray, shape (g,)
-        [Hz].
-    level : ndarray, shape (g, p)
-        Peak amplitude of the line, averaged over the periods [output unit].
-    noise : ndarray, shape (g, p)
-        What noise alone leaves of it, root mean square [output unit].
-    p_values : ndarray, shape (p,)
-        Probability of lines this far above the noise under noise alone.
-    """
-
-    frequency: Array
-    level: Array
-    noise: Array
-    p_values: Array
+    frequency: Array  # shape (g,): [Hz]
+    level: Array  # shape (g, p): peak amplitude of the line, averaged over the periods [output unit]
+    noise: Array  # shape (g, p): what noise alone leaves of it, root mean square [output unit]
+    p_values: Array  # shape (p,): probability of lines this far above the noise under noise alone
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers for JSON."""
@@ -44,44 +32,28 @@ class LineLevels:
 
 @dataclass(frozen=True, eq=False)
 class Distortion:
-    """Where the uncertainty of a best linear approximation comes from.
+    """Where the uncertainty of a best linear approximation comes from."""
 
-    Attributes
-    ----------
-    frequency : ndarray, shape (f,)
-        Excited lines [Hz].
-    noise : ndarray, shape (f, p)
-        Standard error of the response from noise alone [output unit / input unit].
-    total : ndarray, shape (f, p)
-        Standard error from noise and stochastic nonlinear distortion [output unit / input unit].
-    stochastic : ndarray, shape (f, p)
-        Root mean square of the stochastic nonlinear distortion in a single realisation
-        [output unit / input unit].
-    single_noise : ndarray, shape (f, p)
-        Noise in a single realisation, averaged over its periods [output unit / input unit].
-    excess : ndarray, shape (f, p)
-        Unbiased estimate of the distortion's variance in a single realisation, negative by chance: `stochastic`
-        before it is cut at 0 [(output unit / input unit)²].
-    p_values : ndarray, shape (p,)
-        Probability that noise alone makes so much of it.
-    realisations, periods : int
-        Experiments, and periods averaged in the shortest of them.
-    excited, odd, even : LineLevels or None
-        The outputs at the excited lines and at those that are left empty, where odd and even nonlinearity
-        show (odd random harmonic grid).
-    """
-
-    frequency: Array
-    noise: Array
+    frequency: Array  # shape (f,): excited lines [Hz]
+    noise: Array  # shape (f, p): standard error of the response from noise alone [output unit / input unit]
+    # shape (f, p): standard error from noise and stochastic nonlinear distortion [output unit / input unit]
     total: Array
+    # shape (f, p): root mean square of the stochastic nonlinear distortion in a single realisation [output unit / input
+    # unit]
     stochastic: Array
+    # shape (f, p): noise in a single realisation, averaged over its periods [output unit / input unit]
     single_noise: Array
+    # shape (f, p): unbiased estimate of the distortion's variance in a single realisation, negative by chance:
+    # `stochastic` before it is cut at 0 [(output unit / input unit)²]
     excess: Array
-    p_values: Array
+    p_values: Array  # shape (p,): probability that noise alone makes so much of it
+    # Experiments, and periods averaged in the shortest of them
     realisations: int
     periods: int
     output_names: tuple[str, ...]
     output_units: tuple[str, ...]
+    # The outputs at the excited lines and at those that are left empty, where odd and even nonlinearity show (odd
+    # random harmonic grid)
     excited: LineLevels | None = None
     odd: LineLevels | None = None
     even: LineLevels | None = None
@@ -112,18 +84,10 @@ class Distortion:
     def shares(self, response: NDArray[np.complex128]) -> list[dict[str, float]]:
         """Noise and distortion as parts of the linear response, root mean square over the lines.
 
-        Parameters
-        ----------
-        response : ndarray, shape (f, p)
-            Best linear approximation at the excited lines.
-
-        Returns
-        -------
-        list of dict
-            For each output ``noise`` and ``stochastic``, both of one experiment, and ``odd`` and ``even`` of the output
-            at the excited lines, where lines were left empty; NaN elsewhere. Differences to the noise are averaged over
-            the lines before they are cut at 0; ``p_stochastic``, ``p_odd`` and ``p_even`` are the probabilities that
-            noise alone makes so much.
+        `response` (f, p): best linear approximation at the excited lines. Returns: for each output ``noise`` and
+        ``stochastic``, both of one experiment, and ``odd`` and ``even`` of the output at the excited lines, where lines
+        were left empty; NaN elsewhere. Differences to the noise are averaged over the lines before they are cut at 0;
+        ``p_stochastic``, ``p_odd`` and ``p_even`` are the probabilities that noise alone makes so much.
         """
 
         def rms(values: NDArray[Any]) -> float:
@@ -154,11 +118,7 @@ class Distortion:
     def draw_levels(self, axes: Any, only: int | None = None) -> None:
         """Add the standard errors with and without nonlinear distortion to the magnitudes of a Bode diagram.
 
-        Parameters
-        ----------
-        axes : matplotlib axes
-        only : int, optional
-            Draw this output; all when left out.
+        `only`: draw this output; all when left out.
         """
         from idloop import drawing
 

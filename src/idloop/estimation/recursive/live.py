@@ -20,18 +20,12 @@ _LONGEST_HOLE = 1000
 
 @dataclass(frozen=True)
 class Coefficient:
-    """One coefficient of the model of one output.
+    """One coefficient of the model of one output."""
 
-    Attributes
-    ----------
-    output, name : str
-        As "motor.position" and "a1".
-    value, stderr : float
-        Present value and standard error; B's have units, output per command.
-    """
-
+    # As "motor.position" and "a1"
     output: str
     name: str
+    # Present value and standard error; B's have units, output per command
     value: float
     stderr: float
 

@@ -95,21 +95,12 @@ def _general(
 
 
 class RecursiveMethod(NamedTuple):
-    """A structure and a method.
+    """A structure and a method."""
 
-    Attributes
-    ----------
-    degrees : dict of str to int
-        Polynomials whose degree goes with the order: 1 has the order as degree, 0 none unless asked for.
-    options : dict
-        Of the estimator.
-    estimator : type
-        `RecursivePolynomial`, or a subclass.
-    """
-
+    # Polynomials whose degree goes with the order: 1 has the order as degree, 0 none unless asked for
     degrees: dict[str, int]
-    options: dict[str, Any]
-    estimator: type[RecursivePolynomial] = RecursivePolynomial
+    options: dict[str, Any]  # of the estimator
+    estimator: type[RecursivePolynomial] = RecursivePolynomial  # `RecursivePolynomial`, or a subclass
 
 
 _ANY = {"na": 1, "nb": 1, "nc": 1, "nd": 0, "nf": 0}
