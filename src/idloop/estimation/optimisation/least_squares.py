@@ -153,7 +153,7 @@ class LeastSquaresProblem:
                 n, p = e.shape
                 part = slice(row, row + n * p)
                 product = jacobian[part] * residual[part, None]
-                scores.append(product.reshape(n, p, -1).sum(axis=1))
+                scores.append(product.reshape(n, p, jacobian.shape[1]).sum(axis=1))
                 row += n * p
         return scores
 
