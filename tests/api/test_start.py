@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import idloop
+from idloop.api.first_fit import FirstFit, judged
+from idloop.api.log import Log, recognise
+from idloop.api.start import begin
 from idloop.errors import InputError
+from idloop.records.tables.importing import import_bag
 from idloop.records.tables.mapping import load_mapping
 
 
@@ -118,3 +125,158 @@ def test_nothing_is_written_where_something_is_there_or_missing(record, tmp_path
     with pytest.raises(InputError, match="no signal 'speed'; known are time, command"):
         idloop.start(log, tmp_path / "other", {"speed": "angle"})
     assert not (tmp_path / "other").exists()
+
+
+def _fitted(path, header, record, **columns):
+    return _write(path, header, *({**_columns(record), **columns}[name] for name in "tuq"))
+
+
+def test_a_motion_that_does_not_follow_the_command_is_not_fitted(record, tmp_path):
+    other = np.random.default_rng(0).permutation(record.input)
+    begun = idloop.start(_fitted(tmp_path / "log.csv", "t,voltage,q", record, u=other), tmp_path / "begun")
+    assert begun.fit is None
+    assert "does not follow the command" in begun.not_fitted
+    assert "--command COLUMN" in begun.not_fitted
+    assert not (tmp_path / "begun" / "fitted.yaml").exists()
+    assert begun.commands == []
+
+
+def test_values_that_describe_nothing_are_no_fit(record):
+    model = idloop.load_model("axis").with_free(["axis.viscous_friction"])
+    found = idloop.fit(model, record)
+    done = FirstFit(model, found)
+    assert judged(done).fit is found
+    unknown = replace(found, result=replace(found.result, stderr=np.full(1, np.nan)))
+    assert "determine none of axis.viscous_friction" in judged(replace(done, fit=unknown)).why_not
+    bad = dict.fromkeys(found.train[0].fit, -5.0)
+    nothing = replace(found, train=(SimpleNamespace(fit=bad, fit_ahead=bad),))
+    refused = judged(replace(done, fit=nothing))
+    assert refused.incomplete
+    assert refused.fit is None
+    assert "no signal of any record better than a constant" in refused.why_not
+
+
+@pytest.mark.parametrize("unit", ["N·m", "V"])
+def test_a_turned_command_is_answered_with_the_option_that_turns_it(record, tmp_path, unit):
+    log = _fitted(tmp_path / "log.csv", f"t,motor [{unit}],q", record, u=-record.input)
+    begun = idloop.start(log, tmp_path / "begun")
+    option = f"--command '-`motor [{unit}]`={unit}'"
+    assert f"run again with {option}" in begun.summary()
+    again = idloop.start(log, tmp_path / "again", {"command": option.split("'")[1]})
+    assert again.fit is not None
+    assert not again.done.reversed
+    assert min(again.fit.values.values()) > 0.0
+
+
+def test_what_is_interrupted_leaves_nothing_in_the_way(record, tmp_path):
+    log = _fitted(tmp_path / "log.csv", "t,torque,q", record)
+
+    def interrupt(share, text):
+        if text == "inspecting":
+            assert (tmp_path / "begun" / "mapping.yaml").exists()
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        idloop.start(log, tmp_path / "begun", progress=interrupt)
+    assert not (tmp_path / "begun").exists()
+    assert idloop.start(log, tmp_path / "begun", fitted=False).folder.exists()
+
+
+def test_complete_files_with_different_columns_are_doubted(record, tmp_path):
+    c = _columns(record)
+    logs = [
+        _write(tmp_path / "one.csv", "t,torque,angle", c["t"], c["u"], c["q"]),
+        _write(tmp_path / "two.csv", "time,current,speed", c["t"] + 500.0, c["u"], c["w"]),
+    ]
+    doubts = recognise(logs).doubts
+    assert any("one.csv and two.csv have a command and a motion each" in text for text in doubts)
+    assert any("have little or nothing in common" in text for text in doubts)
+    parts = [
+        _write(tmp_path / "drive.csv", "t,torque", c["t"], c["u"]),
+        _write(tmp_path / "encoder.csv", "time,angle", c["t"], c["q"]),
+    ]
+    assert recognise(parts).between == ()
+
+
+def test_a_file_that_alone_would_be_read_otherwise_is_doubted(record, tmp_path):
+    c = _columns(record)
+    logs = [
+        _write(tmp_path / "run1.csv", "t,torque,q,w", c["t"], c["u"], c["q"], c["w"]),
+        _write(tmp_path / "run2.csv", "t,torque,q,w", c["t"], c["u"], c["q"], 0.0 * c["w"]),
+    ]
+    found = recognise(logs)
+    assert found.between == ("run2.csv is read as run1.csv; alone it would have other signals (velocity: none)",)
+    begun = idloop.start(logs, tmp_path / "begun")
+    assert begun.fit.values["axis.inertia"] == pytest.approx(0.01, rel=0.05)
+
+
+def test_what_one_file_shows_of_the_encoder_holds_for_the_others(record, tmp_path):
+    t = np.arange(0.0, 8.0, 0.01)
+    u = np.sign(np.sin(t))
+    logs = [
+        _write(tmp_path / "run1.csv", "ms,torque,enc", 1e3 * t, u, np.round(50 + 40 * np.sin(t)), form="{:.0f}"),
+        _write(tmp_path / "run2.csv", "ms,torque,enc", 1e3 * t, u, np.round(1500 * t) % 4096, form="{:.0f}"),
+    ]
+    found = recognise(logs)
+    positions = [one.of("position") for one in found.recognitions]
+    assert [one.options.get("wrap") for one in positions] == [positions[1].options["wrap"]] * 2
+
+
+def test_runs_pieces_and_empty_columns_are_said(record, tmp_path):
+    c = _columns(record)
+    rows = [f"{t:.3f},{u:.6g},{q:.6g},," for t, u, q in zip(c["t"][:400], c["u"], c["q"], strict=False)]
+    text = ["t,torque,angle,spare,note", *rows, *rows[:3], *rows]
+    (tmp_path / "log.csv").write_text("\n".join(text))
+    found = recognise(tmp_path / "log.csv")
+    assert found.notes == [
+        "log.csv: the time starts again in row 403: 2 records, which become a bag each",
+        "log.csv: 3 rows are left out: the time starts again there, and what follows is too short for a record",
+    ]
+    lines = list(found.blocks())
+    assert "empty: spare, note" in lines
+    assert not any(str(line).startswith("not used") for line in lines)
+
+
+def test_a_record_too_short_for_a_fit_does_not_spoil_the_others(record, tmp_path):
+    c = _columns(record)
+    rows = [f"{t:.3f},{u:.6g},{q:.6g}" for t, u, q in zip(c["t"], c["u"], c["q"], strict=True)]
+    (tmp_path / "log.csv").write_text("\n".join(["t,torque,angle", *rows, *rows[:15]]))
+    begun = idloop.start(tmp_path / "log.csv", tmp_path / "begun")
+    assert begun.fit.values["axis.inertia"] == pytest.approx(0.01, rel=0.05)
+    assert "left out of the fit, which needs 20 samples: log_run2 (15 samples)" in begun.summary()
+    assert not any("log_run2" in command for command in begun.commands)
+
+
+def test_the_held_inertia_and_the_verdict_stand_beside_the_fit(record, tmp_path):
+    begun = idloop.start(_fitted(tmp_path / "log.csv", "t,voltage,q", record), tmp_path / "begun")
+    text = begun.summary()
+    assert "axis.inertia is held at 1 kg·m²: the command in V is no force" in text
+    assert "verdict: the model describes what was recorded" in text
+    assert "MODEL BAG" not in text
+    force = idloop.start(_fitted(tmp_path / "force.csv", "t,torque,q", record), tmp_path / "force")
+    assert "is held at" not in force.summary()
+
+
+def test_several_files_are_named_by_what_their_names_share(record, tmp_path):
+    def name(*files):
+        return Log(tuple(tmp_path / file for file in files), ()).name
+
+    assert name("drive log.csv") == "drive_log"
+    assert name("step_0.csv", "step_1.csv", "step_2.csv") == "step"
+    assert name("drive.csv", "encoder.csv") == "drive_encoder"
+    assert name("a.csv", "b.csv", "c.csv") == "a_and_2_more"
+
+
+def test_the_fit_is_that_of_the_mapping_that_was_shown(record, tmp_path):
+    c = _columns(record)
+    log = _write(tmp_path / "log.csv", "a,b,q", c["u"], 1e-3 * c["u"], np.degrees(c["q"]))
+    given = {"command": "b=V", "position": "q=deg"}
+    found = recognise(log, given, period=0.01)
+    begun = begin(found, tmp_path / "begun")
+    mapping = load_mapping(tmp_path / "begun" / "mapping.yaml")
+    shown = {one.role: (one.column, one.unit) for one in found.recognition.guesses}
+    assert (mapping.command[0].column, mapping.command[0].unit) == shown["command"]
+    assert (mapping.position[0].column, mapping.position[0].unit) == shown["position"]
+    assert mapping.time.period == 0.01
+    import_bag(log, tmp_path / "bag", tmp_path / "begun" / "mapping.yaml")
+    assert idloop.fit(begun.model, idloop.read_bags(tmp_path / "bag", begun.model)).values == begun.fit.values

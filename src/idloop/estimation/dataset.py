@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 # Least number of samples for a fit.
-_FEWEST_SAMPLES = 20
+FEWEST_SAMPLES = 20
 # The opening segment of a record is one in so many samples, and at least so many samples.
 _OPENING = 8
 _FEWEST_OPENING = 1000
@@ -137,8 +137,8 @@ def _prepare(model: Model, record: Record) -> Data:
     input_time = np.ascontiguousarray(record.input_time, dtype=float)
     value = np.ascontiguousarray(record.input, dtype=float)
     where = f"record {record.name!r}"
-    if len(time) < _FEWEST_SAMPLES:
-        raise InputError(f"{where} has {len(time)} samples; a fit needs at least {_FEWEST_SAMPLES}: record for longer")
+    if len(time) < FEWEST_SAMPLES:
+        raise InputError(f"{where} has {len(time)} samples; a fit needs at least {FEWEST_SAMPLES}: record for longer")
     if output.ndim != 2 or output.shape != (len(time), len(model.outputs)):
         raise InputError(
             f"{where} has outputs of shape {output.shape}; the model {model.name!r} wants "

@@ -15,7 +15,7 @@ from idloop.cli._progress import progress, quiet_option
 from idloop.errors import InputError
 
 if TYPE_CHECKING:
-    from idloop.api.start import Log
+    from idloop.api.log import Log
 
 SIGNALS = {
     "time": "Column of the stamps.",
@@ -33,6 +33,8 @@ Examples:
   idloop start run1.csv run2.csv --position 'enc=counts/4096' --command u=V
   idloop start drive.csv encoder.csv --output my_axis    # one signal per file
 """
+RATE = "rate"
+_ACCEPTS, _REFUSES = ("", "y", "yes"), ("n", "no")
 _PROMPT = "Enter to go on, SIGNAL=COLUMN[=UNIT] to change one (rate=HZ where there is no time), q to stop"
 
 
@@ -85,9 +87,9 @@ def command(
     period = 1.0 / rate if rate else period
     asked = not (yes or as_json) and _on_terminal()
     if asked:
-        found = _ask(files, given, period, csv)
+        found = _ask(files, given, period, csv, output)
     else:
-        from idloop.api.start import recognise
+        from idloop.api.log import recognise
 
         found = recognise(files, given, period=period, csv=csv)
     from idloop.api.start import begin
@@ -99,7 +101,7 @@ def command(
     else:
         # On a terminal the guesses stand there already.
         print_blocks(begun.outcome() if asked else begun.blocks())
-    if begun.fit is None and not no_fit and found.recognition.of("command") is not None:
+    if begun.fit is None and begun.done.asked:
         raise click.exceptions.Exit(1)
 
 
@@ -111,33 +113,66 @@ def _on_terminal() -> bool:
     return sys.stdin.isatty() and sys.stdout.isatty()
 
 
-def _ask(files: tuple[Path, ...], given: dict[str, str], period: float | None, csv: dict[str, Any]) -> Log:
+def _ask(
+    files: tuple[Path, ...], given: dict[str, str], period: float | None, csv: dict[str, Any], output: Path | None
+) -> Log:
     """Show what was recognised until the user accepts it."""
-    from idloop.api.start import recognise
+    from idloop.api.log import recognise
+    from idloop.api.start import free_folder
 
     found: Log | None = None
+    shown = given, period
+    with tempfile.TemporaryDirectory(prefix="idloop_") as folder:
+        while True:
+            try:
+                found = recognise(files, given, period=period, csv=csv)
+            except InputError as error:
+                log(str(error))
+                if found is not None:
+                    # What was refused is not kept: the table that stands there is what will be fitted.
+                    given, period = shown
+                    log("not changed: the table above holds")
+            else:
+                free_folder(found, output)
+                shown = given, period
+                print_blocks(found.blocks())
+                log(f"picture: {_picture(found, Path(folder))}")
+            answer = _answer(accepts=found is not None)
+            if answer is None:
+                assert found is not None  # noqa: S101  (else nothing is accepted)
+                return found
+            role, text = answer
+            if role == RATE:
+                period = 1.0 / float(text)
+            else:
+                given = {**given, role: text}
+
+
+def _answer(*, accepts: bool) -> tuple[str, str] | None:
+    """Ask until the answer is a signal and its column, or accepts what is shown: then None."""
+    from idloop.api.log import check_signals
+
     while True:
-        try:
-            found = recognise(files, given, period=period, csv=csv)
-        except InputError as error:
-            # What was accepted before is not what stands here now.
-            found = None
-            log(str(error))
-        else:
-            print_blocks(found.blocks())
-            log(f"picture: {_picture(found)}")
         answer = click.prompt(_PROMPT, default="", show_default=False).strip()
         if answer == "q":
             raise click.exceptions.Exit(0)
-        if not answer and found is not None:
-            return found
-        role, equals, text = answer.partition("=")
-        if role == "rate" and equals:
-            period = 1.0 / float(text) if _is_positive(text) else period
-        elif equals:
-            given[role.strip()] = text
+        if answer.lower() in _ACCEPTS and accepts:
+            return None
+        role, equals, text = (word.strip() for word in answer.partition("="))
+        if not equals:
+            known = "" if answer.lower() in (*_ACCEPTS, *_REFUSES) else f"not understood: {answer!r}; "
+            log(f"{known}say what to change, such as position=angle=deg or command=u=V; q stops")
+        elif role == RATE:
+            if _is_positive(text):
+                return role, text
+            log(f"{text!r} rows per second are none; give a number above zero")
         else:
-            log(f"not understood: {answer!r}")
+            try:
+                check_signals([role])
+            except InputError as error:
+                log(str(error))
+            else:
+                return role, text
 
 
 def _is_positive(text: str) -> bool:
@@ -147,10 +182,10 @@ def _is_positive(text: str) -> bool:
         return False
 
 
-def _picture(found: Log) -> Path:
+def _picture(found: Log, folder: Path) -> Path:
     from idloop.drawing import save
     from idloop.reporting.plots.recognition import plot_recognition
 
-    path = Path(tempfile.mkdtemp(prefix="idloop_")) / "log.png"
+    path = folder / "log.png"
     save(plot_recognition(found.recognition), path)
     return path

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from idloop.reporting.residual_findings import residual_findings
@@ -61,15 +62,44 @@ def misses_every_output(comparisons: Iterable[Comparison]) -> bool:
     return any(max(one.fit.values()) < _MISSES for one in comparisons)
 
 
+@dataclass(frozen=True)
+class WorstOutput:
+    """The output whose free run is worst.
+
+    Attributes
+    ----------
+    fit : float
+        FIT [%].
+    output, record : str
+    """
+
+    fit: float
+    output: str
+    record: str
+
+    @property
+    def good(self) -> bool:
+        """Whether the model needs no diagnosis: a FIT of 90 % or more."""
+        return self.fit >= _GOOD
+
+
+def worst_output(rows: Rows) -> WorstOutput | None:
+    """The output whose free run is worst; None where none was judged."""
+    found = [
+        WorstOutput(fit, name, comparison.record.name)
+        for _, comparison in rows
+        for name, fit in comparison.fit.items()
+        if not math.isnan(fit)
+    ]
+    return min(found, key=lambda one: one.fit, default=None)
+
+
 def hint(rows: Rows) -> Iterator[Block]:
     """Yield what to do next when the free run of an output has a FIT below 90 %."""
-    worst = min(
-        ((fit, name, comparison.record.name) for _, comparison in rows for name, fit in comparison.fit.items()),
-        default=(math.inf, "", ""),
-    )
-    if worst[0] < _GOOD:
+    worst = worst_output(rows)
+    if worst is not None and not worst.good:
         yield (
-            f"the free run misses {worst[1]} of {worst[2]} (FIT {fit_text(worst[0], 4, ' %')}):"
+            f"the free run misses {worst.output} of {worst.record} (FIT {fit_text(worst.fit, 4, ' %')}):"
             " idloop diagnose MODEL BAG... names the physical effect that is missing"
         )
 

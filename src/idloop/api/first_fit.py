@@ -1,0 +1,164 @@
+"""The first model of a log, its fit, and whether that fit describes anything."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from idloop.api.result import Progress
+from idloop.errors import InputError
+from idloop.spelling import joined_names
+
+if TYPE_CHECKING:
+    from idloop.api.fit import Fit
+    from idloop.physics import Model
+    from idloop.records import Record
+
+
+@dataclass(frozen=True)
+class FirstModel:
+    """What a model of one body is made of.
+
+    Attributes
+    ----------
+    name, joint : str
+    command_unit : str
+    outputs : dict of str to str
+        Unit by field.
+    measured : bool
+        The input was measured and is not held.
+    """
+
+    name: str
+    joint: str
+    command_unit: str
+    outputs: dict[str, str]
+    measured: bool
+
+    def model(self, records: Sequence[Record] = ()) -> Model:
+        """The model, with rough values from records where there are some."""
+        from idloop.records.recognition.model_start import start_model
+
+        return start_model(
+            self.name, self.joint, self.command_unit, self.outputs, measured=self.measured, records=records
+        )
+
+
+@dataclass(frozen=True)
+class FirstFit:
+    """What came of the fit.
+
+    Attributes
+    ----------
+    model : Model
+        With rough values.
+    fit : Fit or None
+    why_not : str
+        Why there is none.
+    asked : bool
+        Whether a fit was asked for.
+    reversed : bool
+        Whether the motion follows minus the command.
+    incomplete : bool
+        Whether there is no fit because the model of one body describes nothing, although the motion follows.
+    bags : tuple of Path
+        Of those that were given, the ones that are long enough for a fit.
+    notes : tuple of str
+        What was left out, and where records were cut.
+    """
+
+    model: Model
+    fit: Fit | None = None
+    why_not: str = ""
+    asked: bool = True
+    reversed: bool = False
+    incomplete: bool = False
+    bags: tuple[Path, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def first_fit(kind: FirstModel, bags: Sequence[Path], *, fitted: bool, progress: Progress) -> FirstFit:
+    """Fit a model of one body to bags.
+
+    Parameters
+    ----------
+    kind : FirstModel
+    bags : sequence of Path
+    fitted : bool
+        Else only rough values are found.
+    progress : callable
+    """
+    from idloop.api.data import read_bags
+    from idloop.api.fit import fit
+
+    model = kind.model()
+    try:
+        long, notes = _long_enough(bags, model)
+        model = kind.model(read_bags(long, model, fitted=False))
+        if not fitted:
+            return FirstFit(model, why_not="not asked for", asked=False, bags=long, notes=notes)
+        found = fit(model, read_bags(long, model), progress=progress)
+    except InputError as error:
+        return FirstFit(model, why_not=str(error), asked=fitted)
+    return judged(FirstFit(model, found, bags=long, notes=notes))
+
+
+def _long_enough(bags: Sequence[Path], model: Model) -> tuple[tuple[Path, ...], tuple[str, ...]]:
+    """The bags that a fit can use beside each other, all of them where it can use none; and what there is to say."""
+    from idloop.api.data import read_bags
+    from idloop.estimation.dataset import FEWEST_SAMPLES
+
+    read = {bag: read_bags([bag], model, fitted=False) for bag in bags}
+    longest = {bag: max(record.time.size for record in records) for bag, records in read.items()}
+    long = tuple(bag for bag, count in longest.items() if count >= FEWEST_SAMPLES) or tuple(bags)
+    short = [f"{bag.name} ({count} samples)" for bag, count in longest.items() if bag not in long]
+    notes = [f"left out of the fit, which needs {FEWEST_SAMPLES} samples: {joined_names(short)}"] if short else []
+    # The finding of a cut stands at its first part.
+    cut = [records[0] for bag, records in read.items() if bag in long and len(records) > 1]
+    notes += [f"{record.name}: {one.text}" for record in cut for one in record.findings if one.where == record.name]
+    return long, tuple(dict.fromkeys(notes))
+
+
+def judged(done: FirstFit) -> FirstFit:
+    """Take back a fit whose values describe nothing."""
+    from idloop.diagnosis.screening.command_response import CommandResponse
+    from idloop.estimation.direction import OPPOSITE_DIRECTION, opposite_direction_warning
+
+    found = done.fit
+    if found is None:
+        return done
+    refused = replace(done, fit=None)
+    if found.unrelated == CommandResponse.REVERSED.text:
+        why = f"{OPPOSITE_DIRECTION}: with the sign of one of the two turned, the model predicts it"
+        return replace(refused, why_not=why, reversed=True)
+    if found.unrelated:
+        return replace(refused, why_not=f"{found.unrelated} If another column is the command: --command COLUMN")
+    if not np.isfinite(found.result.stderr).any() and not found.result.ratios:
+        why = (
+            f"the data determine none of {joined_names(found.result.names)}, values of any size move the model alike;"
+            " excite faster changes of the velocity, or record at a higher rate"
+        )
+        return replace(refused, why_not=why)
+    if _best(found) < 0.0:
+        why = (
+            "one body with viscous friction predicts no signal of any record better than a constant does; a diagnosis"
+            " can find the effect that is missing"
+        )
+        return replace(refused, why_not=why, incomplete=True)
+    return replace(done, reversed=bool(opposite_direction_warning(done.model, found.model)))
+
+
+def _best(found: Fit) -> float:
+    """Largest FIT of any output of any record, free run or some samples ahead [%]."""
+    fits = [
+        value
+        for one in found.train
+        for measured in (one.fit, one.fit_ahead)
+        for value in measured.values()
+        if np.isfinite(value)
+    ]
+    return max(fits, default=-np.inf)

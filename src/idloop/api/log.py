@@ -1,0 +1,365 @@
+"""The files of a log and what their columns are."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from idloop.errors import InputError
+from idloop.reporting.text.blocks import Block, Table
+from idloop.spelling import joined_names, listed
+
+if TYPE_CHECKING:
+    from idloop.records.recognition.guess import Given, Guess
+    from idloop.records.recognition.recognise import Recognition
+    from idloop.records.recognition.time_base import TimeBase
+    from idloop.records.tables.table import Table as Columns
+
+_SHORTEST_NAME = 2  # letters that several names must have in common to give one
+_OVERLAP = 0.5  # share of the shorter file that two files of one run have at least in common
+# What one file shows holds for the others: values that start again, and negative ones logged as unsigned.
+_OF_ALL = ("wrap", "decode")
+
+
+@dataclass(frozen=True)
+class Log:
+    """Files as they were recognised.
+
+    Attributes
+    ----------
+    files : tuple of Path
+    recognitions : tuple of Recognition
+        Of each file, or of all joined.
+    joined : bool
+        Whether the files are one record with a signal or more in each.
+    between : tuple of str
+        What is uncertain about the files beside each other.
+    """
+
+    files: tuple[Path, ...]
+    recognitions: tuple[Recognition, ...]
+    joined: bool = False
+    between: tuple[str, ...] = ()
+
+    @property
+    def recognition(self) -> Recognition:
+        """What the first file holds; the others have the same columns."""
+        return self.recognitions[0]
+
+    @property
+    def name(self) -> str:
+        """Name of the file, or what the names of several have in common."""
+        names = [_plain_name(path) for path in self.files]
+        common = os.path.commonprefix(names).rstrip("0123456789_-.")  # noqa: RUF071  (letters are meant)
+        if len(names) == 1 or len(common) < _SHORTEST_NAME:
+            return "_".join(names) if len(names) < 3 else f"{names[0]}_and_{len(names) - 1}_more"
+        return common
+
+    @property
+    def runs(self) -> dict[str, tuple[Path, dict[str, Any]]]:
+        """Source of each record by its name, and what it is of the source, as a part of a mapping."""
+        found = {}
+        sources = (self.folder,) if self.joined else self.files
+        for source, one in zip(sources, self.recognitions, strict=True):
+            name = self.name if self.joined else _plain_name(source)
+            for piece, window in one.runs.items():
+                found[f"{name}_{_plain(piece)}" if piece else name] = source, window
+        if len(found) < sum(len(one.runs) for one in self.recognitions):
+            raise InputError("two files have the same name; rename one, so that their bags can have theirs")
+        return found
+
+    @property
+    def folder(self) -> Path:
+        """Folder of the first file; files that are joined lie in one."""
+        return self.files[0].parent
+
+    @property
+    def notes(self) -> list[str]:
+        """How the files are written, and which records they hold; what is alike is said once."""
+        found: dict[str, list[str]] = {}
+        for one in self.recognitions:
+            for note in (*one.table.notes, *_records_in(one)):
+                found.setdefault(note, []).append(one.table.path.name)
+        # Of joined files each note names its own.
+        return [note if self.joined else f"{listed(names, 3)}: {note}" for note, names in found.items()]
+
+    @property
+    def empty(self) -> list[str]:
+        """Columns without a value in the first file."""
+        return [name for name in self.recognition.other if _is_empty(self.recognition.table, name)]
+
+    @property
+    def doubts(self) -> list[str]:
+        """Everything uncertain."""
+        return [*self.recognition.all_doubts(), *self.between]
+
+    @property
+    def turned_command(self) -> str:
+        """The option that turns the sign of the command; empty where a formula cannot."""
+        one = self.recognition.of("command")
+        if one is None or self.recognition.sources or set(one.options) - {"compute", "value"}:
+            return ""
+        if "value" in one.options:
+            text = f"{-one.options['value']:g}"
+        elif "compute" in one.options:
+            text = f"-({one.column})"
+        else:
+            text = f"-{one.column}" if one.column.isidentifier() else f"-`{one.column}`"
+        return f"--command '{text}{f'={one.unit}' if one.unit else ''}'"
+
+    def blocks(self) -> Iterator[Block]:
+        """Yield a table of what each column is taken for, and what is uncertain."""
+        found = self.recognition
+        yield from self.notes
+        rows = [("time", str(found.base.time.column or "-"), _time_unit(found), found.base.reason)]
+        rows += [(one.role, one.column or _constant(one.options), one.unit or "?", one.reason) for one in found.guesses]
+        yield Table.of(("signal", "column", "unit", "why"), rows)
+        empty = self.empty
+        if unused := [name for name in found.other if name not in empty]:
+            yield f"not used: {listed(unused, 12)}"
+        if empty:
+            yield f"empty: {listed(empty, 12)}"
+        for doubt in self.doubts:
+            yield f"check: {doubt}"
+
+
+def recognise(
+    files: str | Path | Iterable[str | Path],
+    given: Mapping[str, str] | None = None,
+    *,
+    period: float | None = None,
+    csv: Mapping[str, Any] | None = None,
+) -> Log:
+    """Find out what the columns of a log are, without writing anything.
+
+    Parameters
+    ----------
+    files, given, period, csv
+        As in `idloop.start`.
+
+    Returns
+    -------
+    Log
+
+    Raises
+    ------
+    InputError
+        A file cannot be read, or has no time, no command or no motion.
+    """
+    from idloop.records.bags.storage.storage_files import is_bag
+    from idloop.records.recognition.recognise import recognise_table
+    from idloop.records.tables.table_files import read_table
+
+    paths = tuple(Path(one) for one in ([files] if isinstance(files, str | Path) else files))
+    if not paths:
+        raise InputError("name at least one file")
+    if any(is_bag(path) for path in paths):
+        return _of_bags(paths, given or {})
+    options = {"skip_text": True, **(csv or {})}
+    tables = [read_table(path, options=options) for path in paths]
+    said = _given(given or {}, [name for table in tables for name in table.columns])
+    if any(set(one.columns) != set(tables[0].columns) for one in tables):
+        return _joined(paths, tables, said, period)
+    found = _alike([recognise_table(table, said, period=period) for table in tables])
+    return Log(paths, tuple(found), between=tuple(_read_otherwise(found)))
+
+
+def check_signals(given: Iterable[str]) -> None:
+    """Refuse names that are no signals.
+
+    Raises
+    ------
+    InputError
+        One is none.
+    """
+    from idloop.records.recognition.recognise import ROLES
+
+    unknown = next((role for role in given if role not in ("time", *ROLES)), None)
+    if unknown is not None:
+        raise InputError(f"no signal {unknown!r}; known are time, {', '.join(ROLES)}")
+
+
+def _given(given: Mapping[str, str], columns: list[str]) -> dict[str, Given]:
+    from idloop.records.recognition.guess import Given
+
+    check_signals(given)
+    return {role: Given.parse(text, columns) for role, text in given.items()}
+
+
+# ---------------------------------------------------------------- several files
+
+
+def _alike(found: list[Recognition]) -> list[Recognition]:
+    """Read every file as the others show it: an encoder that starts again in one of them may do so in all."""
+    for role in {one.role for some in found for one in some.guesses}:
+        guesses = [one for some in found if (one := some.of(role)) is not None]
+        shown = {key: (one.options[key], one) for one in guesses for key in _OF_ALL if key in one.options}
+        for key, (value, source) in shown.items():
+            found = [_with_option(some, source, key, value) for some in found]
+    return found
+
+
+def _with_option(found: Recognition, source: Guess, key: str, value: object) -> Recognition:
+    def changed(one: Guess) -> Guess:
+        if (one.role, one.column, one.unit) != (source.role, source.column, source.unit) or key in one.options:
+            return one
+        return replace(source, options={**one.options, key: value})
+
+    return replace(found, guesses=tuple(map(changed, found.guesses)))
+
+
+def _read_otherwise(found: list[Recognition]) -> Iterator[str]:
+    """Yield a doubt for each file that would be read otherwise than the first one, by which all are read."""
+    first = found[0]
+    roles = list(dict.fromkeys(one.role for some in found for one in some.guesses))
+    for one in found[1:]:
+        differing = [role for role in roles if _what(one.of(role)) != _what(first.of(role))]
+        differing += ["time"] if one.base.time != first.base.time else []
+        if differing:
+            own = "; ".join(f"{role}: {_described(one, role)}" for role in differing)
+            yield (
+                f"{one.table.path.name} is read as {first.table.path.name}; alone it would have other signals ({own})"
+            )
+
+
+def _what(guess: Guess | None) -> object:
+    return guess and (guess.column, guess.unit, guess.options)
+
+
+def _described(found: Recognition, role: str) -> str:
+    if role == "time":
+        return f"{found.base.time.column or '-'} in {_time_unit(found)}"
+    guess = found.of(role)
+    return "none" if guess is None else f"{guess.column or _constant(guess.options)} in {guess.unit or '?'}"
+
+
+def _joined(paths: tuple[Path, ...], tables: list[Columns], said: dict[str, Given], period: float | None) -> Log:
+    """Recognise several files as one record."""
+    from idloop.records.recognition.recognise import numbers_of, recognise_table
+    from idloop.records.recognition.time_base import find_time_base
+    from idloop.records.tables.joined import joined_tables
+
+    if len({path.parent.resolve() for path in paths}) > 1:
+        raise InputError(
+            "the files have different columns and lie in different folders; put what belongs together into one"
+        )
+    between = _complete(tables)
+    bases = {}
+    for table in tables:
+        numbers = numbers_of(table)
+        count = max((value.size for value in numbers.values()), default=0)
+        bases[table.path.name] = base = find_time_base(table, numbers, None, count, period)
+        if base.time.column is not None and not table.clocks:
+            clock = str(base.time.column)
+            table.units[clock] = base.time.unit
+            table.clocks = {name: clock for name in table.columns if name != clock}
+    found = recognise_table(joined_tables(paths[0].parent, tables), said)
+    return Log(paths, (found,), joined=True, between=(*between, *_apart(bases)))
+
+
+def _complete(tables: list[Columns]) -> list[str]:
+    """Return a doubt where two files or more have a command and a motion by their names: each may be a record."""
+    whole = [table.path.name for table in tables if _is_record(table)]
+    if len(whole) < 2:
+        return []
+    text = (
+        f"{joined_names(whole)} have a command and a motion each, but different columns, and are joined into one"
+        " record: if they are records of their own, start each alone, or give them the same columns"
+    )
+    return [text]
+
+
+def _is_record(table: Columns) -> bool:
+    from idloop.records.recognition.column_name import parse_column_name
+    from idloop.records.recognition.recognise import MOTION
+    from idloop.records.recognition.roles import role_by_name
+
+    roles = {role_by_name(parse_column_name(name, table.units.get(name, ""))).role for name in table.columns}
+    return bool(roles & {"command", "effort"} and roles & set(MOTION))
+
+
+def _apart(bases: Mapping[str, TimeBase]) -> Iterator[str]:
+    """Yield a doubt for two files whose times have little in common."""
+    spans = {name: (float(base.seconds.min()), float(base.seconds.max())) for name, base in bases.items()}
+    for (name, (begin, end)), (other, (start, stop)) in itertools.combinations(spans.items(), 2):
+        if min(end, stop) - max(begin, start) < _OVERLAP * min(end - begin, stop - start):
+            yield (
+                f"the times of {name} ({begin:g} .. {end:g} s) and {other} ({start:g} .. {stop:g} s) have little or"
+                " nothing in common: joined files are of one run, with one clock"
+            )
+
+
+def _of_bags(paths: tuple[Path, ...], given: Mapping[str, str]) -> Log:
+    """Recognise the topics of bags, each a record."""
+    from idloop.records.recognition.bag_table import bag_table
+    from idloop.records.recognition.recognise import recognise_table
+
+    found = []
+    for path in paths:
+        read = bag_table(path)
+        said = _given(given, list(read.table.columns))
+        one = recognise_table(read.table, said, sources=read.sources, joints=read.joints)
+        one = replace(one, definitions=read.definitions)
+        found.append(_by_receipt(one) if read.received else one)
+    return Log(paths, tuple(found), between=tuple(_read_otherwise(found)))
+
+
+def _by_receipt(found: Recognition) -> Recognition:
+    """Take the times of receipt as stamps, and say so."""
+    from idloop.records.tables.mapping import Time
+
+    reason = "the stamps of the topics have no clock in common: the times of receipt are taken"
+    doubt = f"{reason}; set `use_sim_time` alike for all nodes before the next recording"
+    return replace(found, base=replace(found.base, time=Time(stamps="receive"), reason=reason, doubt=doubt))
+
+
+# ---------------------------------------------------------------- words
+
+
+def _records_in(found: Recognition) -> Iterator[str]:
+    """Yield how many records a file holds and why, and how many rows belong to none."""
+    if found.table.parts:
+        names = list(found.table.parts)
+        yield f"the file marks {len(names)} records, which become a bag each: {listed(names, 6)}"
+        return
+    if len(found.rows) > 1:
+        starts = [str(one.start) for one in found.rows[1:]]
+        yield f"the time starts again in row {listed(starts, 6)}: {len(found.rows)} records, which become a bag each"
+    lost = found.base.seconds.size - sum(one.stop - one.start for one in found.rows)
+    if found.rows and lost:
+        rows = "1 row is" if lost == 1 else f"{lost} rows are"
+        yield f"{rows} left out: the time starts again there, and what follows is too short for a record"
+
+
+def _is_empty(table: Columns, name: str) -> bool:
+    import numpy as np
+
+    try:
+        values = table.numbers(name)
+    except InputError:
+        return False
+    return bool(np.isnan(values).all())
+
+
+def _plain_name(path: Path) -> str:
+    """Name of a file without its suffix, of characters that every file system and ROS takes."""
+    from idloop.records.bags.storage.storage_files import bag_name, is_bag
+
+    return _plain(bag_name(path) if is_bag(path) else path.stem or path.name) or "log"
+
+
+def _plain(text: str) -> str:
+    return "".join(letter if letter.isalnum() or letter in "-_." else "_" for letter in text).strip(".")
+
+
+def _time_unit(found: Recognition) -> str:
+    time = found.base.time
+    return f"every {time.period:g} s" if time.period is not None else time.unit
+
+
+def _constant(options: Mapping[str, Any]) -> str:
+    return f"{options['value']:g}" if "value" in options else "name of the file"

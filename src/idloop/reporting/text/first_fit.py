@@ -1,0 +1,70 @@
+"""What the first fit of a log is worth, beside what the inspection of its records says."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from idloop.records.inspection.grade import EVERYTHING, NOT_USABLE
+from idloop.reporting.text.blocks import Block
+from idloop.reporting.text.comparison import worst_output
+from idloop.spelling import joined_names, listed
+from idloop.validation.words import fit_text
+
+if TYPE_CHECKING:
+    from idloop.physics import Model
+    from idloop.records.inspection.inspection import Inspection
+    from idloop.validation import Comparison
+
+_GAIN = "drive.gain"
+
+
+def verdict(inspections: Sequence[Inspection], rows: Sequence[tuple[str, Comparison]]) -> str:
+    """One sentence that weighs the fit and the faults of what was fitted.
+
+    Parameters
+    ----------
+    inspections : sequence of Inspection
+    rows : sequence of (str, Comparison)
+        As `measures_of` takes them.
+    """
+    worst = worst_output(rows)
+    if worst is None:
+        model = "no free run could be judged"
+    elif worst.good:
+        model = f"the model describes what was recorded (FIT of the free run {fit_text(worst.fit, 4, ' %')} or more)"
+    else:
+        model = (
+            f"the model is not complete: its free run misses {worst.output} of {worst.record}"
+            f" (FIT {fit_text(worst.fit, 4, ' %')}), and a diagnosis names the physical effect that is missing"
+        )
+    return f"{model}; {_recordings(inspections)}"
+
+
+def _recordings(inspections: Sequence[Inspection]) -> str:
+    # What one record does not show another may.
+    spoilt = [{name: None for fault in one.faults for name in fault.spoils} for one in inspections]
+    everywhere = [name for name in spoilt[0] if all(name in one for one in spoilt)]
+    said = []
+    if everywhere:
+        which = "the recording is" if len(inspections) == 1 else "all recordings are"
+        said.append(f"{which} {NOT_USABLE} {joined_names(everywhere)}, whatever FIT and intervals say")
+    if alone := [one.path.name for one in inspections if one.grade == f"{NOT_USABLE} {EVERYTHING}"]:
+        said.append(f"{listed(alone, 3)} can be used beside others only")
+    if said:
+        return "; ".join(said)
+    return "mind the warnings above" if any(one.faults for one in inspections) else "the recording shows no fault"
+
+
+def held_inertia(model: Model) -> Iterator[Block]:
+    """Yield that the inertia is not known, where the command is no force and only ratios to it show."""
+    if _GAIN not in model.free:
+        return
+    free = joined_names(model.free)
+    for name in (f"{body}.inertia" for body in model.bodies):
+        one = model.parameter(name)
+        if name not in model.free:
+            yield (
+                f"{name} is held at {one.value:g} {one.unit}: the command in {model.input.unit} is no force, so only"
+                f" ratios to the inertia are known. With J times that inertia, {free} are J times as large"
+            )
