@@ -179,3 +179,38 @@ def test_a_pair_whose_second_effect_takes_the_place_of_the_first_acts_on_held_ou
     fit = requested_force_fit(second.model({"level": 0.1, "ratio": 0.1}), estimation, {})
     assert "coulomb_friction@axis" not in fit.model.effect_names
     assert evaluator._acts((first, second), fit)
+
+
+SLOW_JOINT = """\
+schema: idloop/model/1
+name: joint
+input: {kind: measured, topic: command, joint: axis, field: effort, unit: A}
+outputs:
+  - {topic: states, joint: axis, field: position, unit: rad, noise: 1.0e-4}
+  - {topic: states, joint: axis, field: velocity, unit: rad/s, noise: 1.0e-3}
+bodies:
+  - {name: axis, inertia: 1.0, viscous_friction: {value: 1.0, min: 0.0}}
+drive: {gain: {value: 1.0}}
+"""
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_traces_are_taken_beside_the_values_of_the_coarse_windows(seed):
+    """On a slow joint the inertia hardly shows: the values of two sets of windows differ by a factor of five."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, 90.0, 0.01)
+    waves = [(0.3, 0.05, 0.0), (0.2, 0.11, 1.0), (0.1, 0.23, 2.0)]
+    velocity = sum(size * np.cos(2.0 * np.pi * rate * time + phase) for size, rate, phase in waves)
+    position = sum(
+        size / (2.0 * np.pi * rate) * np.sin(2.0 * np.pi * rate * time + phase) for size, rate, phase in waves
+    )
+    current = 0.33 * velocity + 0.24 * np.sign(velocity) + 0.03 * np.gradient(velocity, 0.01)
+    noise = rng.normal(size=(3, len(time))) * [[0.01], [1e-4], [1e-3]]
+    model = build_model(read_model_file(SLOW_JOINT, "joint.yaml"), "joint.yaml")
+    measured = {"axis.position": position + noise[1], "axis.velocity": velocity + noise[2]}
+    record = Record.from_arrays(time, current + noise[0], measured, model)
+    estimation = prepare_estimation(model, [record], "prediction")
+    fit = requested_force_fit(model, estimation, {})
+    assert fit is not None
+    step = ForceView(estimation, Options()).evaluate(fit)
+    assert [one.names for one in step.tied] == [("coulomb_friction@axis",)]

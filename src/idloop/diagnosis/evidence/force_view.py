@@ -175,7 +175,8 @@ class ForceView(View[WeakFit]):
         whole, parent, options = parent, parent.subsampled(ENOUGH), self.options
         model, coarse = parent.model, parent.subsampled(_COARSE_WINDOWS)
         screen = _Screen(self.estimation, parent, coarse)
-        proposed = proposals(model, options.effects, self.estimation.conditions)
+        # Beside the values of these windows: a trace is the change by the effect alone.
+        proposed = proposals(coarse.model, options.effects, self.estimation.conditions)
         choices = [one for one in proposed if _balances(one)]
         screened = list(in_parallel(screen, choices))
         promising = [found for found in screened if found.starts]
