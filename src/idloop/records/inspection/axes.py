@@ -85,7 +85,7 @@ def axes_of(
                 command_stream=command,
                 publishers=tuple(one for one in (two_commands, two[topic]) if one is not None),
             )
-            found[joint] = axis
+            found[joint] = axis.without_bad_readings()
     return list(found.values())
 
 

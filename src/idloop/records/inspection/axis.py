@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from idloop.records.bags.publishers import Publishers
 from idloop.records.bags.stream import JointStream
+from idloop.records.inspection.bad_readings import bad_readings, without_bad_readings
 from idloop.records.inspection.motion import analyse_motion, white_noise
 from idloop.records.inspection.wraps import Wraps, find_wraps
 
@@ -75,6 +76,9 @@ class Axis:
         Topics with two publishers; the joint has the messages of the more frequent one.
     trusts_velocity : bool
         Whether the velocity is that of the position.
+    bad : mapping of str to (array, array)
+        Times and values of the readings of position, velocity or command that lie far outside of all others; the
+        arrays have NaN there.
     """
 
     joint: str
@@ -90,6 +94,19 @@ class Axis:
     command_stream: JointStream | None = None
     publishers: tuple[Publishers, ...] = ()
     trusts_velocity: bool = True
+    bad: Mapping[str, tuple[Floats, Floats]] = field(default_factory=dict)
+
+    def without_bad_readings(self) -> Axis:
+        """Return the axis with NaN in place of readings far outside of all others, which are in `bad`."""
+        changed: dict[str, Floats] = {}
+        bad = {}
+        for name, time in (("position", self.time), ("velocity", self.time), ("command", self.input_time)):
+            value: Floats | None = getattr(self, name)
+            if value is None or not (rows := bad_readings(value)).size:
+                continue
+            bad[name] = (time[rows], value[rows])
+            changed[name] = without_bad_readings(value)
+        return replace(self, **changed, bad=bad) if bad else self  # type: ignore[arg-type]
 
     def name(self, signal: str) -> str:
         """``joint.signal``."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from idloop.errors import InputError
 from idloop.records.finding import Finding
+from idloop.records.inspection.bad_readings import bad_readings, without_bad_readings
 from idloop.records.inspection.differenced import differenced
 from idloop.records.inspection.measured_input import measured_input
 from idloop.records.inspection.motion import Motion, analyse_motion, beginnings
@@ -54,6 +55,9 @@ def few_samples(count: int, duration: float) -> str:
 def check_record(record: Record, *, held: bool = True) -> Record:
     """Return the record with findings on outputs that never move or are differences of another, and on few samples.
 
+    Readings far outside of all others are marked as not measured, those of the command are replaced by the value
+    before; a finding counts them.
+
     Parameters
     ----------
     record : Record
@@ -89,6 +93,7 @@ def check_record(record: Record, *, held: bool = True) -> Record:
             raise InputError(
                 f"{name}: {output} has only {count} samples, at least {FEWEST_SAMPLES} are needed; record longer"
             )
+    record = _without_bad_readings(record)
     signals = [(record.input_name, record.input), *zip(record.output_names, record.output.T, strict=True)]
     for signal, values in signals:
         known = values[np.isfinite(values)]
@@ -108,6 +113,23 @@ def check_record(record: Record, *, held: bool = True) -> Record:
     if short:
         found.append(Finding("few_samples", short, record.time.size, name, "warning"))
     return replace(record, findings=(*record.findings, *found))
+
+
+def _without_bad_readings(record: Record) -> Record:
+    rows = bad_readings(record.input)
+    outputs = {name: bad_readings(values) for name, values in zip(record.output_names, record.output.T, strict=True)}
+    found = []
+    for name, bad in ((record.input_name, rows), *outputs.items()):
+        if bad.size:
+            many, left = ("1 value", "it is") if bad.size == 1 else (f"{bad.size} values", "they are")
+            text = f"{name}: {many} far outside of all others: single bad readings, {left} left out"
+            found.append(Finding("spikes", text, bad.size, name, "warning"))
+    if not found:
+        return record
+    good = np.delete(np.arange(record.input.size), rows)
+    before = good[np.maximum(np.searchsorted(good, np.arange(record.input.size), side="right") - 1, 0)]
+    output = np.column_stack([without_bad_readings(values) for values in record.output.T])
+    return replace(record, input=record.input[before], output=output, findings=(*record.findings, *found))
 
 
 def check_commands(records: Sequence[Record]) -> list[Record]:

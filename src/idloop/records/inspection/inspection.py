@@ -26,6 +26,7 @@ from idloop.records.bags.topics import (
 from idloop.records.finding import Finding
 from idloop.records.inspection.axes import axes_of, once_per_stamp
 from idloop.records.inspection.axis import Axis
+from idloop.records.inspection.bad_readings import without_bad_readings
 from idloop.records.inspection.between import between_records
 from idloop.records.inspection.clocks import StampStatistics, stamp_findings, stamp_statistics, while_measured
 from idloop.records.inspection.excitation import Excitation, analyse_command
@@ -401,7 +402,7 @@ def _motions(stream: JointStream) -> dict[str, Motion]:
 
 def _commands(stream: JointStream) -> dict[str, Excitation]:
     time, columns = once_per_stamp(stream)
-    known = {name: np.isfinite(value) for name, value in columns.items()}
+    known = {name: np.isfinite(without_bad_readings(value)) for name, value in columns.items()}
     return {
         name: analyse_command(time[known[name]], value[known[name]])
         for name, value in columns.items()

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.records.inspection.bad_readings import without_bad_readings
 from idloop.records.record import Record
 
 Floats = NDArray[np.float64]
@@ -61,9 +62,13 @@ class Motion:
 
 
 def analyse_motion(value: Floats, *, velocity: bool = False) -> Motion | None:
-    """Describe one measured position, or velocity, of shape (n,); None when it is never measured."""
+    """Describe one measured position, or velocity, of shape (n,); None when it is never measured.
+
+    Readings far outside of all others are left out: one of them would hide the motion.
+    """
     infinite = int(np.isinf(value).sum())
     known = value[np.isfinite(value)]
+    known = known[np.isfinite(without_bad_readings(known))]
     if known.size == 0:
         return None
     levels = np.unique(known)

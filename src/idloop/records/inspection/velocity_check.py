@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.records.finding import Finding
+from idloop.records.inspection.bad_readings import without_bad_readings
 from idloop.records.inspection.motion import analyse_motion, white_noise
 from idloop.records.record import Record
 
@@ -123,7 +124,7 @@ def velocity_slope(time: Floats, position: Floats, velocity: Floats) -> Slope | 
 
 
 def _known(time: Floats, value: Floats) -> tuple[Floats, Floats]:
-    known = np.isfinite(time) & np.isfinite(value)
+    known = np.isfinite(time) & np.isfinite(without_bad_readings(value))
     return time[known], value[known]
 
 

@@ -211,6 +211,18 @@ def test_a_loop_without_its_reference(recorded):
     assert ("unrecorded_reference" in kinds(axis)) == (not recorded)
 
 
+@pytest.mark.parametrize("how", ["not measured", "not recorded"])
+def test_missing_samples_are_no_loop(make_axis, how):
+    time = np.arange(3000) / 200
+    axis = make_axis(2, command=np.sin(2.0 * time) + np.sin(5.1 * time + 1.0))
+    rows = np.arange(3000) % 37 > 0
+    if how == "not measured":
+        axis = replace(axis, position=np.where(rows, axis.position, np.nan))
+    else:
+        axis = replace(axis, time=axis.time[rows], position=axis.position[rows], velocity=axis.velocity[rows])
+    assert "unrecorded_reference" not in kinds(axis)
+
+
 def test_two_levels_and_a_motion_that_is_lost_in_noise(make_axis):
     axis = make_axis(command=np.where(np.random.default_rng(3).normal(size=75) > 0, 1.0, -1.0).repeat(40))
     assert the(axis, "two_levels").spoils == ("dead zone", "limits of the drive")

@@ -22,6 +22,8 @@ _PAST, _OLD, _NEW, _MOST, _FEWEST = 8, 6, 4, 20_000, 300
 # of a reference.
 _SHARE, _STEPS = 0.3, 0.1
 _SAME_RATE = 0.1
+# An interval of so many periods has lost a sample.
+_LOST = 1.5
 # Share of the samples at which the command changes; and of its changes that are rounding.
 _CHANGES, _ROUNDING = 0.2, 1e-9
 
@@ -57,19 +59,22 @@ def _explained(axis: Axis, signals: list[Floats]) -> float:
     after = np.searchsorted(axis.input_time, axis.time - 1e-3 * axis.period)
     command = axis.command[np.minimum(after, axis.command.size - 1)]
     good = (after < axis.command.size) & np.isfinite(command) & np.isfinite(signals).all(axis=0)
-    if good.sum() < _FEWEST:
-        return 0.0
     # Differences: no offset, no drift, and no large common part.
-    command = np.diff(command[good][-_MOST:])
-    motions = [np.diff(one[good][-_MOST:]) for one in signals]
-    last = _OLD + _NEW
-    rows = np.arange(max(_PAST, last), command.size)
+    command = np.diff(command[-_MOST:])
+    motions = [np.diff(one[-_MOST:]) for one in signals]
+    last = max(_PAST, _OLD + _NEW - 1)
+    # What is new is the step of one sample: no row may reach over a missing one.
+    whole = good[-_MOST:] & np.append(True, np.diff(axis.time[-_MOST:]) < _LOST * axis.period)
+    rows = last + np.flatnonzero(np.lib.stride_tricks.sliding_window_view(whole, last + 2).all(axis=1))
+    if rows.size < _FEWEST:
+        return 0.0
     # Where the command is held over many samples, only its changes may answer to anything.
     target = command[rows]
     if np.mean(target != 0.0) < _CHANGES or not all(np.any(one) for one in motions):
         return 0.0
     known = np.column_stack(
-        [command[rows - k] for k in range(1, _PAST + 1)] + [one[rows - k] for one in motions for k in range(_NEW, last)]
+        [command[rows - k] for k in range(1, _PAST + 1)]
+        + [one[rows - k] for one in motions for k in range(_NEW, _OLD + _NEW)]
     )
     new = np.column_stack([one[rows - k] for one in motions for k in range(_NEW)])
     keep = np.ones(rows.size, dtype=bool)

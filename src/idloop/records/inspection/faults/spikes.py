@@ -17,43 +17,59 @@ _FURTHER = 4.0
 
 
 def check(axis: Axis) -> list[Finding]:
-    """Look for samples off the course of their neighbours on both sides."""
+    """Name the readings far outside of all others, and look for samples off the course of their neighbours."""
     found = []
     after = driven(axis)
-    for signal, value in (("position", axis.place), ("velocity", axis.velocity)):
-        if value is None:
+    for signal, value in (("position", axis.place), ("velocity", axis.velocity), ("command", axis.command)):
+        # A command may jump as it likes.
+        when, off = _near(axis, signal, value, after) if signal != "command" and value is not None else _none()
+        left_out = ""
+        if signal in axis.bad and value is not None:
+            far, values = axis.bad[signal]
+            left_out = "; fits leave out those far outside of all others"
+            when, off = np.append(when, far), np.append(off, np.abs(values - np.nanmedian(value)))
+        if not when.size:
             continue
-        known = np.flatnonzero(np.isfinite(value))
-        time, values = axis.time[known], value[known]
-        even = np.ones(values.size, dtype=bool)
-        if values.size > 2:
-            uneven = np.abs(np.diff(time) / axis.period - 1.0) > _UNEVEN
-            even[1:] &= ~uneven
-            even[:-1] &= ~uneven
-        rows = isolated(values, axis.resolution[signal], even)
-        # A value that is repeated lies off as well, and so does the answer of a fast axis to a jump of its command.
-        rows = rows[(values[rows] != values[rows - 1]) & (~np.isin(known[rows], after) | _far(values, rows))]
-        if signal == "velocity" and axis.place is not None and axis.trusts_velocity:
-            rows = rows[~_moved(axis.place[known], time, values, rows)]
-        if not rows.size or rows.size > _MOST * values.size:
-            continue
-        off = np.abs(values[rows] - 0.5 * (values[rows - 1] + values[rows + 1]))
-        name, unit = axis.name(signal), axis.unit(signal)
+        name, unit = axis.command_name if signal == "command" else axis.name(signal), axis.unit(signal)
         largest = int(np.argmax(off))
-        many = "1 value" if rows.size == 1 else f"{rows.size} values"
+        many = "1 value" if when.size == 1 else f"{when.size} values"
+        time = axis.input_time if signal == "command" else axis.time
         found.append(
             fault(
                 "spikes",
                 name,
-                f"{name}: {many} off the neighbours, by up to {off[largest]:.3g} {unit} (at"
-                f" {time[rows[largest]]:.4g} s): single bad readings",
-                "mark them as missing in the log (an empty cell), and look at the wiring of the sensor",
-                evidence={"spikes": float(rows.size), "largest": float(off[largest])},
-                count=int(rows.size),
-                places=around(time, rows),
+                f"{name}: {many} off the others, by up to {off[largest]:.3g} {unit} (at {when[largest]:.4g} s): single"
+                " bad readings",
+                f"mark them as missing in the log (an empty cell), and look at the wiring of the sensor{left_out}",
+                evidence={"spikes": float(when.size), "largest": float(off[largest])},
+                count=int(when.size),
+                places=around(time, np.searchsorted(time, np.sort(when))),
             )
         )
     return found
+
+
+def _none() -> tuple[Floats, Floats]:
+    return np.zeros(0), np.zeros(0)
+
+
+def _near(axis: Axis, signal: str, value: Floats, after: NDArray[np.int64]) -> tuple[Floats, Floats]:
+    """Times of the samples off the course of their neighbours, and how far they are."""
+    known = np.flatnonzero(np.isfinite(value))
+    time, values = axis.time[known], value[known]
+    even = np.ones(values.size, dtype=bool)
+    if values.size > 2:
+        uneven = np.abs(np.diff(time) / axis.period - 1.0) > _UNEVEN
+        even[1:] &= ~uneven
+        even[:-1] &= ~uneven
+    rows = isolated(values, axis.resolution[signal], even)
+    # A value that is repeated lies off as well, and so does the answer of a fast axis to a jump of its command.
+    rows = rows[(values[rows] != values[rows - 1]) & (~np.isin(known[rows], after) | _far(values, rows))]
+    if signal == "velocity" and axis.place is not None and axis.trusts_velocity:
+        rows = rows[~_moved(axis.place[known], time, values, rows)]
+    if rows.size > _MOST * values.size:
+        return _none()
+    return time[rows], np.abs(values[rows] - 0.5 * (values[rows - 1] + values[rows + 1]))
 
 
 def _far(value: Floats, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
