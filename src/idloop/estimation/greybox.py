@@ -209,16 +209,21 @@ def _nearer(engine: Engine, model: Model, data: list[Data], ranked: list[Array])
 
 def _why_force(balance: WeakFit) -> str:
     return (
-        f"the force balance leaves {100 * balance.relative:.2g} % of the drive force unexplained, much more than sensor"
+        f"the force balance leaves {_percent(balance.relative)} of the drive force unexplained, much more than sensor"
         " noise: model error limits the fit"
     )
+
+
+def _percent(share: float) -> str:
+    value = 100.0 * share
+    return f"{value:.0f} %" if value >= 10.0 else f"{value:.2g} %"
 
 
 def _why_prediction(balance: WeakFit | None) -> str:
     if balance is None:
         return "no force balance above the measurement noise: not every body's motion is measured accurately enough"
     return (
-        f"the force balance leaves {100 * balance.relative:.2g} % of the drive force unexplained, but measurement noise"
+        f"the force balance leaves {_percent(balance.relative)} of the drive force unexplained, but measurement noise"
         " is too large a part of that to conclude that model error limits the fit"
     )
 

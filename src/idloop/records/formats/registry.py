@@ -30,6 +30,9 @@ FORMS: tuple[Form, ...] = (
 # What almost any text may be, so that a suffix says more.
 TEXT = text_table.FORM
 HEAD = 1 << 16
+_WORKBOOK = (
+    "a workbook of Excel; save its sheet as CSV, there or by pandas.read_excel('x.xlsx').to_csv('x.csv', index=False)"
+)
 # What other files begin with, and what to do with them.
 _OTHERS = (
     (b"\x1f\x8b", "a gzip archive; unpack it with gunzip"),
@@ -37,7 +40,7 @@ _OTHERS = (
     (b"BZh", "a bzip2 archive; unpack it with bunzip2"),
     (b"\x28\xb5\x2f\xfd", "a zstd archive; unpack it with unzstd"),
     (b"7z\xbc\xaf\x27\x1c", "a 7z archive; unpack it"),
-    (b"\xd0\xcf\x11\xe0", "a workbook of Excel; save its sheet as CSV"),
+    (b"\xd0\xcf\x11\xe0", _WORKBOOK),
     (b"SQLite format 3\0", "an SQLite file; a rosbag2 recording of it is read with its suffix .db3"),
     (b"\x89MCAP", "a recording; give it the suffix .mcap"),
 )
@@ -70,7 +73,7 @@ def form_of(path: Path, kind: str | None = None) -> Form:
         if form.sniff(head):
             return form
     if head.startswith(b"PK\x03\x04") and b"xl/" in head:
-        raise InputError(f"{path}: a workbook of Excel; save its sheet as CSV")
+        raise InputError(f"{path}: {_WORKBOOK}")
     for begin, advice in _OTHERS:
         if head.startswith(begin):
             raise InputError(f"{path}: {advice}")

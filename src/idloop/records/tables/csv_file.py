@@ -148,16 +148,24 @@ def _read(path: Path, stream: TextIO, options: dict[str, Any], found: CsvTable, 
 def _note_layout(found: CsvTable, layout: Layout, names: Sequence[str]) -> None:
     """Say what of the file was not read as data, and keep the units below the header."""
     if found.preamble:
-        many = "1 line" if len(found.preamble) == 1 else f"{len(found.preamble)} lines"
-        found.notes.append(f"{many} above the {'header' if layout.names else 'rows'} are left out")
+        where = "header" if layout.names else "rows"
+        found.notes.append(f"{_lines(found.preamble)} above the {where} {_are(found.preamble)} left out")
     if layout.units:
         cells = [cell.strip() for row in layout.units for cell in row if cell.strip()]
         found.notes.append(f"the row below the header is read as units and left out: {listed(cells, 12)}")
         found.units = {name: cell.strip() for row in layout.units for name, cell in zip(names, row, strict=False)}
     if found.text_rows:
         places = listed(list(map(str, dict.fromkeys(found.text_rows))), 6)
-        many = f"{len(found.text_rows)} lines" if len(found.text_rows) > 1 else "1 line"
-        found.notes.append(f"{many} of text between the rows are left out, before row {places}")
+        rows = found.text_rows
+        found.notes.append(f"{_lines(rows)} of text between the rows {_are(rows)} left out, before row {places}")
+
+
+def _lines(some: Sequence[object]) -> str:
+    return "1 line" if len(some) == 1 else f"{len(some)} lines"
+
+
+def _are(some: Sequence[object]) -> str:
+    return "is" if len(some) == 1 else "are"
 
 
 def _only_data(rows: Iterable[Row], width: int, found: CsvTable) -> Iterator[Row]:

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from idloop import drawing
+from idloop.records.recognition.guess import Guess
 from idloop.records.recognition.recognise import Recognition, numbers_of
+from idloop.records.tables.base_units import known_unit
 from idloop.records.tables.expression import Expression
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+_IN_BRACKETS = re.compile(r"[\[({]([^\])}]*)[\])}]\s*$")
 
 
 def plot_recognition(found: Recognition) -> Figure:
@@ -35,12 +40,20 @@ def plot_recognition(found: Recognition) -> Figure:
             held = guess.role in ("command", "reference", "reference velocity")
             color = drawing.COMMAND if guess.role == "command" else drawing.MEASURED
             (drawing.steps if held else drawing.line)(axes, time, value, color=color)
-            scaled = {"scale", "decode"} & set(guess.options)
-            axes.set_ylabel(drawing.label(guess.column, "as logged" if scaled else guess.unit or "unit unknown"))
+            axes.set_ylabel(_label(guess))
             axes.set_title(guess.role, loc="left")
         if drawn:
             figure.axes[-1].set_xlabel(drawing.label("time", "s"))
     return figure
+
+
+def _label(guess: Guess) -> str:
+    """Column and unit; a name that ends with its unit in brackets says it already."""
+    written = _IN_BRACKETS.search(guess.column)
+    if guess.unit and written and known_unit(written[1]) == guess.unit:
+        return guess.column
+    scaled = {"scale", "decode"} & set(guess.options)
+    return drawing.label(guess.column, "as logged" if scaled else guess.unit or "unit unknown")
 
 
 def _values(numbers: dict[str, np.ndarray], column: str) -> np.ndarray | None:
