@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 import idloop
 from idloop.cli import main
 from idloop.cli.verbs import start
+from idloop.records.tables.mapping import load_mapping
 
 
 @pytest.fixture(scope="module")
@@ -67,10 +69,20 @@ def test_mistakes_are_one_line_and_write_nothing(log, tmp_path, capsys, words, m
     assert not (tmp_path / "a").exists()
 
 
-def test_on_a_terminal_the_guess_is_changed_until_it_is_right(log, tmp_path, capsys, monkeypatch):
-    answers = iter(["", "rate=100", "command=i_set=N·m", "nonsense", "position==deg", ""])
-    monkeypatch.setattr(start, "_on_terminal", lambda: True)
-    monkeypatch.setattr("click.prompt", lambda *_, **__: next(answers))
+@pytest.fixture
+def answers(monkeypatch):
+    """Answer the questions of a terminal with these texts, one after the other."""
+
+    def given(*texts):
+        left = iter(texts)
+        monkeypatch.setattr(start, "_on_terminal", lambda: True)
+        monkeypatch.setattr("click.prompt", lambda *_, **__: next(left))
+
+    return given
+
+
+def test_on_a_terminal_the_guess_is_changed_until_it_is_right(log, tmp_path, capsys, answers):
+    answers("", "rate=100", "command=i_set=N·m", "nonsense", "position==deg", "")
     code, _, err = _run(capsys, log, "--output", tmp_path / "a", "--no-fit")
     assert code == 0, err
     assert "no column is a time" in err
@@ -81,8 +93,46 @@ def test_on_a_terminal_the_guess_is_changed_until_it_is_right(log, tmp_path, cap
     assert "unit: N·m" in mapping
 
 
-def test_on_a_terminal_q_stops_before_anything_is_written(log, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(start, "_on_terminal", lambda: True)
-    monkeypatch.setattr("click.prompt", lambda *_, **__: "q")
+def test_a_refused_answer_leaves_what_is_shown(log, tmp_path, capsys, answers):
+    answers("position=angel", "speed=angle", "rate=many", "n", "command=i_set=miles", "y")
+    code, out, err = _run(capsys, log, "--rate", 100, "--command", "i_set=N·m", "--output", tmp_path / "a", "--no-fit")
+    assert code == 0, err
+    assert out.count("signal ") == 1
+    assert err.count("not changed: the table above holds") == 2
+    for text in ("no column 'angel'", "no signal 'speed'", "'many' rows per second", "say what to change"):
+        assert text in err
+    mapping = load_mapping(tmp_path / "a" / "mapping.yaml")
+    assert (mapping.command[0].column, mapping.command[0].unit) == ("i_set", "N·m")
+
+
+def test_the_picture_of_the_question_is_removed(log, tmp_path, capsys, answers):
+    answers("")
+    _, _, err = _run(capsys, log, "--rate", 100, "--command", "i_set", "--output", tmp_path / "a", "--no-fit")
+    picture = Path(err.partition("picture: ")[2].splitlines()[0])
+    assert picture.name == "log.png"
+    assert not picture.parent.exists()
+
+
+def test_a_folder_that_is_there_is_refused_before_anything_is_asked(log, tmp_path, capsys, answers, monkeypatch):
+    answers()
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "log").mkdir()
+    code, _, err = _run(capsys, log, "--rate", 100, "--command", "i_set")
+    assert code == 2
+    assert "exists already" in err
+
+
+def test_what_cannot_be_fitted_ends_with_one(tmp_path, capsys):
+    t = np.arange(300) * 0.01
+    columns = np.column_stack([t, 0 * t + 1.0, np.maximum(t - 1.0, 0.0) ** 2])
+    np.savetxt(tmp_path / "log.csv", columns, delimiter=",", header="t,torque,angle", comments="")
+    code, out, _ = _run(capsys, tmp_path / "log.csv", "--output", tmp_path / "a")
+    assert code == 1
+    assert "not fitted: " in out
+    assert "next:" not in out
+
+
+def test_on_a_terminal_q_stops_before_anything_is_written(log, tmp_path, capsys, answers):
+    answers("q")
     assert _run(capsys, log, "--output", tmp_path / "a")[0] == 0
     assert not (tmp_path / "a").exists()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import http.client
+import json
 import threading
 
 import numpy as np
@@ -25,16 +26,31 @@ def log(tmp_path_factory):
     return path
 
 
-def test_the_document_says_what_is_missing_and_what_was_found(log):
+def test_the_document_says_what_is_missing_and_what_was_found(log, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     empty = _start_page.document_of([log], {})
-    assert "--rate HZ" in empty["missing"]
+    # In the words of the page: neither options nor the folder of its copy.
+    assert empty["missing"] == ("drive log.csv: no column is a time: say it in the table, or give the rows per second")
     assert empty["columns"] == ["torque", "angle"]
     found = _start_page.document_of([log], {"rate": "100", "position": "angle=deg"})
     assert found["missing"] == ""
     columns = {one["role"]: (one["column"], one["unit"]) for one in found["signals"] if one["column"]}
     assert columns == {"command": ("torque", "N·m"), "position": ("angle", "deg")}
     assert found["picture"].startswith("data:image/png;base64,")
+    assert found["folder"] == str(tmp_path / "drive_log")
+    assert found["turned"] == "-torque"
+    assert found["doubts"] == ["the unit of the command is not written down and taken as N·m"]
     assert "'many' rows per second" in _start_page.document_of([log], {"rate": "many"})["missing"]
+
+
+def test_what_is_not_fitted_says_where_it_was_written_and_why(log, tmp_path):
+    given = {"rate": "100", "position": "angle=deg", "command": "-torque=N·m"}
+    with pytest.raises(InputError, match="not fitted") as refused:
+        _start_page.start_of([log], given, lambda name: tmp_path / name)
+    text = str(refused.value)
+    assert text.startswith(f"written to {tmp_path / 'drive_log'}, but not fitted: ")
+    assert text.endswith("; choose torque as the command")
+    assert "--" not in text
 
 
 def test_what_is_no_log_is_one_line(tmp_path):
@@ -88,6 +104,25 @@ def test_a_dropped_log_becomes_the_workbench_of_a_fitted_model(browser, log, tmp
         page.close()
         ended.set()
         server.join(timeout=60.0)
+
+
+def test_a_refusal_stands_on_the_page_alone(tmp_path, capfd):
+    from idloop.reporting.start_page.start_site import KEY_HEADER, StartSite, Steps
+
+    def recognise(files, given):
+        raise InputError(f"{files[0]}: no column\n is a time")
+
+    site = StartSite(Steps(recognise, lambda files, given: ""))
+    try:
+        with contextlib.closing(http.client.HTTPConnection(site.host, timeout=10)) as connection:
+            for path, body in (("/file?name=a.csv&first=yes", b"t,u"), ("/recognise", b"{}")):
+                connection.request("POST", path, body=body, headers={KEY_HEADER: site.key})
+                answer = connection.getresponse()
+                text = json.loads(answer.read())
+        assert (answer.status, text) == (409, {"error": "a.csv: no column is a time"})
+    finally:
+        site.close()
+    assert capfd.readouterr() == ("", "")
 
 
 def test_other_sites_and_unkeyed_requests_are_refused(tmp_path):

@@ -136,7 +136,7 @@ def judged(done: FirstFit) -> FirstFit:
         why = f"{OPPOSITE_DIRECTION}: with the sign of one of the two turned, the model predicts it"
         return replace(refused, why_not=why, reversed=True)
     if found.unrelated:
-        return replace(refused, why_not=f"{found.unrelated} If another column is the command: --command COLUMN")
+        return replace(refused, why_not=f"{found.unrelated} Another column may be the command: --command COLUMN")
     if not np.isfinite(found.result.stderr).any() and not found.result.ratios:
         why = (
             f"the data determine none of {joined_names(found.result.names)}, values of any size move the model alike;"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from idloop.records.recognition.time_base import TimeBase
     from idloop.records.tables.table import Table as Columns
 
+_TURNED = re.compile(r"-(\w+|`[^`]*`)")
 _SHORTEST_NAME = 2  # letters that several names must have in common to give one
 _OVERLAP = 0.5  # share of the shorter file that two files of one run have at least in common
 # What one file shows holds for the others: values that start again, and negative ones logged as unsigned.
@@ -98,18 +100,24 @@ class Log:
         return [*self.recognition.all_doubts(), *self.between]
 
     @property
-    def turned_command(self) -> str:
-        """The option that turns the sign of the command; empty where a formula cannot."""
+    def turned_column(self) -> str:
+        """The command with its sign turned, as a formula or number; empty where a formula cannot say it."""
         one = self.recognition.of("command")
         if one is None or self.recognition.sources or set(one.options) - {"compute", "value"}:
             return ""
         if "value" in one.options:
-            text = f"{-one.options['value']:g}"
-        elif "compute" in one.options:
-            text = f"-({one.column})"
-        else:
-            text = f"-{one.column}" if one.column.isidentifier() else f"-`{one.column}`"
-        return f"--command '{text}{f'={one.unit}' if one.unit else ''}'"
+            return f"{-one.options['value']:g}"
+        if "compute" in one.options:
+            turned = _TURNED.fullmatch(one.column)
+            return turned[1].strip("`") if turned else f"-({one.column})"
+        return f"-{one.column}" if one.column.isidentifier() else f"-`{one.column}`"
+
+    @property
+    def turned_command(self) -> str:
+        """The option that turns the sign of the command; empty where there is none."""
+        one = self.recognition.of("command")
+        unit = f"={one.unit}" if one is not None and one.unit else ""
+        return f"--command '{self.turned_column}{unit}'" if self.turned_column else ""
 
     def blocks(self) -> Iterator[Block]:
         """Yield a table of what each column is taken for, and what is uncertain."""
@@ -154,6 +162,11 @@ def recognise(
     from idloop.records.recognition.recognise import recognise_table
     from idloop.records.tables.table_files import read_table
 
+    if hasattr(files, "columns"):
+        raise InputError(
+            "a data frame is no file: write it to one by frame.to_csv('log.csv', index=False), or make a record of it"
+            " by idloop.Record.from_frame"
+        )
     paths = tuple(Path(one) for one in ([files] if isinstance(files, str | Path) else files))
     if not paths:
         raise InputError("name at least one file")

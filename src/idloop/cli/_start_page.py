@@ -4,16 +4,24 @@ from __future__ import annotations
 
 import base64
 import io
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from idloop.cli._common import log as say
 from idloop.errors import InputError
+from idloop.spelling import listed
 
 if TYPE_CHECKING:
-    from idloop.api.start import Log, Start
+    from idloop.api.log import Log
+    from idloop.api.start import Start
 
 RATE = "rate"
+# The options of the command line are of no use on the page, which has a table instead: what a doubt ends with, and what
+# answers a refusal.
+_OPTION = re.compile(r"[:;,]? ?(?:if [^;:]*, )?(?<![\w-])--(?:'[^']*'|[^;])*")
+_ANSWER = re.compile(r"[;,] [^;,]*--.*")
 
 
 def document_of(files: list[Path], given: Mapping[str, str]) -> dict[str, Any]:
@@ -27,7 +35,16 @@ def document_of(files: list[Path], given: Mapping[str, str]) -> dict[str, Any]:
         if not columns:
             raise
         signals = [_signal(role, given.get(role, ""), columns) for role in ("time", *ROLES)]
-        return {"signals": signals, "columns": columns, "doubts": [], "notes": [], "picture": "", "missing": str(error)}
+        return {
+            "signals": signals,
+            "columns": columns,
+            "turned": "",
+            "doubts": [],
+            "notes": [],
+            "picture": "",
+            "folder": "",
+            "missing": _refusal(error, files),
+        }
     found = log.recognition
     by_role = {one.role: one for one in found.guesses}
     time = found.base.time
@@ -43,10 +60,11 @@ def document_of(files: list[Path], given: Mapping[str, str]) -> dict[str, Any]:
     return {
         "signals": signals,
         "columns": list(found.table.columns),
-        # The options of the command line are of no use on the page.
-        "doubts": [doubt.partition(": --")[0] for doubt in found.all_doubts()],
-        "notes": list(found.table.notes),
+        "turned": log.turned_column,
+        "doubts": [_OPTION.sub("", doubt) for doubt in log.doubts],
+        "notes": [*log.notes, *([f"empty: {listed(log.empty)}"] if log.empty else [])],
         "picture": _picture(log),
+        "folder": str(_free_folder(log.name).absolute()),
         "missing": "",
     }
 
@@ -55,10 +73,16 @@ def start_of(files: list[Path], given: Mapping[str, str], output: Callable[[str]
     """Write, inspect and fit; InputError where there is no fit."""
     from idloop.api.start import begin
 
-    log = _recognise(files, given)
-    begun = begin(log, output(log.name))
+    try:
+        log = _recognise(files, given)
+        begun = begin(log, output(log.name))
+    except InputError as error:
+        raise InputError(_refusal(error, files)) from None
     if begun.fit is None:
-        raise InputError(f"written to {begun.folder}, but not fitted: {begun.not_fitted}")
+        turn = f"; choose {log.turned_column} as the command" if begun.done.reversed and log.turned_column else ""
+        raise InputError(
+            f"written to {begun.folder.absolute()}, but not fitted: {_OPTION.sub('', begun.not_fitted)}{turn}"
+        )
     return begun
 
 
@@ -83,6 +107,7 @@ def serve(port: int, tell: Callable[[str], None]) -> None:
     def begin(files: list[Path], given: Mapping[str, str]) -> str:
         begun = start_of(files, given, _free_folder)
         assert begun.fit is not None  # noqa: S101  (else there is an error)
+        say(f"written: {begun.folder.absolute()}")
         source = OfflineSource(begun.fit.model, Study(tuple(begun.records)), paths=(begun.bags, ()))
         site = Site(source, Place())
         opened.append((site, source))
@@ -110,7 +135,7 @@ def _free_folder(name: str) -> Path:
 
 
 def _recognise(files: list[Path], given: Mapping[str, str]) -> Log:
-    from idloop.api.start import recognise
+    from idloop.api.log import recognise
     from idloop.records.tables.csv_layout import is_number
 
     rate = given.get(RATE, "")
@@ -118,6 +143,14 @@ def _recognise(files: list[Path], given: Mapping[str, str]) -> Log:
         raise InputError(f"{rate!r} rows per second are none; give a number above zero")
     said = {role: text for role, text in given.items() if role != RATE}
     return recognise(files, said, period=1.0 / float(rate) if rate else None)
+
+
+def _refusal(error: InputError, files: list[Path]) -> str:
+    """What is wrong, with the cure of the page."""
+    from idloop.reporting.start_page.start_site import plain_names
+
+    text = plain_names(str(error), files)
+    return _ANSWER.sub(": say it in the table, or give the rows per second", text).replace("--", "")
 
 
 def _columns(files: list[Path]) -> list[str]:

@@ -26,9 +26,11 @@ async function take(files) {
   if (!files.length) return;
   await attempt(async () => {
     let first = "yes";
-    said = {};
     // What was said of an earlier log is not true of this one.
+    accepted = {};
     at("rate").value = "";
+    at("signals").replaceChildren();
+    at("signals-panel").hidden = at("begin-panel").hidden = true;
     for (const file of files) {
       const kept = await post(`file?name=${encodeURIComponent(file.name)}&first=${first}`, file);
       at("names").textContent = kept.files.join(", ");
@@ -40,16 +42,21 @@ async function take(files) {
 
 async function recognise(given) {
   const found = await post("recognise", JSON.stringify(given));
-  show(found);
-  // What is missing can still be said: the table stays open.
+  if (!found.missing) accepted = given;
+  // After a refusal what was changed stays in the table, to be corrected there.
+  if (!found.missing || !document.querySelector("#signals tbody tr")) show(found);
   if (found.missing) throw new Error(found.missing);
+  at("begin-panel").hidden = false;
 }
 
-// What the user has changed so far, by signal.
-let said = {};
+// What the user has said of the log as it is shown.
+let accepted = {};
 
-function given() {
-  if (at("rate").value.trim()) said.rate = at("rate").value.trim();
+function edited() {
+  const said = { ...accepted };
+  const rate = at("rate").value.trim();
+  if (rate) said.rate = rate;
+  else delete said.rate;
   for (const row of document.querySelectorAll("#signals tbody tr")) {
     const column = row.querySelector("select").value;
     const unit = row.querySelector("input").value.trim();
@@ -76,7 +83,8 @@ function show(found) {
     row.insertCell().textContent = signal.role;
     const choice = document.createElement("select");
     choice.setAttribute("aria-label", `column of the ${signal.role}`);
-    for (const name of ["", ...found.columns]) choice.append(new Option(name || "none", name, false, name === signal.column));
+    const turned = signal.role === "command" && found.turned ? [found.turned] : [];
+    for (const name of new Set(["", ...found.columns, ...turned, signal.column])) choice.append(new Option(name || "none", name, false, name === signal.column));
     row.insertCell().append(choice);
     const unit = document.createElement("input");
     unit.value = signal.unit;
@@ -93,8 +101,8 @@ function show(found) {
   }
   at("picture").hidden = !found.picture;
   if (found.picture) at("picture").src = found.picture;
+  at("folder").textContent = found.folder;
   at("signals-panel").hidden = false;
-  at("begin-panel").hidden = Boolean(found.missing);
 }
 
 at("files").addEventListener("change", (event) => take([...event.target.files]));
@@ -105,8 +113,10 @@ at("drop").addEventListener("drop", (event) => {
   at("drop").classList.remove("over");
   take([...event.dataTransfer.files]);
 });
-at("again").addEventListener("click", () => attempt(() => recognise(given()), "reading"));
+// What is fitted is what is shown: a change is shown first.
+for (const id of ["signals", "rate"]) at(id).addEventListener("input", () => { at("begin-panel").hidden = true; });
+at("again").addEventListener("click", () => attempt(() => recognise(edited()), "reading"));
 at("begin").addEventListener("click", () => attempt(async () => {
-  const next = await post("begin", JSON.stringify(given()));
+  const next = await post("begin", JSON.stringify(accepted));
   location.assign(next.address);
 }, "importing, inspecting and fitting"));

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import functools
 import json
+import os
 import secrets
 import shutil
 import tempfile
@@ -42,6 +43,13 @@ class Steps:
 
     recognise: Callable[[list[Path], Mapping[str, str]], dict[str, Any]]
     begin: Callable[[list[Path], Mapping[str, str]], str]
+
+
+def plain_names(text: str, files: list[Path]) -> str:
+    """Return a message in one line, with the names of the files and without the folder of their copies."""
+    for path in files:
+        text = text.replace(f"{path.parent}{os.sep}", "").replace(str(path.parent), "the files")
+    return " ".join(text.split())
 
 
 class StartSite:
@@ -103,7 +111,9 @@ class StartSite:
                 (r"/(recognise|begin)", StepHandler, own),
                 (r"/assets/(start\.(?:js|css))", StaticFileHandler, {"path": str(HERE)}),
                 (r"/assets/(.*)", StaticFileHandler, {"path": str(SHARED)}),
-            ]
+            ],
+            # What is refused is said on the page; a fault is logged by tornado all the same.
+            log_function=lambda _: None,
         )
         server = HTTPServer(application, max_body_size=MOST_BYTES, max_buffer_size=MOST_BYTES)
         server.add_sockets(self._sockets)
@@ -182,7 +192,7 @@ class StepHandler(_Handler):
         try:
             self.answer(await IOLoop.current().run_in_executor(None, work))
         except IdloopError as error:
-            self.answer({"error": " ".join(str(error).replace(str(self.site.folder), "").split())}, 409)
+            self.answer({"error": plain_names(str(error), self.site.files)}, 409)
 
     def _work(self, step: str, given: dict[str, str]) -> dict[str, Any]:
         if not self.site.busy.acquire(blocking=False):
