@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from idloop.records import Finding, check_identifiable, inspect_bag, read_record, read_records, write_bag
 from idloop.records.inspection.velocity_check import KIND, velocity_slope, without_wrong_velocities, wrong_velocities
@@ -63,6 +64,22 @@ def test_a_noisy_coarse_late_or_biased_velocity_is_not_told(axis, seed):
     assert not said(time, position, velocity + random.uniform(-1, 1) * size)
     counts = 0.01 * np.round(position / 0.01)
     assert not said(time, counts, np.concatenate([[0.0], np.diff(counts) / 0.01]))
+
+
+@pytest.mark.parametrize("factor", [1.1, 0.9, 1.07])
+def test_a_scale_that_is_a_little_off_is_told_from_noise_and_a_filter(axis, factor):
+    time, position, velocity = axis
+    random = np.random.default_rng(3)
+    noisy = velocity + 0.02 * np.std(velocity) * random.normal(size=time.size)
+    late = lfilter([0.2], [1.0, -0.8], noisy)  # 40 ms
+    twice = lfilter([0.3], [1.0, -0.7], late)
+    for measured in (noisy, late, twice, np.interp(time - 0.05, time, velocity)):
+        assert not said(time, position, measured)
+        text = said(time, position, factor * measured)
+        assert f"`scale:` in the mapping by {1.0 / factor:.1f}" in text
+    # Rounded towards zero, it is too small by half a step.
+    step = 0.3 * np.std(velocity)
+    assert not said(time, position, step * np.trunc(velocity / step))
 
 
 def test_an_axis_that_hardly_moves_says_nothing_of_its_velocity():

@@ -29,8 +29,9 @@ def bad_readings(value: Floats) -> NDArray[np.int64]:
         middle = np.pad(middle, _AROUND // 2, mode="edge")
         span = float(np.ptp(middle))
         rows = np.flatnonzero(np.abs(x - middle) > _BEYOND * span)
+    found: NDArray[np.int64] = known[rows]
     # Beside a signal that never moves, a step of its sensor would be as far.
-    return np.asarray(known[rows]) if span > 0.0 and rows.size <= _MOST * x.size else nothing
+    return found if span > 0.0 and rows.size <= _MOST * x.size else nothing
 
 
 def without_bad_readings(value: Floats) -> Floats:

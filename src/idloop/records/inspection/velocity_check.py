@@ -5,6 +5,10 @@ and a fit that uses it is wrong by as much. The integral of a velocity over a wi
 The windows are long compared with noise, encoder steps and delays, so that the slope of the integral against the
 position is 1 even for a noisy, coarse, late or filtered velocity. A finding needs parts of the record that agree on
 another slope, or on none.
+
+A filter lowers that slope. Its output ``u`` obeys ``u = w - delay du/dt`` with the velocity ``w``, and its integral is
+the increment of the position less the delay times its own increment: with both, and a bias, the slope is 1 for a
+filtered velocity as well, and an error of the scale of some hundredths is told from a filter.
 """
 
 from __future__ import annotations
@@ -19,6 +23,7 @@ from numpy.typing import NDArray
 from idloop.records.finding import Finding
 from idloop.records.inspection.bad_readings import without_bad_readings
 from idloop.records.inspection.motion import analyse_motion, white_noise
+from idloop.records.inspection.response import regress
 from idloop.records.record import Record
 
 Floats = NDArray[np.float64]
@@ -29,6 +34,10 @@ KIND = "wrong_velocity"
 _LOWEST, _HIGHEST = 0.5, 1.25
 # Standard errors by which the slope lies outside of that.
 _ERRORS = 4.0
+# ... and beside its delay by this share and so many standard errors.
+_SCALE, _CERTAIN = 0.04, 5.0
+# The longest window counts of those whose error is up to this factor, and this share, above the least.
+_LONGEST = (2.0, 0.002)
 # Correlation of its integral with the position below which a velocity of little noise is another signal.
 _RELATED = 0.5
 # Fewest samples in a window, and windows side by side in a record.
@@ -104,7 +113,8 @@ def velocity_slope(time: Floats, position: Floats, velocity: Floats) -> Slope | 
     broken = _is_gap(when) | _is_jump(where) | (np.diff(gaps[np.searchsorted(speed_time, when, side="right") - 1]) > 0)
     series = np.array([where, np.interp(when, speed_time, area), when, np.concatenate([[0], np.cumsum(broken)])])
     # A long record at fewer instants: the integral is exact at each.
-    increments, length = _increments(series[:, :: max(when.size // _MOST, 1)])
+    some = slice(None, None, max(when.size // _MOST, 1))
+    increments, length = _increments(series[:, some])
     count = min(2 * increments.shape[1] // length, _PARTS)
     if count < _FEWEST_PARTS:
         return None
@@ -115,6 +125,13 @@ def velocity_slope(time: Floats, position: Floats, velocity: Floats) -> Slope | 
     least = _ABOVE * max(_step(where), white_noise(where), _step(speed) * passed)
     noise = _ABOVE * white_noise(speed) * (float(np.median(np.diff(speed_time))) * passed) ** 0.5
     plain = _slope(sums[:, :2, :2], least, noise)
+    scale = (
+        None
+        if plain is None or plain.wrong
+        else _scale(series[:, some], np.interp(when, speed_time, speed)[some], speed)
+    )
+    if scale is not None:
+        return scale
     # A bias of the velocity must not change the slope, but at a nearly constant speed only the whole motion shows it.
     across = sums[:, :2, 2]
     freed = _slope(sums[:, :2, :2] - across[:, :, None] * across[:, None, :] / sums[:, 2:, 2:], least, noise)
@@ -146,13 +163,18 @@ def _is_jump(position: Floats) -> NDArray[np.bool_]:
     return np.asarray(step > _JUMP * np.maximum(around, _step(position)))
 
 
+def _lengths(series: Floats) -> list[int]:
+    """Lengths of windows, doubled each time, up to a part of a record (., n)."""
+    most = series.shape[1] // _WINDOWS
+    return [*(_FEWEST << k for k in range(most.bit_length()) if _FEWEST << k < most), most]
+
+
 def _increments(series: Floats) -> tuple[Floats, int]:
     """Return the increments (3, k) of the first three series where there is motion, and their window in samples.
 
     `series` (4, n) are position, integral of the velocity, time, and the number of breaks before.
     """
-    most = series.shape[1] // _WINDOWS
-    lengths = [*(_FEWEST << k for k in range(most.bit_length()) if _FEWEST << k < most), most]
+    lengths = _lengths(series)
     found = []
     for length in lengths:
         step = series[:, length:] - series[:, :-length]
@@ -178,6 +200,34 @@ def _slope(sums: Floats, least: float, noise: float) -> Slope | None:
     outside = value - _ERRORS * error > _HIGHEST or value + _ERRORS * error < _LOWEST
     unrelated = bool(area > noise and abs(value) * moved < _RELATED * area)
     return Slope(float(value), error, unrelated, bool(outside or unrelated))
+
+
+def _scale(series: Floats, speed: Floats, recorded: Floats) -> Slope | None:
+    """Return the slope beside a delay where it is certainly not 1; None otherwise.
+
+    `series` is that of `_increments`, `speed` (n,) the velocity at its instants, `recorded` the one at its own stamps.
+    """
+    found = []
+    for length in _lengths(series):
+        whole = series[3, length:] == series[3, :-length]
+        moved, area, passed = (series[:3, length:] - series[:3, :-length])[:, whole]
+        under_way = np.abs(moved) > _STILL * np.max(np.abs(moved), initial=0.0)
+        changed = (speed[length:] - speed[:-length])[whole]
+        table = np.column_stack([moved, changed, passed])[under_way]
+        if len(table) * 2 >= _FEWEST_PARTS * length:
+            # At a nearly constant speed the whole motion looks like a bias.
+            both = [regress(area[under_way], table[:, :count]) for count in (3, 2)]
+            value, error = (float(part[0]) for part in min(both, key=lambda one: float(one[1][0]))[:2])
+            off = min(abs(float(values[0]) - 1.0) - _CERTAIN * float(errors[0]) for values, errors, _ in both)
+            found.append((error, length, value, off))
+    if not found:
+        return None
+    factor, share = _LONGEST
+    enough = factor * min(found)[0] + share
+    error, _, value, off = max((one for one in found if one[0] <= enough), key=lambda one: one[1])
+    # A velocity that is rounded towards zero is too small by half a step.
+    rounding = _step(recorded) / max(float(np.sqrt(np.mean(recorded**2))), 1e-300)
+    return Slope(value, error, unrelated=False, wrong=True) if off > _SCALE + rounding else None
 
 
 def wrong_velocities(
@@ -252,13 +302,19 @@ def _explanation(name: str, slope: Slope, columns: Mapping[str, Floats], unit: s
             f"{name} is unrelated to the slope of {place} ({value:.2g} ± {slope.error:.2g}, not 1): another signal",
             "correct the mapping, or take it out of the model file",
         )
-    times = f"{name} is {value:.4g} times the slope of {place}"
+    times = f"{name} is {value:.4g} ± {slope.error:.1g} times the slope of {place}"
     if abs(value + 1.0) <= max(least, _UNIT):
         return f"{times}: one of the two has the wrong sign", "set `scale: -1` for it in the mapping"
     taken = _taken_for(value, unit)
     if taken is not None:
         right, wrong = taken
         return f"{times}: it is probably in {right} and was read as {wrong}", f"set `unit: {right}` in the mapping"
+    if _LOWEST <= value <= _HIGHEST:
+        # Neither a unit nor a gear.
+        return (
+            f"{times}, its delay not counted: a wrong scale, or a driver that divides by another sample time",
+            f"multiply its `scale:` in the mapping by {1.0 / value:.4g}",
+        )
     return (
         f"{times}: a wrong scale, the other side of a gear, or another signal",
         "set its `unit:` or `scale:` in the mapping",

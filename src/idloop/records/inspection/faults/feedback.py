@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 _PAST, _OLD, _NEW, _MOST, _FEWEST = 8, 6, 4, 20_000, 300
 # Share of what is new in the command that the newest measurements explain, without the largest errors: those are steps
 # of a reference.
-_SHARE, _STEPS = 0.3, 0.1
+_SHARE, _STEPS = 0.25, 0.1
 _SAME_RATE = 0.1
 # An interval of so many periods has lost a sample.
 _LOST = 1.5
