@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from idloop.api.result import Progress, Result, ignore_progress, names_of
+from idloop.api.single_thread import single_threaded
 from idloop.errors import InputError
 from idloop.reporting.text.blocks import Block
 from idloop.reporting.text.comparison import details, in_brief, measures_of, where_it_fails
@@ -86,6 +87,7 @@ def short_names(labels: Sequence[str]) -> list[str]:
     return names
 
 
+@single_threaded
 def compare(
     models: Model | Sequence[Model],
     record: Record | Sequence[Record],

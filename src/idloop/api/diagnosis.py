@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from idloop.api.result import Progress, Result, as_records, ignore_progress, part
+from idloop.api.single_thread import single_threaded
 from idloop.diagnosis.worsened import Worsened, worsened
 from idloop.reporting.residual_findings import ResidualFinding, findings_on_records
 from idloop.reporting.text.blocks import Block
@@ -88,6 +89,7 @@ class Diagnosis(Result):
         }
 
 
+@single_threaded
 def diagnose(
     model: Model,
     records: Record | Iterable[Record],

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from idloop.api.result import Progress, Result, as_records, ignore_progress, part
+from idloop.api.single_thread import single_threaded
 from idloop.reporting.terms import FITTED, UNSEEN
 from idloop.reporting.text.blocks import Block
 from idloop.reporting.text.comparison import hint, measures_of, misses_every_output
@@ -84,6 +85,7 @@ class Fit(Result):
         }
 
 
+@single_threaded
 def fit(
     model: Model,
     records: Record | Iterable[Record],

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from idloop.api.result import Progress, Result, as_records, ignore_progress
+from idloop.api.single_thread import single_threaded
 from idloop.errors import IdloopError, InputError
 from idloop.reporting.text.blocks import Block
 from idloop.reporting.text.identification import (
@@ -266,6 +267,7 @@ def grids_of(
     return grids
 
 
+@single_threaded
 def identify(
     records: Record | Iterable[Record],
     methods: str | Sequence[str] = "n4sid",

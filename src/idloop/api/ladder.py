@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from idloop.api.result import Progress, Result, as_records, ignore_progress
+from idloop.api.single_thread import single_threaded
 from idloop.diagnosis import Ladder as Steps
 from idloop.diagnosis.equivalence.equivalent_effects import equivalent_effects_of_ladder
 from idloop.diagnosis.options import MINIMUM_IMPROVEMENT
@@ -151,6 +152,7 @@ def _judged(climbed: Steps, records: Sequence[Record], validation: Sequence[Reco
     return Ladder(climbed, tuple(records), tuple(validation), tuple(findings_on_records(climbed.model, records)))
 
 
+@single_threaded
 def refine(
     model: Model,
     records: Record | Iterable[Record],

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from idloop.api.diagnosis import Diagnosis
 from idloop.api.ladder import Ladder
 from idloop.api.result import Progress, Result, as_records, ignore_progress, part
+from idloop.api.single_thread import single_threaded
 from idloop.diagnosis.design.limits import Limits
 from idloop.errors import InputError
 from idloop.reporting.next_experiment import Next, next_of_diagnosis, next_of_ladder, next_of_models
@@ -81,6 +82,7 @@ class Suggestion(Result):
         return self.experiment
 
 
+@single_threaded
 def suggest(
     subject: Ladder | Diagnosis | Model | Sequence[Model],
     records: Record | Iterable[Record] | None = None,
