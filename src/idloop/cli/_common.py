@@ -230,6 +230,29 @@ def print_json(document: Any) -> None:
     click.echo(json.dumps(to_json(document), indent=2, ensure_ascii=False, allow_nan=False))
 
 
+def print_found(found: Any, *, as_json: bool, **more: Any) -> None:
+    """Print a result: its document with `more` beside it, or its text."""
+    if as_json:
+        print_json({**found.to_dict(), **more})
+    else:
+        print_blocks(found.blocks())
+
+
+def save_plot(draw: Callable[[], Any], path: Path | None) -> None:
+    """Draw a figure and write it, where a file is asked for."""
+    if path is not None:
+        from idloop.drawing import save
+
+        save(draw(), path)
+
+
+def log_written(*paths: Path | None) -> None:
+    """Name the files that were written, those that were asked for."""
+    for path in paths:
+        if path is not None:
+            log(f"written: {path}")
+
+
 def log(text: str) -> None:
     """Write one line for the reader on stderr, where it disturbs neither tables nor JSON."""
     with contextlib.suppress(OSError):  # the terminal may be gone

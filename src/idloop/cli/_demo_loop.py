@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import tempfile
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -111,36 +111,39 @@ def distance(one: Mapping[str, Mapping[str, Any]], other: Mapping[str, Mapping[s
     return worst
 
 
-def start_model(graph: str, folder: Path) -> tuple[Model, Path]:
-    """The machine's model, and a model file whose free parameters are far from the machine's."""
-    from idloop.physics import load_model
+def run_from_away(
+    graph: str,
+    machine: Model,
+    start: Path,
+    values: Mapping[str, str],
+    say: Callable[[str, str], None],
+    domain: int | None,
+) -> None:
+    """Run a graph whose estimator starts from a model file `start`, its free parameters far from the machine's."""
+    from idloop.graph import load_graph, run_graph
 
-    machine = load_model(graph)
-    away = machine.with_values({p.name: START * p.value for p in machine.parameters if p.free})
-    path = folder / f"{graph}_start.yaml"
-    away.save(path)
-    return machine, path
+    machine.with_values({p.name: START * p.value for p in machine.parameters if p.free}).save(start)
+    if not run_graph(load_graph(graph, {"model": str(start), **values}), say=say, domain_id=domain):
+        raise KeyboardInterrupt
 
 
 def run_live(graph: str, folder: Path, seconds: float, seed: int, domain: int | None) -> LoopRun:
     """Excite, control, record and identify a simulated machine, each in its own process."""
-    from idloop.graph import load_graph, read_results, run_graph
+    from idloop.graph import read_results
+    from idloop.physics import load_model
 
-    machine, start = start_model(graph, folder)
-    bag = folder / graph
+    machine, bag = load_model(graph), folder / graph
     windows = windows_of(graph, seconds)
     values = {
         "duration": repr(seconds),
         "seed": str(seed),
-        "model": str(start),
         "bag": str(bag),
         "window": repr(windows.window),
         "validation": repr(windows.validation),
         "fit_period": repr(windows.period),
     }
     with narrated(f"{graph}: live graph", 60.0) as say:
-        if not run_graph(load_graph(graph, values), say=say, domain_id=domain):
-            raise KeyboardInterrupt
+        run_from_away(graph, machine, folder / f"{graph}_start.yaml", values, say, domain)
     live = read_results(bag)
     if not live.fits or live.error:
         raise IdloopError(f"{graph}: {live.error or 'the estimator made no fit; give the run more --seconds'}")

@@ -12,13 +12,14 @@ from idloop.cli._common import (
     BAG,
     apply_options,
     json_option,
-    log,
+    log_written,
     model_options,
     open_model,
     plot_option,
     print_blocks,
     print_json,
     read_one_record,
+    save_plot,
 )
 from idloop.cli._places import PLOT
 from idloop.cli._progress import progress, quiet_option
@@ -72,11 +73,8 @@ def command(
     with progress("comparing") as update:
         found = compare(loaded, records, steps=steps, labels=label_models(models, loaded), progress=update)
     for path, draw in ((plot, found.plot), (plot_where, found.plot_where)):
-        if path is not None:
-            from idloop.drawing import save
-
-            save(draw(), path)
-            log(f"written: {path}")
+        save_plot(draw, path)
+        log_written(path)
     if as_json:
         print_json({**found.to_dict(), "plot": plot, "plot_where": plot_where})
         return

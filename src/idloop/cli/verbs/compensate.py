@@ -12,12 +12,12 @@ from idloop.cli._common import (
     MODEL,
     apply_options,
     json_option,
-    log,
+    log_written,
     model_options,
     open_model,
     plot_option,
-    print_blocks,
-    print_json,
+    print_found,
+    save_plot,
 )
 from idloop.cli._places import NEW_FOLDER, OUTPUT_FILE, force_option
 from idloop.cli._progress import progress, quiet_option
@@ -83,14 +83,6 @@ def command(
     only: tuple[str, ...],
     plant: str | None,
     plant_effect: tuple[str, ...],
-    reference: str | None,
-    controller: str | None,
-    limit: float | None,
-    velocity_width: float | None,
-    command_width: float | None,
-    crossing_time: float | None,
-    settle: float,
-    seed: int,
     no_noise: bool,
     graph: bool,
     bags: Path | None,
@@ -99,6 +91,7 @@ def command(
     force: bool,
     plot: Path | None,
     as_json: bool,
+    **options: Any,
 ) -> None:
     """Follow a reference without and with compensation by MODEL, and say by how much the error falls.
 
@@ -112,11 +105,7 @@ def command(
     if bags is not None and not graph:
         raise InputError("--bags goes with --graph: a simulation records nothing")
     machine = None if plant is None else Path(plant) if plant.endswith(MJCF) else open_model(plant)
-    options: dict[str, Any] = {
-        "effects": only, "plant": machine, "plant_effects": plant_effect, "reference": reference,
-        "controller": controller, "limit": limit, "velocity_width": velocity_width, "command_width": command_width,
-        "crossing_time": crossing_time, "settle": settle, "seed": seed, "noise": not no_noise,
-    }  # fmt: skip
+    options |= {"effects": only, "plant": machine, "plant_effects": plant_effect, "noise": not no_noise}
     chosen = apply_options(model, settings, effects)
     if graph:
         from idloop.cli._tracking_graph import run_loops
@@ -127,23 +116,10 @@ def command(
             found = compensate(chosen, progress=update, **options)
     if output is not None:
         found.save(output)
-        log(f"written: {output}")
-    if plot is not None:
-        from idloop.drawing import save
-
-        save(found.plot(), plot)
-        log(f"written: {plot}")
-    if as_json:
-        print_json(
-            {
-                **found.to_dict(),
-                "plant": plant,
-                "plant_effects": plant_effect,
-                "run": "graph" if graph else "simulation",
-                "bags": bags,
-                "output": output,
-                "plot": plot,
-            }
-        )
-        return
-    print_blocks(found.blocks())
+    log_written(output)
+    save_plot(found.plot, plot)
+    log_written(plot)
+    run = "graph" if graph else "simulation"
+    print_found(
+        found, as_json=as_json, plant=plant, plant_effects=plant_effect, run=run, bags=bags, output=output, plot=plot
+    )

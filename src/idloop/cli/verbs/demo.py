@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from idloop.cli import _common
-from idloop.cli._demo_loop import GRAPHS, START, check_loop
+from idloop.cli._demo_loop import GRAPHS, check_loop, narrated, run_from_away
 from idloop.cli._places import NEW_FOLDER
-from idloop.cli._progress import progress, quiet_option
+from idloop.cli._progress import quiet_option
 from idloop.errors import IdloopError
 from idloop.output_files import make_folder, probe_folder
 
@@ -123,17 +123,12 @@ def retell(label: str, line: str) -> str | None:
 
 def run_live(hidden: str, folder: Path, seed: int, domain: int | None, tell: Callable[[str], None]) -> Path:
     """Run the graph to its end and return the bag."""
-    from idloop.graph import load_graph, run_graph
     from idloop.physics import load_model
 
-    machine = load_model(MACHINE)
-    start = folder / "start.yaml"
-    machine.with_values({p.name: START * p.value for p in machine.parameters if p.free}).save(start)
     values = {
         "effects": json.dumps([hidden]),
         "duration": repr(SECONDS),
         "seed": str(seed),
-        "model": str(start),
         "bag": str(folder / "bag"),
         "window": repr(WINDOW),
         "validation": repr(VALIDATION),
@@ -141,17 +136,15 @@ def run_live(hidden: str, folder: Path, seed: int, domain: int | None, tell: Cal
         "diagnose_window": repr(DIAGNOSED),
     }
 
-    with progress("live graph", writes=True) as update:
-        started = time.monotonic()
+    with narrated("live graph", 120.0) as update:
 
         def say(label: str, line: str) -> None:
             words = retell(label, line)
             if words is not None:
                 tell(words)
-            update(min((time.monotonic() - started) / 120.0, 0.99), f"{label}: {line.split(']: ', 1)[-1][:90]}")
+            update(label, line)
 
-        if not run_graph(load_graph("hidden", values), say=say, domain_id=domain):
-            raise KeyboardInterrupt
+        run_from_away("hidden", load_model(MACHINE), folder / "start.yaml", values, say, domain)
     return folder / "bag"
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -43,15 +43,13 @@ def command(
     model: Model,
     bags: tuple[Path, ...],
     *,
-    level: float,
     minimum_improvement: float,
     only: tuple[str, ...],
-    criterion: str,
-    seed: int,
     settings: tuple[str, ...],
     effects: tuple[str, ...],
     everything: bool,
     as_json: bool,
+    **options: Any,
 ) -> None:
     """Name the physical effects that MODEL lacks to explain every BAG.
 
@@ -65,16 +63,8 @@ def command(
     from idloop.api.diagnosis import diagnose
 
     with progress(f"diagnosing {model.name}") as update:
-        found = diagnose(
-            model,
-            records,
-            level=level,
-            criterion=criterion,
-            minimum_improvement=0.01 * minimum_improvement,
-            effects=only or None,
-            seed=seed,
-            progress=update,
-        )
+        options |= {"minimum_improvement": 0.01 * minimum_improvement, "effects": only or None, "progress": update}
+        found = diagnose(model, records, **options)
     if as_json:
         print_json(found.to_dict())
     else:

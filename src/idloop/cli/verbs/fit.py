@@ -13,22 +13,20 @@ from idloop.cli._common import (
     ListOptionCommand,
     apply_options,
     json_option,
-    log,
+    log_written,
     model_options,
     plot_option,
-    print_blocks,
-    print_json,
+    print_found,
     read_fitted_and_unseen,
+    save_plot,
 )
+from idloop.cli._diagnosis import CRITERIA
 from idloop.cli._places import OUTPUT_FILE, force_option
 from idloop.cli._progress import progress, quiet_option
 from idloop.output_files import write_text
 
 if TYPE_CHECKING:
     from idloop.physics import Model
-
-CRITERIA = ("auto", "prediction", "simulation", "force")
-
 
 EXAMPLE = """\b
 Example:
@@ -80,14 +78,6 @@ def command(
         found = fit(model, train, validation, criterion=criterion, progress=update)
     if output is not None:
         write_text(output, found.model.to_yaml())
-    if plot is not None:
-        from idloop.drawing import save
-
-        save(found.plot(), plot)
-    if as_json:
-        print_json({**found.to_dict(), "output": output, "plot": plot})
-    else:
-        print_blocks(found.blocks())
-    for written in (output, plot):
-        if written is not None:
-            log(f"written: {written}")
+    save_plot(found.plot, plot)
+    print_found(found, as_json=as_json, output=output, plot=plot)
+    log_written(output, plot)

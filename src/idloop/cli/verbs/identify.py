@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -26,10 +26,13 @@ from idloop.cli._common import (
     ListOptionCommand,
     json_option,
     log,
+    log_written,
     plot_option,
     print_blocks,
+    print_found,
     print_json,
     read_fitted_and_unseen,
+    save_plot,
     trust_option,
 )
 from idloop.cli._identification_arguments import (
@@ -195,27 +198,16 @@ def command(
     sample_time: float | None,
     detrend: Literal["none", "mean", "linear"],
     drop: float,
-    order: Any,
     structure: str | None,
-    delay: Any,
-    horizon: int | None,
-    window: int | None,
-    period: float | None,
-    units: int | None,
-    focus: Literal["prediction", "simulation"],
-    band: tuple[float, float] | None,
-    stable: bool,
-    integrates: bool | None,
-    closed_loop: bool,
     controller: dict[str, Any] | None,
     steps: int,
     sweep: str | None,
-    seed: int,
     save: Path | None,
     force: bool,
     show_list: bool,
     plot: Path | None,
     as_json: bool,
+    **options: Any,
 ) -> int:
     """Identify black-box models from every BAG together, by one or several methods.
 
@@ -243,22 +235,7 @@ def command(
     if save is not None:
         check_save(save, [method.kind for method in chosen.values()], swept=over is not None)
     law = controller if controller is not None or model is None else model.controller
-    choices = Choices(
-        order=order,
-        delay=delay,
-        structure=parse_structure(structure),
-        horizon=horizon,
-        window=window,
-        period=period,
-        units=units,
-        focus=focus,
-        band=band,
-        stable=stable,
-        integrates=integrates,
-        closed_loop=closed_loop,
-        controller=law,
-        seed=seed,
-    )
+    choices = Choices(structure=parse_structure(structure), controller=law, **options)
     check_structure(choices.structure, list(chosen.values()))
     note_unused(list(chosen), choices, Choices())
     signals = named_signals(bags[0], model, joint, outputs)
@@ -278,9 +255,11 @@ def command(
             outcomes = identify_all(list(chosen), data, choices, steps, update)
         elif over.name in MEASURED:
             each = [even_grids([record], own, detrend, drop) for record in train]
-            rows = run_records(list(chosen), over, each, data[1] if unseen else None, choices, steps, update)
+            cases = record_cases(over, each, data[1] if unseen else None, choices)
+            rows = sorted(run_cases(list(chosen), cases, grids, steps, update, apart=True), key=lambda row: row[0])
         else:
-            rows = run_sweep(list(chosen), over, grids, data, choices, steps, update)
+            cases = setting_cases(over, data, choices)
+            rows = run_cases(list(chosen), cases, grids, steps, update, apart=over.name == "sample-time")
     if over is not None:
         unit = over.unit(data[0][0].input_units[0])
         return finish_sweep(over, unit, rows, data[1], document, steps, plot, as_json=as_json)
@@ -345,98 +324,83 @@ def left_out_notes(bags: Sequence[Path], signals: AxisSignals) -> list[str]:
     return notes
 
 
-def run_sweep(
-    names: Sequence[str],
-    sweep: Sweep,
-    grids: Callable[[float], Grids],
-    data: Grids,
-    choices: Choices,
-    steps: int,
-    update: Callable[..., None],
-) -> list[tuple[float, Outcome]]:
-    """Identify at every value by every method; a failure is its row's outcome.
+@dataclass(frozen=True)
+class Case:
+    """One value of a sweep."""
 
-    Raises IdloopError: every row failed.
-    """
-    rows: list[tuple[float, Outcome]] = []
-    failure: IdloopError | None = None
-    for index, value in enumerate(sweep.values):
-        setting: dict[str, Any] = {} if sweep.name == "sample-time" else {sweep.name: int(value)}
-        here = replace(choices, **setting)
-        for number, name in enumerate(names):
-            update((index + number / len(names)) / len(sweep.values), f"{name}, {sweep.name} {value:g}")
-            try:
-                at = grids(value) if sweep.name == "sample-time" else data
-                rows.append((value, identify_one(name, at, here, steps, ignore_progress)))
-            except IdloopError as error:
-                failure = failure or error
-                rows.append((value, Outcome(name, error=str(error))))
-    if failure is not None and all(one.error for _, one in rows):
-        raise failure
-    return [row for group in _of_the_same_data(rows, sweep) for row in group]
+    value: float
+    text: str  # for the progress
+    choices: Choices
+    data: Grids | None  # None: the records on an even grid of the period `value`
+    record: str = ""  # that it is identified from, where each has a case of its own
 
 
-def _of_the_same_data(rows: Sequence[tuple[float, Outcome]], sweep: Sweep) -> list[list[tuple[float, Outcome]]]:
-    """Rows whose AIC and BIC can be held against one another: all, but on other grids only those of each."""
-    values = list(dict.fromkeys(value for value, _ in rows)) if sweep.name == "sample-time" else [None]
-    groups = [[row for row in rows if value is None or row[0] == value] for value in values]
-    compared = [on_the_same_samples([one for _, one in group]) for group in groups]
+def setting_cases(sweep: Sweep, data: Grids, choices: Choices) -> list[Case]:
+    """Every value of a setting, or of the sample time, on the same records."""
+    cases = []
+    for value in sweep.values:
+        text = f"{sweep.name} {value:g}"
+        if sweep.name == "sample-time":
+            cases.append(Case(value, text, choices, None))
+        else:
+            setting: dict[str, Any] = {sweep.name: int(value)}
+            cases.append(Case(value, text, replace(choices, **setting), data))
+    return cases
+
+
+def record_cases(
+    sweep: Sweep, records: Sequence[list[SampledData]], unseen: list[SampledData] | None, choices: Choices
+) -> list[Case]:
+    """Every record by itself, judged on `unseen`, or on itself where there is none."""
+    measure: Any = sweep.name
     return [
-        [(value, one) for (value, _), one in zip(group, outcomes, strict=True)]
-        for group, outcomes in zip(groups, compared, strict=True)
+        Case(excitation_measure(measure, one), one[0].name, choices, (one, unseen or one), one[0].name)
+        for one in records
     ]
 
 
-def run_records(
+def run_cases(
     names: Sequence[str],
-    sweep: Sweep,
-    records: Sequence[list[SampledData]],
-    unseen: list[SampledData] | None,
-    choices: Choices,
+    cases: Sequence[Case],
+    grids: Callable[[float], Grids],
     steps: int,
     update: Callable[..., None],
+    *,
+    apart: bool,
 ) -> list[tuple[float, Outcome]]:
-    """Identify every record by itself by every method, in the order of what it has of the swept quantity.
+    """Identify in every case by every method; a failure is its row's outcome.
 
-    Each model is judged on `unseen`, or on its own record where there is none; a failure is its row's outcome.
-
-    Raises IdloopError: every row failed.
+    `apart`: the cases have other samples, so that AIC and BIC can be held against one another within each only. Raises
+    IdloopError: every row failed.
     """
-    measure: Any = sweep.name
     rows: list[tuple[float, Outcome]] = []
     failure: IdloopError | None = None
-    for index, data in enumerate(records):
-        value = excitation_measure(measure, data)
+    for index, case in enumerate(cases):
         for number, name in enumerate(names):
-            update((index + number / len(names)) / len(records), f"{name}, {data[0].name}")
+            update((index + number / len(names)) / len(cases), f"{name}, {case.text}")
             try:
-                one = identify_one(name, (data, unseen or data), choices, steps, ignore_progress)
+                data = grids(case.value) if case.data is None else case.data
+                one = identify_one(name, data, case.choices, steps, ignore_progress)
             except IdloopError as error:
                 failure = failure or error
                 one = Outcome(name, error=str(error))
-            rows.append((value, replace(one, record=data[0].name)))
-        last = on_the_same_samples([one for _, one in rows[-len(names) :]])
-        rows[-len(names) :] = [(value, one) for one in last]
+            rows.append((case.value, replace(one, record=case.record)))
     if failure is not None and all(one.error for _, one in rows):
         raise failure
-    return sorted(rows, key=lambda row: row[0])
+    size = len(names) if apart else len(rows)
+    groups = [[one for _, one in rows[start : start + size]] for start in range(0, len(rows), size)]
+    compared = [one for group in groups for one in on_the_same_samples(group)]
+    return [(value, one) for (value, _), one in zip(rows, compared, strict=True)]
 
 
 def finish(found: Identification, plot: Path | None, save: Path | None, *, as_json: bool) -> int:
     """Write files and print the comparison; exit code 1 where a method failed."""
     if save is not None and found.outcomes[0].found is not None:
         found.save(save)
-    if plot is not None and any(one.found is not None for one in found.outcomes):
-        from idloop.drawing import save as save_figure
-
-        save_figure(found.plot(), plot)
-    if as_json:
-        print_json(found.to_dict())
-    else:
-        print_blocks(found.blocks())
-    for written in (save, plot):
-        if written is not None:
-            log(f"written: {written}")
+    if any(one.found is not None for one in found.outcomes):
+        save_plot(found.plot, plot)
+    print_found(found, as_json=as_json)
+    log_written(save, plot)
     failed = [one for one in found.outcomes if one.error]
     if failed:
         raise IdloopError(f"{len(failed)} of {len(found.outcomes)} models failed: {failed[0].label}: {failed[0].error}")
@@ -459,10 +423,9 @@ def finish_sweep(
     # At another sample time the free runs are not judged on the same samples, and only fewer states are simpler.
     smallest = smallest_orders(rows, judged) if sweep.name == "order" else {}
     if plot is not None:
-        from idloop.drawing import save as save_figure
         from idloop.reporting.plots.identification import plot_sweep
 
-        save_figure(plot_sweep(sweep.name, unit, _sweep_lines(rows), steps, title), plot)
+        save_plot(lambda: plot_sweep(sweep.name, unit, _sweep_lines(rows), steps, title), plot)
     if as_json:
         table = [
             {
@@ -475,23 +438,12 @@ def finish_sweep(
             }
             for value, one in rows
         ]
-        print_json(
-            {
-                **document,
-                "sweep": {
-                    "over": sweep.name,
-                    "unit": unit,
-                    "rows": table,
-                    "best": best_values(rows),
-                    "smallest": smallest,
-                },
-            }
-        )
+        found = {"over": sweep.name, "unit": unit, "rows": table, "best": best_values(rows), "smallest": smallest}
+        print_json({**document, "sweep": found})
     else:
         note = document["loop"]["note"]
         print_blocks([title, "", *sweep_blocks(sweep.name, unit, rows, steps, smallest), *([note] if note else [])])
-    if plot is not None:
-        log(f"written: {plot}")
+    log_written(plot)
     return DONE
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from idloop.cli._common import json_option, plot_option, print_blocks, print_json
+from idloop.cli._common import json_option, plot_option, print_blocks, print_json, save_plot
 from idloop.errors import InputError
 
 
@@ -30,10 +30,9 @@ def command(
         raise InputError(f"--plot draws one bag, not {len(bags)}; give one")
     found = [inspect_bag(bag, command=command_topic, distro=distro) for bag in bags]
     if plot is not None:
-        from idloop import drawing
         from idloop.reporting.plots.recording import plot_recording
 
-        drawing.save(plot_recording(found[0]), plot)
+        save_plot(lambda: plot_recording(found[0]), plot)
     if len(found) == 1:
         if as_json:
             print_json(found[0].to_dict())

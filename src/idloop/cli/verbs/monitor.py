@@ -13,12 +13,12 @@ from idloop.cli._common import (
     ListOptionCommand,
     apply_options,
     json_option,
-    log,
+    log_written,
     model_options,
     plot_option,
-    print_blocks,
-    print_json,
+    print_found,
     read_records,
+    save_plot,
 )
 from idloop.cli._progress import part, progress, quiet_option
 from idloop.errors import InputError
@@ -125,16 +125,9 @@ def command(
         for done, record in enumerate(records):
             update(0.5 + 0.5 * done / len(records), record.name)
             watching.follow(record)
-    if plot is not None:
-        from idloop.drawing import save
-
-        save(watching.plot(), plot)
-    if as_json:
-        print_json({**watching.to_dict(), "plot": plot})
-    else:
-        print_blocks(watching.blocks())
-    if plot is not None:
-        log(f"written: {plot}")
+    save_plot(watching.plot, plot)
+    print_found(watching, as_json=as_json, plot=plot)
+    log_written(plot)
 
 
 def split(record: Record, learn: float | None) -> tuple[Record, Record]:

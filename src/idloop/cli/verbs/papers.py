@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 import idloop
-from idloop.cli._common import json_option, log, plot_option, print_json, print_table
+from idloop.cli._common import json_option, log, log_written, plot_option, print_json, print_table, save_plot
 from idloop.cli._progress import progress, quiet_option
 from idloop.cli.main import COULD_NOT, DONE
 from idloop.errors import InputError
@@ -86,10 +86,8 @@ def save_figure(found: Reproduction, path: Path) -> None:
 
     # A file is written, so no window is needed.
     mpl.use("Agg")
-    from idloop.drawing import save
-
     axes: Any = np.ravel(found.plot())[0]
-    save(axes.figure, path)
+    save_plot(lambda: axes.figure, path)
 
 
 EXAMPLE = """\b
@@ -134,8 +132,7 @@ def command(row: str | None, *, seed: int, parts: tuple[str, ...], plot: Path | 
     else:
         click.echo(f"{name}: {ROWS[name].title}\n{ROWS[name].paper}\n")
         print_reproduction(found)
-    if plot is not None:
-        log(f"written: {plot}")
+    log_written(plot)
     missed = sum(line.holds is False for line in found.rows())
     if missed:
         log(f"{name}: {missed} of {len(found.rows())} lines do not hold")

@@ -140,13 +140,15 @@ def command(
     answer: Next | None = None
     with keep.on_interrupt(), progress(f"refining {model.name}") as update:
         climbing = update if no_suggest else part(update, 0.0, 0.7)
-        climb = _Climb(
-            records, validation, level, 0.01 * minimum_improvement, criterion, only, seed, most, climbing, keep.step
-        )
         if undo and add is None and kept is not None:
             ladder = kept.ladder
         else:
-            ladder = climb(model, kept.ladder if kept is not None else None, add=add)
+            before = kept.ladder if kept is not None else None
+            ladder = _climb(
+                model, before, (records, validation), add, keep.step,
+                level=level, criterion=criterion, minimum_improvement=0.01 * minimum_improvement,
+                effects=only or None, most=most, seed=seed, progress=climbing,
+            )  # fmt: skip
         # What was found after all, or ties with it, is not what the data cannot show.
         ladder = replace(ladder, untestable=tuple(undetectable(ladder)))
         keep(ladder)
@@ -223,45 +225,26 @@ class _Keeper:
         return f"{self.target} keeps model.yaml and ladder.json with {found}; go on with: {go_on}"
 
 
-@dataclass(frozen=True)
-class _Climb:
-    """The work itself, with everything that all its parts need."""
+def _climb(
+    model: Model,
+    ladder: Ladder | None,
+    records: tuple[Sequence[Record], Sequence[Record]],
+    add: str | None,
+    keep: Callable[[Ladder], None],
+    **options: Any,
+) -> Ladder:
+    """Add what the user names, then what is missing; `records`: what is fitted, and what judges."""
+    from idloop.diagnosis import add_effect, refine
 
-    records: Sequence[Record]
-    validation: Sequence[Record]
-    level: float
-    least: float
-    criterion: str
-    only: tuple[str, ...]
-    seed: int
-    most: int
-    update: Callable[..., None]
-    keep: Callable[[Ladder], None]
-
-    def __call__(self, model: Model, ladder: Ladder | None, *, add: str | None) -> Ladder:
-        from idloop.diagnosis import add_effect, refine
-
-        common: dict[str, Any] = {"seed": self.seed, "progress": self.update}
-        if add is not None:
-            if ladder is None:
-                ladder = refine(
-                    model, self.records, self.validation, level=self.level, criterion=self.criterion, most=0, **common
-                )
-            ladder = add_effect(ladder, add, self.records, self.validation, **common)
-            self.keep(ladder)
-        return refine(
-            model,
-            self.records,
-            self.validation,
-            level=self.level,
-            criterion=self.criterion,
-            minimum_improvement=self.least,
-            effects=self.only or None,
-            most=self.most,
-            ladder=ladder,
-            on_step=self.keep,
-            **common,
-        )
+    fitted, unseen = records
+    if add is not None:
+        common: dict[str, Any] = {name: options[name] for name in ("seed", "progress")}
+        if ladder is None:
+            level, criterion = options["level"], options["criterion"]
+            ladder = refine(model, fitted, unseen, level=level, criterion=criterion, most=0, **common)
+        ladder = add_effect(ladder, add, fitted, unseen, **common)
+        keep(ladder)
+    return refine(model, fitted, unseen, ladder=ladder, on_step=keep, **options)
 
 
 def _origin(bags: Sequence[Path], unseen: Sequence[Path], kept: Kept | None, seed: int) -> dict[str, Any]:

@@ -8,14 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from idloop.cli._common import (
-    BAG,
-    ListOptionCommand,
-    json_option,
-    log,
-    print_json,
-    read_records,
-)
+from idloop.cli._common import BAG, ListOptionCommand, json_option, log, log_written, print_json, read_records
 from idloop.cli._places import OUTPUT_FOLDER, OutputFile
 from idloop.cli._progress import progress, quiet_option
 from idloop.errors import InputError
@@ -104,9 +97,7 @@ def command(
         }
         print_json(document)
         return
-    for path in (page, pdf, picture, *files):
-        if path is not None:
-            log(f"written: {path}")
+    log_written(page, pdf, picture, *files)
 
 
 def gather_kept(

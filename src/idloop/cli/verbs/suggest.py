@@ -13,10 +13,11 @@ from idloop.cli._common import (
     ModelArgument,
     json_option,
     log,
+    log_written,
     plot_option,
-    print_blocks,
-    print_json,
+    print_found,
     read_records,
+    save_plot,
     trust_option,
 )
 from idloop.cli._diagnosis import (
@@ -75,18 +76,12 @@ def command(
     ladder: Path | None,
     show: str | None,
     also: tuple[Path, ...],
-    max_command: float | None,
-    position_range: tuple[float, float] | None,
-    max_velocity: float | None,
-    duration: float | None,
-    start: float | None,
     no_fit: bool,
-    criterion: str,
-    seed: int,
     output: Path | None,
     force: bool,
     plot: Path | None,
     as_json: bool,
+    **options: Any,
 ) -> None:
     """Choose the experiment that best separates rival models of the data in BAG, within limits.
 
@@ -103,32 +98,24 @@ def command(
     from idloop.api.suggestion import suggest
 
     subject: Ladder | list[Model]
-    limits = {"max_command": max_command, "position_range": position_range, "max_velocity": max_velocity}
-    options: dict[str, Any] = {**limits, "duration": duration, "start": start, "seed": seed}
     with progress("choosing an experiment") as update:
         if ladder is not None:
             subject, records = _ladder_and_records(ladder, bags, also)
         else:
             subject = [ModelArgument().convert(name, None, None) for name in names]
             records = read_records([*bags, *also], subject[0])
-        found = suggest(subject, records, show=show, criterion=criterion, fitted=no_fit, progress=update, **options)
-    experiment = found.experiment
-    if experiment is not None and output is not None:
+        found = suggest(subject, records, show=show, fitted=no_fit, progress=update, **options)
+    if found.experiment is None:
+        for option, place in (("--output", output), ("--plot", plot)):
+            if place is not None:
+                log(f"{option} {place}: not written, there is no experiment that is worth running")
+        output = plot = None
+    if output is not None:
         found.save(output)
-        log(f"written: {output}")
-    if experiment is not None and plot is not None:
-        from idloop.drawing import save
-
-        save(found.plot(), plot)
-        log(f"written: {plot}")
-    for option, place in (("--output", output), ("--plot", plot)):
-        if experiment is None and place is not None:
-            log(f"{option} {place}: not written, there is no experiment that is worth running")
-    if as_json:
-        written = {"output": output, "plot": plot} if experiment is not None else {"output": None, "plot": None}
-        print_json({**found.to_dict(), **written})
-        return
-    print_blocks(found.blocks())
+    log_written(output)
+    save_plot(found.plot, plot)
+    log_written(plot)
+    print_found(found, as_json=as_json, output=output, plot=plot)
 
 
 def _split(
