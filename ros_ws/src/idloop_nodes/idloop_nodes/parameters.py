@@ -32,6 +32,18 @@ class NodeParameter(ParameterSpec):
 Table = Sequence[NodeParameter]
 
 
+def _row_of(kind: Any) -> Callable[..., NodeParameter]:
+    """Return the constructor of rows of one type: ``row(name, default, description, **more)``."""
+
+    def row(name: str, default: Any, description: str, **more: Any) -> NodeParameter:
+        return NodeParameter(name, kind, default, description, **more)
+
+    return row
+
+
+number, whole, flag, text, texts = map(_row_of, ("float", "int", "bool", "str", "strs"))
+
+
 def fixed(*rows: NodeParameter) -> Table:
     """Return rows whose values cannot change while the node runs."""
     return tuple(replace(row, read_only=True) for row in rows)

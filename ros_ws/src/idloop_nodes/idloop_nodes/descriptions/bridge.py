@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from idloop_nodes.descriptions.common import AUTOSTART, PEERS, START_TIMEOUT
 from idloop_nodes.descriptions.node_description import NodeDescription
-from idloop_nodes.parameters import NodeParameter as P
-from idloop_nodes.parameters import Table, fixed
+from idloop_nodes.parameters import Table, fixed, flag, number, text, texts
 
 INTERFACES = ("effort", "velocity", "position")
 COMMAND_TYPES = ("float64_multi_array", "float64", "joint_state")
@@ -16,127 +15,107 @@ PARAMETERS: Table = fixed(
     PEERS,
     START_TIMEOUT,
     AUTOSTART,
-    P("robot_states", "str", "/joint_states", "JointState topic on which the robot measures."),
-    P("robot_joints", "strs", ("motor",), "Robot's names of the joints to pass on, the driven first."),
-    P("joints", "strs", (), "Our names for them, in the same order; none: the robot's."),
-    P(
+    text("robot_states", "/joint_states", "JointState topic on which the robot measures."),
+    texts("robot_joints", ("motor",), "Robot's names of the joints to pass on, the driven first."),
+    texts("joints", (), "Our names for them, in the same order; none: the robot's."),
+    texts(
         "fields",
-        "strs",
         ("position", "velocity"),
         "What the robot measures of them: position, velocity, effort; anything else among these than a finite number "
         "stops the motor.",
     ),
-    P("reliable", "bool", True, "Ask for every measurement; false for a robot that publishes best effort."),
-    P(
+    flag("reliable", True, "Ask for every measurement; false for a robot that publishes best effort."),
+    number(
         "measurement_rate",
-        "float",
         2500.0,
         "Largest rate of joint_states: of faster measurements some are left out; the limits see every one.",
         unit="Hz",
         minimum=1.0,
     ),
-    P("robot_commands", "str", "/effort_controller/commands", "Topic on which the robot takes commands."),
-    P("command_type", "str", "float64_multi_array", "Message it takes.", choices=COMMAND_TYPES),
-    P(
+    text("robot_commands", "/effort_controller/commands", "Topic on which the robot takes commands."),
+    text("command_type", "float64_multi_array", "Message it takes.", choices=COMMAND_TYPES),
+    texts(
         "controller_joints",
-        "strs",
         (),
         "Joints of a controller that takes several, in its order; the others hold still. None: the driven joint alone.",
     ),
-    P("interface", "str", "effort", "What is commanded.", choices=INTERFACES),
-    P(
+    text("interface", "effort", "What is commanded.", choices=INTERFACES),
+    text(
         "neutral",
-        "str",
         "auto",
         "Sent where nothing may move: zero, or the position that was measured or commanded last; auto: zero for "
         "effort and velocity, hold_measured for a position.",
         choices=NEUTRALS,
     ),
-    P("scale.position", "float", 1.0, "Our unit of position in one of the robot's.", nonzero=True),
-    P("offset.position", "float", 0.0, "Our position where the robot measures zero."),
-    P(
-        "scale.velocity",
-        "float",
-        None,
-        "Our unit of velocity in one of the robot's; not set: scale.position.",
-        nonzero=True,
+    number("scale.position", 1.0, "Our unit of position in one of the robot's.", nonzero=True),
+    number("offset.position", 0.0, "Our position where the robot measures zero."),
+    number(
+        "scale.velocity", None, "Our unit of velocity in one of the robot's; not set: scale.position.", nonzero=True
     ),
-    P("scale.effort", "float", 1.0, "Our unit of effort in one of the robot's.", nonzero=True),
-    P("offset.effort", "float", 0.0, "Our effort where the robot measures zero."),
-    P(
+    number("scale.effort", 1.0, "Our unit of effort in one of the robot's.", nonzero=True),
+    number("offset.effort", 0.0, "Our effort where the robot measures zero."),
+    number(
         "scale.command",
-        "float",
         None,
         "Our unit of the command in one of the robot's; not set: that of the measured field of the interface.",
         nonzero=True,
     ),
-    P(
+    number(
         "offset.command",
-        "float",
         None,
         "Our command where the robot's is zero; not set: that of the measured field of the interface.",
     ),
-    P(
+    number(
         "limit.command",
-        "float",
         None,
         "Must be given: largest absolute command; for a position its largest distance from the measured one.",
         minimum=0.0,
         maximum=1e12,
     ),
-    P("limit.command_rate", "float", None, "Largest change of the command per second.", minimum=0.0),
-    P("limit.rms", "float", None, "Largest rms of the command; beyond, it is scaled back.", minimum=0.0),
-    P("limit.rms_time", "float", 10.0, "Time constant of that rms.", unit="s", minimum=0.01),
-    P("limit.position_min", "float", None, "Below this position the motor is stopped."),
-    P("limit.position_max", "float", None, "Above this position the motor is stopped."),
-    P("limit.velocity", "float", None, "Beyond this speed the motor is stopped.", minimum=0.0),
-    P(
+    number("limit.command_rate", None, "Largest change of the command per second.", minimum=0.0),
+    number("limit.rms", None, "Largest rms of the command; beyond, it is scaled back.", minimum=0.0),
+    number("limit.rms_time", 10.0, "Time constant of that rms.", unit="s", minimum=0.01),
+    number("limit.position_min", None, "Below this position the motor is stopped."),
+    number("limit.position_max", None, "Above this position the motor is stopped."),
+    number("limit.velocity", None, "Beyond this speed the motor is stopped.", minimum=0.0),
+    number(
         "limit.coast_time",
-        "float",
         0.0,
         "The axis is stopped before a position limit by velocity × this: its time constant when nothing drives it.",
         unit="s",
         minimum=0.0,
     ),
-    P(
-        "limit.energy",
-        "float",
-        None,
-        "Beyond this sum of abs(command × velocity) over time the motor is stopped.",
-        minimum=0.0,
+    number(
+        "limit.energy", None, "Beyond this sum of abs(command × velocity) over time the motor is stopped.", minimum=0.0
     ),
-    P("limit.energy_time", "float", 10.0, "Time constant of its forgetting.", unit="s", minimum=0.01),
-    P(
+    number("limit.energy_time", 10.0, "Time constant of its forgetting.", unit="s", minimum=0.01),
+    number(
         "soft_start",
-        "float",
         1.0,
         "Time in which the allowed command grows to its limit after every start and stop.",
         unit="s",
         minimum=0.0,
     ),
-    P(
+    number(
         "watchdog",
-        "float",
         0.04,
         "Silence of command or measurement after which the motor is stopped.",
         unit="s",
         minimum=1e-3,
         maximum=10.0,
     ),
-    P(
+    flag(
         "require_guardian",
-        "bool",
         True,
         "Drive the motor only while a guardian watches this process: it stops the motor when the bridge dies or hangs.",
     ),
-    P(
+    flag(
         "allow_other_commanders",
-        "bool",
         False,
         "Let commands pass although more than one node publishes joint_command; else the motor is stopped until one "
         "is left.",
     ),
-    P("latch_watchdog", "bool", False, "What the watchdog found stays until ~/reset."),
+    flag("latch_watchdog", False, "What the watchdog found stays until ~/reset."),
 )
 
 DESCRIPTION = NodeDescription(

@@ -4,40 +4,33 @@ from __future__ import annotations
 
 from idloop_nodes.descriptions.common import AUTOSTART, COMMON
 from idloop_nodes.descriptions.node_description import NodeDescription
-from idloop_nodes.parameters import NodeParameter as P
-from idloop_nodes.parameters import Table
+from idloop_nodes.parameters import NodeParameter, Table, fixed, flag, number, text, texts
 
 
-def _compensation(name: str, text: str, unit: str = "") -> P:
+def _compensation(name: str, text: str, unit: str = "") -> NodeParameter:
     """A number of the compensator, chosen automatically where it is not set."""
-    return P(f"compensation_{name}", "float", None, text, unit=unit, minimum=0.0, exclusive=True, read_only=True)
+    return number(f"compensation_{name}", None, text, unit=unit, minimum=0.0, exclusive=True, read_only=True)
 
 
 PARAMETERS: Table = (
     *COMMON,
     AUTOSTART,
-    P("model", "str", "dc_motor", "Model whose input, outputs and controller section are used.", read_only=True),
-    P(
-        "controller",
-        "str",
-        "",
-        "Controller as YAML flow text, for instance {type: pid, kp: 8.4, ...}; empty takes the model's.",
-        read_only=True,
-    ),
-    P(
-        "compensation",
-        "str",
-        "",
-        "Model of the machine, as a fit or `idloop compensate --output` has written it, whose effects are cancelled "
-        "beside the controller's law; empty: none.",
-        read_only=True,
-    ),
-    P(
-        "compensation_effects",
-        "strs",
-        (),
-        "Effects of it that are cancelled: name or name@site; none: all that can be.",
-        read_only=True,
+    *fixed(
+        text("model", "dc_motor", "Model whose input, outputs and controller section are used."),
+        text(
+            "controller",
+            "",
+            "Controller as YAML flow text, for instance {type: pid, kp: 8.4, ...}; empty takes the model's.",
+        ),
+        text(
+            "compensation",
+            "",
+            "Model of the machine, as a fit or `idloop compensate --output` has written it, whose effects are "
+            "cancelled beside the controller's law; empty: none.",
+        ),
+        texts(
+            "compensation_effects", (), "Effects of it that are cancelled: name or name@site; none: all that can be."
+        ),
     ),
     _compensation("limit", "Most that compensation adds to the command; not set: half of the controller's limit."),
     _compensation(
@@ -51,10 +44,12 @@ PARAMETERS: Table = (
         "noisy.",
     ),
     _compensation("crossing_time", "Time in which a gap is crossed; not set: from 20 periods on.", unit="s"),
-    P("use_reference", "bool", True, "Wait for and follow `reference`.", read_only=True),
-    P("use_excitation", "bool", False, "Wait for and add `excitation`.", read_only=True),
-    P("watchdog", "float", 0.05, "Real time: zero command after this silence.", unit="s", minimum=1e-3),
-    P("phase", "float", 0.5, "Real time: when in the period the command is computed.", minimum=0.1, maximum=0.9),
+    *fixed(
+        flag("use_reference", True, "Wait for and follow `reference`."),
+        flag("use_excitation", False, "Wait for and add `excitation`."),
+    ),
+    number("watchdog", 0.05, "Real time: zero command after this silence.", unit="s", minimum=1e-3),
+    number("phase", 0.5, "Real time: when in the period the command is computed.", minimum=0.1, maximum=0.9),
 )
 
 DESCRIPTION = NodeDescription(

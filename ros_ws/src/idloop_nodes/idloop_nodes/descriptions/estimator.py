@@ -4,147 +4,114 @@ from __future__ import annotations
 
 from idloop_nodes.descriptions.common import COMMON, EFFECTS, MODEL, RELIABLE
 from idloop_nodes.descriptions.node_description import NodeDescription
-from idloop_nodes.parameters import NodeParameter as P
-from idloop_nodes.parameters import Table
+from idloop_nodes.parameters import Table, fixed, flag, number, text, texts, whole
 from idloop_nodes.topics import RESULTS
 
 PARAMETERS: Table = (
     *COMMON,
     RELIABLE,
     MODEL,
-    P(
-        EFFECTS.name,
-        "strs",
-        (),
-        EFFECTS.description + " Setting it refits with exactly these beside the model file's own.",
+    texts(EFFECTS.name, (), EFFECTS.description + " Setting it refits with exactly these beside the model file's own."),
+    number("window", 20.0, "Length of the data a fit uses.", unit="s", minimum=0.05),
+    number("validation", 10.0, "Length of the data after it on which the fit is judged.", unit="s", minimum=0.05),
+    number("fit_period", 10.0, "Time between fits; 0 fits on request only.", unit="s", minimum=0.0),
+    text("criterion", "auto", "What a fit minimises.", choices=("auto", "prediction", "simulation", "force")),
+    *fixed(
+        flag("recursive", True, "Predict every sample while parameters and state are estimated."),
+        text(
+            "recursion",
+            "none",
+            "Black-box model that is estimated sample by sample beside the prediction; its innovations are published.",
+            choices=("none", "rarx", "kalman", "ekf", "rarmax", "roe", "rbj", "rpem", "rplr"),
+        ),
+        whole("recursion_order", 2, "Degree of its polynomials.", minimum=1, maximum=20),
+        whole(
+            "recursion_delay",
+            1,
+            "Samples until a command shows in a measurement; 1 is none beyond that of sampling.",
+            minimum=0,
+            maximum=1000,
+        ),
+        number(
+            "recursion_memory", 0.0, "Time constant with which it forgets old data; 0 keeps all.", unit="s", minimum=0.0
+        ),
     ),
-    P("window", "float", 20.0, "Length of the data a fit uses.", unit="s", minimum=0.05),
-    P("validation", "float", 10.0, "Length of the data after it on which the fit is judged.", unit="s", minimum=0.05),
-    P("fit_period", "float", 10.0, "Time between fits; 0 fits on request only.", unit="s", minimum=0.0),
-    P("criterion", "str", "auto", "What a fit minimises.", choices=("auto", "prediction", "simulation", "force")),
-    P("recursive", "bool", True, "Predict every sample while parameters and state are estimated.", read_only=True),
-    P(
-        "recursion",
-        "str",
-        "none",
-        "Black-box model that is estimated sample by sample beside the prediction; its innovations are published.",
-        choices=("none", "rarx", "kalman", "ekf", "rarmax", "roe", "rbj", "rpem", "rplr"),
-        read_only=True,
-    ),
-    P("recursion_order", "int", 2, "Degree of its polynomials.", minimum=1, maximum=20, read_only=True),
-    P(
-        "recursion_delay",
-        "int",
-        1,
-        "Samples until a command shows in a measurement; 1 is none beyond that of sampling.",
-        minimum=0,
-        maximum=1000,
-        read_only=True,
-    ),
-    P(
-        "recursion_memory",
-        "float",
-        0.0,
-        "Time constant with which it forgets old data; 0 keeps all.",
-        unit="s",
-        minimum=0.0,
-        read_only=True,
-    ),
-    P("recursion_period", "float", 0.5, "Time between its published coefficients.", unit="s", minimum=1e-3),
-    P("auto_diagnose", "bool", True, "Diagnose when the residual of the fits stops being white."),
-    P("auto_add", "bool", False, "Add what a diagnosis finds missing, and diagnose again until nothing is left."),
-    P("auto_experiment", "bool", False, "Let the excitation run the suggested experiment where effects tie."),
-    P(
+    number("recursion_period", 0.5, "Time between its published coefficients.", unit="s", minimum=1e-3),
+    flag("auto_diagnose", True, "Diagnose when the residual of the fits stops being white."),
+    flag("auto_add", False, "Add what a diagnosis finds missing, and diagnose again until nothing is left."),
+    flag("auto_experiment", False, "Let the excitation run the suggested experiment where effects tie."),
+    number(
         "diagnose_window",
-        "float",
         30.0,
         "Length of the newest data that a diagnosis uses; as for a fit, it is judged on the data after it.",
         unit="s",
         minimum=0.5,
     ),
-    P("level", "float", 0.01, "Family-wise rate of false effects.", minimum=1e-6, maximum=0.5),
-    P(
+    number("level", 0.01, "Family-wise rate of false effects.", minimum=1e-6, maximum=0.5),
+    number(
         "minimum_improvement",
-        "float",
         0.01,
         "Part by which an effect must make the errors on unseen samples smaller to be named.",
         minimum=0.0,
         maximum=0.99,
     ),
-    P("catalogue", "strs", (), "Candidate effects: name or name@site; none: the whole catalogue."),
-    P(
+    texts("catalogue", (), "Candidate effects: name or name@site; none: the whole catalogue."),
+    number(
         "evidence_period",
-        "float",
         10.0,
         "Time between two scores of the evidence for missing effects, each of the newest samples; 0 never.",
         unit="s",
         minimum=0.0,
     ),
-    P(
+    flag(
         "end_when_decided",
-        "bool",
         False,
         "End the experiment (stop the excitation, emergency stop of bridge and controller) as soon as an effect is "
         "decided, or every estimate may be trusted; with auto_add or auto_experiment only when every estimate may be.",
     ),
-    P(
+    number(
         "trusted_stderr",
-        "float",
         0.05,
         "Largest standard error of an estimate that may be trusted, as part of its value.",
         minimum=1e-6,
         maximum=1.0,
     ),
-    P(
+    number(
         "trusted_error",
-        "float",
         2.0,
         "Largest rms error of the free run on unseen samples with which estimates may be trusted, in units of the "
         "sensor's noise.",
         minimum=1.0,
     ),
-    P("seed", "int", 0, "Seed of the bootstrap; equal seeds give equal answers.", minimum=0, maximum=2**53),
-    P("excitation_node", "str", "excitation", "Node that runs the suggested experiment.", read_only=True),
-    P("controller_node", "str", "controller", "Node that is stopped when the experiment ends.", read_only=True),
-    P("bridge_node", "str", "", "Bridge to a robot's motor, which is stopped first; empty for none.", read_only=True),
-    P(
-        "monitor",
-        "strs",
-        (),
-        "What is watched for wear: effect@site, with .parameter and =growth (=20%, =0.01) if wanted; "
-        "usual: dry friction and what sits in couplings; none: nothing is watched.",
-        read_only=True,
+    whole("seed", 0, "Seed of the bootstrap; equal seeds give equal answers.", minimum=0, maximum=2**53),
+    *fixed(
+        text("excitation_node", "excitation", "Node that runs the suggested experiment."),
+        text("controller_node", "controller", "Node that is stopped when the experiment ends."),
+        text("bridge_node", "", "Bridge to a robot's motor, which is stopped first; empty for none."),
+        texts(
+            "monitor",
+            (),
+            "What is watched for wear: effect@site, with .parameter and =growth (=20%, =0.01) if wanted; "
+            "usual: dry friction and what sits in couplings; none: nothing is watched.",
+        ),
+        texts("monitor_reference", (), "Recordings of the healthy machine; none: this run is healthy at its start."),
+        number(
+            "monitor_learn",
+            600.0,
+            "Time for which this run counts as healthy, without monitor_reference.",
+            unit="s",
+            minimum=10.0,
+        ),
     ),
-    P(
-        "monitor_reference",
-        "strs",
-        (),
-        "Recordings of the healthy machine; none: this run is healthy at its start.",
-        read_only=True,
-    ),
-    P(
-        "monitor_learn",
-        "float",
-        600.0,
-        "Time for which this run counts as healthy, without monitor_reference.",
-        unit="s",
-        minimum=10.0,
-        read_only=True,
-    ),
-    P("monitor_period", "float", 10.0, "Time between two checks for wear.", unit="s", minimum=1.0),
-    P(
-        "monitor_false_alarms",
-        "str",
-        "per 1000 h",
-        "Rate of false alarms of all watched parameters together, per running time (s, min, h, days, weeks, years).",
-        read_only=True,
-    ),
-    P(
-        "monitor_vary",
-        "strs",
-        (),
-        "Parameters that may change without being wear, beside viscous friction.",
-        read_only=True,
+    number("monitor_period", 10.0, "Time between two checks for wear.", unit="s", minimum=1.0),
+    *fixed(
+        text(
+            "monitor_false_alarms",
+            "per 1000 h",
+            "Rate of false alarms of all watched parameters together, per running time (s, min, h, days, weeks, "
+            "years).",
+        ),
+        texts("monitor_vary", (), "Parameters that may change without being wear, beside viscous friction."),
     ),
 )
 

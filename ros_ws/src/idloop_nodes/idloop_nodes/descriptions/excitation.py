@@ -6,8 +6,7 @@ from functools import cache
 
 from idloop_nodes.descriptions.common import AUTOSTART, COMMON
 from idloop_nodes.descriptions.node_description import NodeDescription
-from idloop_nodes.parameters import NodeParameter as P
-from idloop_nodes.parameters import Table
+from idloop_nodes.parameters import NodeParameter, Table, fixed, flag, number, text, whole
 
 
 @cache
@@ -19,36 +18,38 @@ def _parameters() -> Table:
     rows = [
         *COMMON,
         AUTOSTART,
-        P("signal", "str", "prbs", "Kind of signal.", choices=tuple(SIGNALS)),
-        P(
-            "target",
-            "str",
-            "reference",
-            "Where it goes: the reference, added to the reference (position) or to the command (effort).",
-            choices=("reference", "position", "effort"),
-            read_only=True,
+        text("signal", "prbs", "Kind of signal.", choices=tuple(SIGNALS)),
+        *fixed(
+            text(
+                "target",
+                "reference",
+                "Where it goes: the reference, added to the reference (position) or to the command (effort).",
+                choices=("reference", "position", "effort"),
+            ),
+            text("joint", "motor", "Joint that the messages name."),
+            whole("ahead", 200, "Samples published ahead of the clock.", minimum=2, maximum=4000),
         ),
-        P("joint", "str", "motor", "Joint that the messages name.", read_only=True),
-        P("ahead", "int", 200, "Samples published ahead of the clock.", minimum=2, maximum=4000, read_only=True),
-        P("experiment", "str", "", "What ~/run_experiment plays, as YAML: {signal: {name: ..., ...}, adds_to: ...}."),
-        P("handover_time", "float", 0.5, "Time of the smooth way into an experiment and back.", unit="s", minimum=0.0),
-        P("rest_time", "float", 2.0, "Time without excitation before an experiment.", unit="s", minimum=0.0),
-        P(
+        text("experiment", "", "What ~/run_experiment plays, as YAML: {signal: {name: ..., ...}, adds_to: ...}."),
+        number("handover_time", 0.5, "Time of the smooth way into an experiment and back.", unit="s", minimum=0.0),
+        number("rest_time", 2.0, "Time without excitation before an experiment.", unit="s", minimum=0.0),
+        number(
             "limit.amplitude",
-            "float",
             None,
             "Largest absolute value of an experiment; not set, it becomes that of the normal signal.",
             minimum=0.0,
         ),
-        P("limit.position_min", "float", None, "An experiment must not take the axis below this position."),
-        P("limit.position_max", "float", None, "An experiment must not take the axis above this position."),
-        P("limit.velocity", "float", None, "An experiment must not move the axis faster than this.", minimum=0.0),
-        P.adopt(common["duration"], "duration", 60.0),
-        P("repeat", "bool", False, "Begin again when the signal is over; else it stays at rest."),
+        number("limit.position_min", None, "An experiment must not take the axis below this position."),
+        number("limit.position_max", None, "An experiment must not take the axis above this position."),
+        number("limit.velocity", None, "An experiment must not move the axis faster than this.", minimum=0.0),
+        NodeParameter.adopt(common["duration"], "duration", 60.0),
+        flag("repeat", False, "Begin again when the signal is over; else it stays at rest."),
     ]
-    rows += [P.adopt(common[name], name, common[name].default) for name in ("amplitude", "offset", "seed", "ramp_in")]
     rows += [
-        P.adopt(spec, f"{kind.name}.{spec.name}", None if spec.required else spec.default)
+        NodeParameter.adopt(common[name], name, common[name].default)
+        for name in ("amplitude", "offset", "seed", "ramp_in")
+    ]
+    rows += [
+        NodeParameter.adopt(spec, f"{kind.name}.{spec.name}", None if spec.required else spec.default)
         for kind in SIGNALS.values()
         for spec in kind.parameters
     ]

@@ -4,22 +4,21 @@ from __future__ import annotations
 
 from idloop_nodes.descriptions.common import PEERS, START_TIMEOUT
 from idloop_nodes.descriptions.node_description import NodeDescription
-from idloop_nodes.parameters import NodeParameter as P
-from idloop_nodes.parameters import Table
+from idloop_nodes.parameters import Table, fixed, number, text
 
 PARAMETERS: Table = (
     PEERS,
     START_TIMEOUT,
-    P("bridge", "str", "bridge", "Name of the bridge's node that is watched.", read_only=True),
-    P(
-        "silence",
-        "float",
-        0.03,
-        "Time without a beat of the bridge after which the motor is stopped; one comes every 5 ms.",
-        unit="s",
-        minimum=0.01,
-        maximum=1.0,
-        read_only=True,
+    *fixed(
+        text("bridge", "bridge", "Name of the bridge's node that is watched."),
+        number(
+            "silence",
+            0.03,
+            "Time without a beat of the bridge after which the motor is stopped; one comes every 5 ms.",
+            unit="s",
+            minimum=0.01,
+            maximum=1.0,
+        ),
     ),
 )
 

@@ -4,22 +4,21 @@ from __future__ import annotations
 
 from idloop_nodes.descriptions.common import COMMON, MACHINE
 from idloop_nodes.descriptions.node_description import NodeDescription
-from idloop_nodes.parameters import NodeParameter as P
-from idloop_nodes.parameters import Table
+from idloop_nodes.parameters import Table, fixed, text, texts
 
 PARAMETERS: Table = (
     *COMMON,
-    P("model", "str", "axis", "Model whose outputs are measured, with its units and noise.", read_only=True),
-    P("mjcf", "str", "", "MuJoCo model (MJCF file) of the machine.", read_only=True),
-    P(
-        "joints",
-        "strs",
-        (),
-        "Joint of the MJCF file for each joint that the model measures; empty: of the same name. "
-        "An MJCF sensor with the name of an output, such as motor.position, goes before its joint.",
-        read_only=True,
+    *fixed(
+        text("model", "axis", "Model whose outputs are measured, with its units and noise."),
+        text("mjcf", "", "MuJoCo model (MJCF file) of the machine."),
+        texts(
+            "joints",
+            (),
+            "Joint of the MJCF file for each joint that the model measures; empty: of the same name. "
+            "An MJCF sensor with the name of an output, such as motor.position, goes before its joint.",
+        ),
+        text("actuator", "", "Actuator of the MJCF file that takes the command; empty: the only one."),
     ),
-    P("actuator", "str", "", "Actuator of the MJCF file that takes the command; empty: the only one.", read_only=True),
     *MACHINE,
 )
 

@@ -4,29 +4,20 @@ from __future__ import annotations
 
 from idloop_nodes.descriptions.common import COMMON, EFFECTS, MACHINE, MODEL
 from idloop_nodes.descriptions.node_description import NodeDescription
-from idloop_nodes.parameters import NodeParameter as P
-from idloop_nodes.parameters import Table
+from idloop_nodes.parameters import Table, fixed, number, text, texts
 
 PARAMETERS: Table = (
     *COMMON,
-    P(MODEL.name, "str", MODEL.default, MODEL.description, read_only=True),
-    P(EFFECTS.name, "strs", (), "Hidden effects: " + EFFECTS.description, read_only=True),
-    P(
-        "disturbance_std",
-        "float",
-        0.0,
-        "Standard deviation of the disturbance torque on the driven body, in the drive's unit.",
-        minimum=0.0,
-        read_only=True,
-    ),
-    P(
-        "disturbance_time_constant",
-        "float",
-        1.0,
-        "Correlation time of the disturbance.",
-        unit="s",
-        minimum=1e-3,
-        read_only=True,
+    *fixed(
+        text(MODEL.name, MODEL.default, MODEL.description),
+        texts(EFFECTS.name, (), "Hidden effects: " + EFFECTS.description),
+        number(
+            "disturbance_std",
+            0.0,
+            "Standard deviation of the disturbance torque on the driven body, in the drive's unit.",
+            minimum=0.0,
+        ),
+        number("disturbance_time_constant", 1.0, "Correlation time of the disturbance.", unit="s", minimum=1e-3),
     ),
     *MACHINE,
 )

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from idloop_nodes.descriptions.common import DRAIN_TIMEOUT, LISTENERS, PEERS, START_TIMEOUT, WINDOW
 from idloop_nodes.descriptions.node_description import NodeDescription
-from idloop_nodes.parameters import NodeParameter as P
-from idloop_nodes.parameters import Table
+from idloop_nodes.parameters import Table, fixed, number, text, texts
 
 PARAMETERS: Table = (
     PEERS,
     START_TIMEOUT,
-    P("bag", "str", "", "Recording to play.", read_only=True),
-    P("topics", "strs", ("reference", "excitation", "joint_command", "joint_states"), "What to play.", read_only=True),
-    P("rate", "float", 0.0, "Times real time; 0 plays as fast as the listeners acknowledge.", minimum=0.0),
+    *fixed(
+        text("bag", "", "Recording to play."),
+        texts("topics", ("reference", "excitation", "joint_command", "joint_states"), "What to play."),
+    ),
+    number("rate", 0.0, "Times real time; 0 plays as fast as the listeners acknowledge.", minimum=0.0),
     LISTENERS,
     WINDOW,
     DRAIN_TIMEOUT,

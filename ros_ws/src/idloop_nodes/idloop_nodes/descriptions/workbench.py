@@ -4,35 +4,33 @@ from __future__ import annotations
 
 from idloop_nodes.descriptions.common import MODEL, PEERS, SAMPLE_TIME, START_TIMEOUT
 from idloop_nodes.descriptions.node_description import NodeDescription
-from idloop_nodes.parameters import NodeParameter as P
-from idloop_nodes.parameters import Table
+from idloop_nodes.parameters import Table, fixed, number, text, whole
 
 PARAMETERS: Table = (
     PEERS,
     START_TIMEOUT,
     SAMPLE_TIME,
-    P(MODEL.name, "str", MODEL.default, MODEL.description, read_only=True),
-    P(
-        "address",
-        "str",
-        "127.0.0.1",
-        "Address to serve the page at; outside this machine its URL holds a random token.",
-        read_only=True,
+    *fixed(
+        text(MODEL.name, MODEL.default, MODEL.description),
+        text(
+            "address", "127.0.0.1", "Address to serve the page at; outside this machine its URL holds a random token."
+        ),
+        whole("port", 8080, "Port of the page; 0 takes any that is free.", minimum=0, maximum=65535),
+        number("history", 120.0, "Newest samples that are kept for the page.", unit="s", minimum=1.0),
     ),
-    P("port", "int", 8080, "Port of the page; 0 takes any that is free.", minimum=0, maximum=65535, read_only=True),
-    P("history", "float", 120.0, "Newest samples that are kept for the page.", unit="s", minimum=1.0, read_only=True),
-    P(
+    number(
         "assess_window",
-        "float",
         20.0,
         "Length of the newest data on which it is worked out where the model fails.",
         unit="s",
         minimum=0.5,
     ),
-    P("estimator_node", "str", "estimator", "Node that diagnoses, adds and takes back.", read_only=True),
-    P("controller_node", "str", "controller", "Node that is stopped.", read_only=True),
-    P("bridge_node", "str", "", "Bridge to a robot's motor, which is stopped first; empty for none.", read_only=True),
-    P("excitation_node", "str", "excitation", "Node that runs experiments; stopped as well.", read_only=True),
+    *fixed(
+        text("estimator_node", "estimator", "Node that diagnoses, adds and takes back."),
+        text("controller_node", "controller", "Node that is stopped."),
+        text("bridge_node", "", "Bridge to a robot's motor, which is stopped first; empty for none."),
+        text("excitation_node", "excitation", "Node that runs experiments; stopped as well."),
+    ),
 )
 
 DESCRIPTION = NodeDescription(
