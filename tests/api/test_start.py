@@ -146,8 +146,9 @@ def test_values_that_describe_nothing_are_no_fit(record):
     found = idloop.fit(model, record)
     done = FirstFit(model, found)
     assert judged(done).fit is found
-    unknown = replace(found, result=replace(found.result, stderr=np.full(1, np.nan)))
-    assert "determine none of axis.viscous_friction" in judged(replace(done, fit=unknown)).why_not
+    for stderr in (np.nan, 10.0):
+        unknown = replace(found, result=replace(found.result, stderr=np.full(1, stderr)))
+        assert "determine none of axis.viscous_friction" in judged(replace(done, fit=unknown)).why_not
     bad = dict.fromkeys(found.train[0].fit, -5.0)
     nothing = replace(found, train=(SimpleNamespace(fit=bad, fit_ahead=bad),))
     refused = judged(replace(done, fit=nothing))
@@ -250,7 +251,8 @@ def test_a_record_too_short_for_a_fit_does_not_spoil_the_others(record, tmp_path
 def test_the_held_inertia_and_the_verdict_stand_beside_the_fit(record, tmp_path):
     begun = idloop.start(_fitted(tmp_path / "log.csv", "t,voltage,q", record), tmp_path / "begun")
     text = begun.summary()
-    assert "axis.inertia is held at 1 kg·m²: the command in V is no force" in text
+    assert begun.to_dict()["verdict"] in text
+    assert "axis.inertia is held at 1 kg·m²: a command in V is no force" in text
     assert "verdict: the model describes what was recorded" in text
     assert "MODEL BAG" not in text
     force = idloop.start(_fitted(tmp_path / "force.csv", "t,torque,q", record), tmp_path / "force")
@@ -280,3 +282,13 @@ def test_the_fit_is_that_of_the_mapping_that_was_shown(record, tmp_path):
     assert mapping.time.period == 0.01
     import_bag(log, tmp_path / "bag", tmp_path / "begun" / "mapping.yaml")
     assert idloop.fit(begun.model, idloop.read_bags(tmp_path / "bag", begun.model)).values == begun.fit.values
+
+
+def test_a_record_that_moves_by_noise_alone_is_not_fitted(tmp_path):
+    t = np.arange(0.0, 10.0, 0.01)
+    noise = np.random.default_rng(1).normal(0.0, 1e-4, t.size)
+    log = _write(tmp_path / "log.csv", "t,current_A,q", t, 1e-3 * np.sign(np.sin(t)), noise)
+    begun = idloop.start(log, tmp_path / "begun")
+    assert begun.fit is None
+    assert begun.not_fitted
+    assert "describes what was recorded" not in begun.summary()

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from idloop.records import Record
 
 
+_NOTHING = 1.0  # FIT of a prediction that is no better than a constant [%]
+
+
 @dataclass(frozen=True)
 class FirstModel:
     """What a model of one body is made of.
@@ -137,16 +140,16 @@ def judged(done: FirstFit) -> FirstFit:
         return replace(refused, why_not=why, reversed=True)
     if found.unrelated:
         return replace(refused, why_not=f"{found.unrelated} Another column may be the command: --command COLUMN")
-    if not np.isfinite(found.result.stderr).any() and not found.result.ratios:
+    if not found.result.ratios and not any(low > 0.0 or high < 0.0 for low, high in found.intervals.values()):
         why = (
-            f"the data determine none of {joined_names(found.result.names)}, values of any size move the model alike;"
-            " excite faster changes of the velocity, or record at a higher rate"
+            f"the data determine none of {joined_names(found.result.names)}: no interval excludes zero; record faster"
+            " changes of the velocity, or let a diagnosis find what else moves the axis"
         )
-        return replace(refused, why_not=why)
-    if _best(found) < 0.0:
+        return replace(refused, why_not=why, incomplete=True)
+    if _best(found) < _NOTHING:
         why = (
-            "one body with viscous friction predicts no signal of any record better than a constant does; a diagnosis"
-            " can find the effect that is missing"
+            "one body with viscous friction predicts no signal of any record better than a constant does; let a"
+            " diagnosis find what the model lacks"
         )
         return replace(refused, why_not=why, incomplete=True)
     return replace(done, reversed=bool(opposite_direction_warning(done.model, found.model)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -294,7 +294,7 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
     from idloop import drawing
     from idloop.output_files import write_text
     from idloop.records import inspect_bag
-    from idloop.records.inspection.grade import EVERYTHING
+    from idloop.records.inspection.grade import EVERYTHING, NOT_USABLE
     from idloop.records.inspection.measured_input import KIND as MEASURED
     from idloop.records.recognition.mapping_file import motion_of, text_of
     from idloop.records.recognition.recognise import base_unit_of
@@ -326,6 +326,9 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
         done = FirstFit(kind.model(), why_not=f"{spoilt.path.name}: {spoilt.grade_reason}", reversed=turned)
     else:
         done = first_fit(kind, bags, fitted=fitted, progress=part(progress, 0.4, 1.0))
+        if done.fit is not None and len(inspections) == 1 and inspections[0].grade == f"{NOT_USABLE} {EVERYTHING}":
+            # Beside others such a record may serve.
+            done = replace(done, fit=None, why_not=inspections[0].grade_reason)
     write_text(folder / MODEL, done.model.to_yaml())
     if done.fit is not None:
         write_text(folder / FITTED, done.fit.model.to_yaml())

@@ -82,6 +82,14 @@ class WorstOutput:
         """Whether the model needs no diagnosis: a FIT of 90 % or more."""
         return self.fit >= _GOOD
 
+    @property
+    def text(self) -> str:
+        """How bad it is, in words."""
+        fit = fit_text(self.fit, 4, " %")
+        if fit.endswith("%"):
+            return f"the free run misses {self.output} of {self.record} (FIT {fit})"
+        return f"the free run of {self.output} of {self.record} is {fit}"
+
 
 def worst_output(rows: Rows) -> WorstOutput | None:
     """The output whose free run is worst; None where none was judged."""
@@ -98,10 +106,7 @@ def hint(rows: Rows) -> Iterator[Block]:
     """Yield what to do next when the free run of an output has a FIT below 90 %."""
     worst = worst_output(rows)
     if worst is not None and not worst.good:
-        yield (
-            f"the free run misses {worst.output} of {worst.record} (FIT {fit_text(worst.fit, 4, ' %')}):"
-            " idloop diagnose MODEL BAG... names the physical effect that is missing"
-        )
+        yield f"{worst.text}: idloop diagnose MODEL BAG... names the physical effect that is missing"
 
 
 def details(rows: Rows) -> Iterator[Block]:

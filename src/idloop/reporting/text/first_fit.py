@@ -34,10 +34,7 @@ def verdict(inspections: Sequence[Inspection], rows: Sequence[tuple[str, Compari
     elif worst.good:
         model = f"the model describes what was recorded (FIT of the free run {fit_text(worst.fit, 4, ' %')} or more)"
     else:
-        model = (
-            f"the model is not complete: its free run misses {worst.output} of {worst.record}"
-            f" (FIT {fit_text(worst.fit, 4, ' %')}), and a diagnosis names the physical effect that is missing"
-        )
+        model = f"{worst.text}: a diagnosis looks for the physical effect that the model lacks"
     return f"{model}; {_recordings(inspections)}"
 
 
@@ -47,8 +44,8 @@ def _recordings(inspections: Sequence[Inspection]) -> str:
     everywhere = [name for name in spoilt[0] if all(name in one for one in spoilt)]
     said = []
     if everywhere:
-        which = "the recording is" if len(inspections) == 1 else "all recordings are"
-        said.append(f"{which} {NOT_USABLE} {joined_names(everywhere)}, whatever FIT and intervals say")
+        which = "the recording is not" if len(inspections) == 1 else "no recording is"
+        said.append(f"{which} usable for {joined_names(everywhere)}, whatever FIT and intervals say")
     if alone := [one.path.name for one in inspections if one.grade == f"{NOT_USABLE} {EVERYTHING}"]:
         said.append(f"{listed(alone, 3)} can be used beside others only")
     if said:
@@ -60,11 +57,12 @@ def held_inertia(model: Model) -> Iterator[Block]:
     """Yield that the inertia is not known, where the command is no force and only ratios to it show."""
     if _GAIN not in model.free:
         return
-    free = joined_names(model.free)
+    free, unit = joined_names(model.free), model.input.unit
+    command = "a command without a unit" if unit == "-" else f"a command in {unit}"
     for name in (f"{body}.inertia" for body in model.bodies):
         one = model.parameter(name)
         if name not in model.free:
             yield (
-                f"{name} is held at {one.value:g} {one.unit}: the command in {model.input.unit} is no force, so only"
-                f" ratios to the inertia are known. With J times that inertia, {free} are J times as large"
+                f"{name} is held at {one.value:g} {one.unit}: {command} is no force, so only ratios to the"
+                f" inertia are known. With J times that inertia, {free} are J times as large"
             )

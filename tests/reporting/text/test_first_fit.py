@@ -1,0 +1,60 @@
+"""One sentence weighs the fit and the recording; what the fit cannot know is said."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import idloop
+from idloop.records.finding import Finding
+from idloop.reporting.text.first_fit import held_inertia, verdict
+
+
+def _rows(**fits):
+    return [
+        ("fitted", SimpleNamespace(fit={"a.q": fit}, record=SimpleNamespace(name=name))) for name, fit in fits.items()
+    ]
+
+
+def _inspection(name, *spoils, grade="usable"):
+    faults = [Finding("fault", "a fault", level="warning", spoils=spoils)] if spoils or grade != "usable" else []
+    return SimpleNamespace(path=Path(name), grade=grade, faults=faults)
+
+
+def test_a_good_fit_of_a_sound_recording():
+    text = verdict([_inspection("run")], _rows(run=96.9))
+    assert (
+        text
+        == "the model describes what was recorded (FIT of the free run 96.9 % or more); the recording shows no fault"
+    )
+
+
+def test_a_fault_counts_where_no_record_is_without_it():
+    both = _rows(one=95.0, two=97.0)
+    slow, fast = _inspection("one", "inertia", "delays"), _inspection("two", "delays")
+    assert verdict([slow, fast], both).endswith("no recording is usable for delays, whatever FIT and intervals say")
+    assert verdict([slow], both).endswith(
+        "the recording is not usable for inertia and delays, whatever FIT and intervals say"
+    )
+    assert verdict([slow, _inspection("two", grade="usable with care")], both).endswith("mind the warnings above")
+
+
+def test_a_record_that_is_of_no_use_alone():
+    idle = _inspection("idle", grade="not usable for identification")
+    assert verdict([idle, _inspection("run")], _rows(idle=95.0, run=96.0)).endswith(
+        "idle can be used beside others only"
+    )
+
+
+def test_a_free_run_that_misses():
+    assert verdict([_inspection("run")], _rows(run=40.0)).startswith(
+        "the free run misses a.q of run (FIT 40 %): a diagnosis"
+    )
+    assert "is worse than a constant by a factor 32" in verdict([_inspection("run")], _rows(run=-3100.0))
+
+
+def test_the_inertia_is_held_where_the_command_is_no_force():
+    assert "axis.inertia" not in str(list(held_inertia(idloop.load_model("axis"))))
+    text = str(list(held_inertia(idloop.load_model("dc_motor"))))
+    assert "motor.inertia is held at" in text
+    assert "a command in V is no force" in text
