@@ -20,7 +20,8 @@ from idloop.physics import Model, load_model
 from idloop.physics.model_file import build_model
 from idloop.physics.schema import read_model_file
 from idloop.physics.simulation import simulate
-from idloop.records import Record
+from idloop.records import Record, read_record
+from idloop.records.tables.importing import import_bag
 
 TWO_BODIES = """\
 schema: idloop/model/1
@@ -214,3 +215,22 @@ def test_traces_are_taken_beside_the_values_of_the_coarse_windows(seed):
     assert fit is not None
     step = ForceView(estimation, Options()).evaluate(fit)
     assert [one.names for one in step.tied] == [("coulomb_friction@axis",)]
+
+
+def test_a_limit_that_friction_cancels_is_not_evaluated(data_dir, tmp_path):
+    """Torque steps of two heights: a limit at the level of the friction leaves a hundredth of the inertia."""
+    folder = data_dir / "hsm150"
+    if not folder.is_dir():
+        pytest.skip(f"no {folder}: set IDLOOP_DATA to the folder of the measured data")
+    model = load_model(folder / "model.yaml").with_effects(
+        ["coulomb_friction@motor(level=0.0244)", "input_offset@input(offset=-0.0089)"]
+    )
+    records = []
+    for name in ("neg_0.045_1", "neg_0.045_2", "pos_0.065_1", "pos_0.065_2"):
+        import_bag(folder / f"{name}.csv", tmp_path / name, str(folder / "map.yaml"))
+        records.append(read_record(tmp_path / name, model))
+    estimation = prepare_estimation(model, records, "prediction")
+    step = ForceView(estimation, Options(effects=["speed_limit_voltage", "saturation"])).evaluate(
+        requested_force_fit(model, estimation, {})
+    )
+    assert step.evaluated == ()

@@ -60,8 +60,8 @@ _STARTS = 2
 _TOGETHER = 0.5
 # A fit from several starts continues from the best after so many iterations.
 _FIRST_ROUNDS = 3
-# The inertia beside an effect is at least this part of that without it, when a start is chosen.
-_LEAST_INERTIA = 1e-3
+# The inertia beside an effect is at least this part of that without it: what takes it away switches the command off.
+_LEAST_INERTIA = 1.0 / 30.0
 # Windows in which all effects are fitted first; the best are fitted again in all windows.
 _COARSE_WINDOWS = 2_000
 # A model that leaves less than this part of the drive's force is adequate where no effect explains more.
@@ -501,6 +501,8 @@ class _Evaluator:
         gain = fit.log_likelihood - self.parent.log_likelihood
         if gain < LEAST_GAIN or not self.estimation.resolves(fit.model):
             return None
+        if _inertia(fit) < _LEAST_INERTIA * _inertia(self.parent):
+            return None
         scores = _scores_or_none(fit, scored_by)
         if scores is None:
             return None
@@ -525,6 +527,11 @@ class _Evaluator:
         without = form.with_engine(CachingEngine(model))
         left, other = form.residual(fit.theta, fit.shift), without.residual(model.theta, fit.shift)
         return bool(np.linalg.norm(other - left) >= _ACTS * np.linalg.norm(left))
+
+
+def _inertia(fit: WeakFit) -> float:
+    """Inertia of the driven body over the drive's gain: the common scale of both may be unknown."""
+    return float(fit.form.inertia(fit.theta)[0]) / fit.form.gain(fit.theta)
 
 
 def _along(form: WeakForm, fit: WeakFit) -> WeakForm:
