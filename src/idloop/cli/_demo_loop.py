@@ -31,32 +31,17 @@ SAME = 3.0
 
 @dataclass
 class LoopRun:
-    """What one graph's run showed.
+    """What one graph's run showed."""
 
-    Attributes
-    ----------
-    graph : str
-        Name of the graph.
-    bag : Path
-        Its recording.
-    truth : dict
-        Parameters of the simulated machine.
-    live, replayed : LiveResult
-        Last fit of the estimator on the live graph and on the replayed bag.
-    offline : dict
-        Value and standard error by parameter, of all that was recorded.
-    apart : dict
-        Largest distance of an estimate from the live one, in combined standard errors.
-    rate : float
-        Closed-loop steps per second over DDS, from the first sample to the last.
-    """
-
-    graph: str
-    bag: Path
-    truth: dict[str, float]
+    graph: str  # name of the graph
+    bag: Path  # its recording
+    truth: dict[str, float]  # parameters of the simulated machine
+    # `live`, `replayed`: last fit of the estimator on the live graph and on the replayed bag
     live: LiveResult
+    # Value and standard error by parameter, of all that was recorded
     offline: dict[str, dict[str, Any]] = field(default_factory=dict)
     replayed: LiveResult | None = None
+    # Largest distance of an estimate from the live one, in combined standard errors
     apart: dict[str, float] = field(default_factory=dict)
 
     @property

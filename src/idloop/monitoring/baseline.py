@@ -66,34 +66,16 @@ class ReferenceStatistics:
 
 @dataclass(frozen=True)
 class Baseline:
-    """Model, observer and reference statistics of a monitor.
+    """Model, observer and reference statistics of a monitor."""
 
-    Attributes
-    ----------
-    model : Model
-        Its free parameters are those that are watched or may vary.
-    watches : tuple of Watch
-    varying : tuple of str
-        Parameters that may change without being wear.
-    false_alarm_hours : float
-        Running time between two false alarms of all watches together [h].
-    block : float
-        Length of a block [s].
-    observer : ReferenceObserver
-    normal : tuple of ReferenceStatistics
-        One for each watch.
-    duration : float
-        Of the reference [s].
-    """
-
-    model: Model
+    model: Model  # its free parameters are those that are watched or may vary
     watches: tuple[Watch, ...]
-    varying: tuple[str, ...]
-    false_alarm_hours: float
-    block: float
+    varying: tuple[str, ...]  # parameters that may change without being wear
+    false_alarm_hours: float  # running time between two false alarms of all watches together [h]
+    block: float  # length of a block [s]
     observer: ReferenceObserver
-    normal: tuple[ReferenceStatistics, ...]
-    duration: float
+    normal: tuple[ReferenceStatistics, ...]  # one for each watch
+    duration: float  # of the reference [s]
 
     @cached_property
     def engine(self) -> CachingEngine:

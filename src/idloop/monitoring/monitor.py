@@ -35,45 +35,24 @@ class Trace:
 
 @dataclass(frozen=True)
 class WatchState:
-    """Result of one watch.
-
-    Attributes
-    ----------
-    parameter, unit : str
-    value : float
-        Of the healthy machine: the value of the model plus the offset of the reference [unit].
-    watched : float
-        Growth to detect [unit].
-    state : {"alarm", "quiet", "cannot_tell"}
-    why : str
-        Why no decision is possible; empty otherwise.
-    alarms : tuple of Alarm
-    growth : Growth or None
-        Estimated from the newest blocks.
-    sum, threshold : float
-        The CUSUM and its alarm threshold.
-    blocks, telling : int
-        Blocks processed, and the informative ones among them.
-    delay : float
-        Expected time from the watched growth to its alarm, in motions as in the processed data [s].
-    reference_delay : float
-        The same in motions as in the reference [s].
-    """
+    """Result of one watch."""
 
     parameter: str
     unit: str
-    value: float
-    watched: float
-    state: str
-    why: str
+    value: float  # of the healthy machine: the value of the model plus the offset of the reference [unit]
+    watched: float  # growth to detect [unit]
+    state: str  # {"alarm", "quiet", "cannot_tell"}
+    why: str  # why no decision is possible; empty otherwise
     alarms: tuple[Alarm, ...]
-    growth: Growth | None
+    growth: Growth | None  # estimated from the newest blocks
+    # The CUSUM and its alarm threshold
     sum: float
     threshold: float
+    # Blocks processed, and the informative ones among them
     blocks: int
     telling: int
-    delay: float
-    reference_delay: float
+    delay: float  # expected time from the watched growth to its alarm, in motions as in the processed data [s]
+    reference_delay: float  # the same in motions as in the reference [s]
 
 
 @dataclass

@@ -122,61 +122,27 @@ class Request:
 
 @dataclass(frozen=True)
 class Shape:
-    """Result of a kind of signal.
+    """Result of a kind of signal."""
 
-    Parameters
-    ----------
-    value : ndarray, shape (n,)
-        Shape to be scaled by the amplitude and shifted by the offset, unless `absolute`.
-    period_samples : int or None
-        Period where the samples repeat exactly.
-    segments : tuple of Segment
-        Boundaries of the steps of a stepped signal.
-    lines : LineGrid or None
-        Harmonics of a multisine.
-    rate : ndarray or None
-        Time derivative where the kind knows it in closed form (only for `absolute` shapes).
-    derived : mapping
-        Values chosen by the kind, such as the order of a PRBS.
-    notes : tuple of str
-        Remarks for the user, one sentence each.
-    absolute : bool
-        The values are final: scaled, shifted and starting from rest at zero.
-    """
-
-    value: FloatArray
-    period_samples: int | None = None
-    segments: tuple[Segment, ...] = ()
-    lines: LineGrid | None = None
+    value: FloatArray  # shape (n,): shape to be scaled by the amplitude and shifted by the offset, unless `absolute`
+    period_samples: int | None = None  # period where the samples repeat exactly
+    segments: tuple[Segment, ...] = ()  # boundaries of the steps of a stepped signal
+    lines: LineGrid | None = None  # harmonics of a multisine
+    # Time derivative where the kind knows it in closed form (only for `absolute` shapes)
     rate: FloatArray | None = None
-    derived: Mapping[str, Any] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
-    absolute: bool = False
+    derived: Mapping[str, Any] = field(default_factory=dict)  # values chosen by the kind, such as the order of a PRBS
+    notes: tuple[str, ...] = ()  # remarks for the user, one sentence each
+    absolute: bool = False  # the values are final: scaled, shifted and starting from rest at zero
 
 
 @dataclass(frozen=True)
 class SignalKind:
-    """A kind of excitation.
+    """A kind of excitation."""
 
-    Parameters
-    ----------
-    name : str
-        Name used everywhere.
-    description : str
-        One sentence.
-    parameters : tuple of ParameterSpec
-        The parameters of this kind alone.
-    generate : callable
-        ``generate(request, **values) -> Shape``.
-    amplitude_means : str
-        ``peak`` (the signal stays within offset ± amplitude) or ``standard deviation``.
-    natural_length : bool
-        The kind can choose its own duration.
-    """
-
-    name: str
-    description: str
-    parameters: tuple[ParameterSpec, ...]
-    generate: Callable[..., Shape]
+    name: str  # name used everywhere
+    description: str  # one sentence
+    parameters: tuple[ParameterSpec, ...]  # the parameters of this kind alone
+    generate: Callable[..., Shape]  # ``generate(request, **values) -> Shape``
+    # ``peak`` (the signal stays within offset ± amplitude) or ``standard deviation``
     amplitude_means: Literal["peak", "standard deviation"] = "peak"
-    natural_length: bool = False
+    natural_length: bool = False  # the kind can choose its own duration

@@ -101,35 +101,18 @@ class Identified:
 
 @dataclass(frozen=True)
 class Method:
-    """A black-box method.
+    """A black-box method."""
 
-    Attributes
-    ----------
-    name, summary : str
-        The summary states what it is for.
-    kind : "response", "linear", "recursive" or "network"
-    loop : str
-        Which loop its theory allows: "open", "any", or "closed, controller known".
-    needs : tuple of str
-        Names of the `Choices` that it reads.
-    run : callable
-        ``run(data, choices, order, delay)`` to a result, or to a result and its history.
-    polynomials : tuple of str
-        Degrees that `Choices.structure` may set.
-    automatic : tuple of int
-        Orders tried for "auto"; empty where the method chooses itself.
-    selects : "prediction" or "free run"
-        Errors whose BIC chooses between orders. Instrumental variables and output errors have no noise model: errors
-        one step ahead do not measure their quality.
-    """
-
+    # `summary`: what it is for
     name: str
-    kind: Kind
+    kind: Kind  # "response", "linear", "recursive" or "network"
     summary: str
-    loop: str
+    loop: str  # which loop its theory allows: "open", "any", or "closed, controller known"
     source: str
-    needs: tuple[str, ...]
-    run: Callable[..., Any]
-    polynomials: tuple[str, ...] = ()
-    automatic: tuple[int, ...] = ()
+    needs: tuple[str, ...]  # names of the `Choices` that it reads
+    run: Callable[..., Any]  # ``run(data, choices, order, delay)`` to a result, or to a result and its history
+    polynomials: tuple[str, ...] = ()  # degrees that `Choices.structure` may set
+    automatic: tuple[int, ...] = ()  # orders tried for "auto"; empty where the method chooses itself
+    # Errors whose BIC chooses between orders. Instrumental variables and output errors have no noise model: errors one
+    # step ahead do not measure their quality.
     selects: Literal["prediction", "free run"] = "prediction"
