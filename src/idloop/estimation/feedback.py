@@ -34,24 +34,12 @@ _COLUMNS = ((("reference", 0), ("excitation", 0)), (("excitation", 1),))
 
 @dataclass(frozen=True)
 class Loop:
-    """Feedback in the loop of a record.
+    """Feedback in the loop of a record."""
 
-    Attributes
-    ----------
-    reference : bool
-        Whether a reference is recorded and changes.
-    fed_back : float
-        Share of the command's power due to the noise of the outputs; NaN for too few samples.
-    p_value : float
-        Probability of such a share without feedback.
-    depends : bool
-        Whether the command depends significantly on the noise of the outputs.
-    """
-
-    reference: bool
-    fed_back: float
-    p_value: float
-    depends: bool
+    reference: bool  # whether a reference is recorded and changes
+    fed_back: float  # share of the command's power due to the noise of the outputs; NaN for too few samples
+    p_value: float  # probability of such a share without feedback
+    depends: bool  # whether the command depends significantly on the noise of the outputs
 
     @property
     def closed(self) -> bool:
@@ -76,10 +64,7 @@ def detect_feedback(data: SampledData | Sequence[SampledData]) -> Loop:
     recorded reference those of the same sample are included; without one they are not, as a measurement with a late
     stamp has the same effect.
 
-    Parameters
-    ----------
-    data : SampledData or sequence of SampledData
-        The first input is the command.
+    `data`: the first input is the command.
     """
     experiments = together(data)
     reference = all(one.reference is not None for one in experiments) and any(
@@ -186,14 +171,8 @@ def _past(signals: Array, least: int, first: int) -> Array:
 def _returned(own: Array, answer: Array, noise: Sequence[Array]) -> float:
     """Power of the command due to the noise, as it passes the loop.
 
-    Parameters
-    ----------
-    own : array, shape (k,)
-        Coefficients of the command's past, 1 to k samples ago.
-    answer : array, shape (l, p)
-        Coefficients of the innovations, 0 to l - 1 samples ago.
-    noise : sequence of array, shape (n, p)
-        Innovations.
+    `own` (k,): coefficients of the command's past, 1 to k samples ago; `answer` (l, p): coefficients of the
+    innovations, 0 to l - 1 samples ago; `noise` (n, p): innovations.
     """
     from scipy.signal import lfilter
 

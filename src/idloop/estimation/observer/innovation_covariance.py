@@ -18,10 +18,7 @@ _MEMORY = 5000
 class InnovationCovariance:
     """Running covariance of the innovations.
 
-    Attributes
-    ----------
-    value : array, shape (p, p)
-        NaN until the first samples.
+    Attributes: `value` (p, p): NaN until the first samples.
     """
 
     def __init__(self, outputs: int) -> None:
@@ -64,16 +61,8 @@ class InnovationCovariance:
     def weigh(self, innovation: Array) -> tuple[Array, Array]:
         """Weights for least squares: less for outliers, none for missing outputs.
 
-        Parameters
-        ----------
-        innovation : array, shape (n, p)
-            NaN where not measured.
-
-        Returns
-        -------
-        weight : array, shape (n, p, p)
-        weighted : array, shape (n, p)
-            Weight times innovation.
+        `innovation` (n, p): NaN where not measured. Returns `weight` (n, p, p); `weighted` (n, p): weight times
+        innovation.
         """
         known = np.isfinite(innovation)
         n, p = innovation.shape

@@ -48,10 +48,7 @@ class PredictorBank:
     The main predictor runs at once, the moved ones until `slopes` is called: one of them for each sample, so that no
     sample has to wait for all of them.
 
-    Attributes
-    ----------
-    gain : array, shape (2 b + 1, p)
-        Observer gain of the main and the moved predictors.
+    Attributes: `gain` (2 b + 1, p): observer gain of the main and the moved predictors.
     """
 
     def __init__(self, model: Model) -> None:
@@ -175,11 +172,7 @@ class PredictorBank:
     def slopes(self) -> tuple[Array, Array]:
         """Run the moved predictors over the waiting samples.
 
-        Returns
-        -------
-        innovation : array, shape (n, p)
-        slope : array, shape (n, p, k)
-            Derivative of the prediction with respect to every parameter.
+        Returns `innovation` (n, p); `slope` (n, p, k): derivative of the prediction with respect to every parameter.
         """
         _, y, innovation = self._samples.since(0)
         slope = np.empty((*y.shape, len(self._steps)))
@@ -213,14 +206,8 @@ class PredictorBank:
     def probe(self, index: int, deviation: Array, upper: float) -> float:
         """Typical size of a parameter: the power of ten that changes the waiting innovations by a norm of about 10.
 
-        Parameters
-        ----------
-        index : int
-            Parameter.
-        deviation : array, shape (p,)
-            Standard deviation of the innovations.
-        upper : float
-            Upper bound of the parameter.
+        `index`: parameter; `deviation` (p,): standard deviation of the innovations; `upper`: upper bound of the
+        parameter.
         """
         t, y, base = self._samples.since(0)
         layout, state, history = self._layout(index + 1), self._states[index + 1], self._histories[index + 1]
