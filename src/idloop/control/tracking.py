@@ -95,10 +95,6 @@ def track(
         Position and velocity, one row for each period of the controller.
     progress : callable, optional
         Called with the share of the work that is done.
-
-    Returns
-    -------
-    Tracking
     """
     model, period = machine.model, controller.sample_time
     columns = [model.output_names.index(name) for name in controller.inputs]

@@ -72,8 +72,6 @@ class FitResult:
         Parameters that ended on a bound.
     warnings : tuple of str
         One line each.
-    samples, iterations : int
-    converged : bool
     orders : tuple of int
         Orders of the autoregressions that whiten the errors.
     ratios : tuple of Ratio

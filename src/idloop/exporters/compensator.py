@@ -26,10 +26,6 @@ def export(model: Model) -> Exported:
     model : Model
         The machine as a fit has found it.
 
-    Returns
-    -------
-    Exported
-
     Raises
     ------
     InputError

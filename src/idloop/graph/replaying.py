@@ -53,10 +53,6 @@ def replay_bag(
     say, domain_id : optional
         As in `run_graph`.
 
-    Returns
-    -------
-    LiveResult
-
     Raises
     ------
     InputError

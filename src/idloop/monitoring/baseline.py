@@ -213,10 +213,6 @@ def learn(
     progress : callable, optional
         Called with the share done in [0, 1] and a short text.
 
-    Returns
-    -------
-    Baseline
-
     Raises
     ------
     InputError

@@ -61,7 +61,6 @@ class Monitor:
 
     Attributes
     ----------
-    baseline : Baseline
     sums : list of Cusum
         One for each watch.
     last : int or None

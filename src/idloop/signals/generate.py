@@ -26,10 +26,6 @@ def build_signal(name: str, **parameters: Any) -> Signal:
         The common ones (``COMMON_PARAMETERS``: ``sample_time``, ``duration``, ``amplitude``,
         ``offset``, ``seed``, ``ramp_in``) and those of the kind (``SIGNALS[name].parameters``).
 
-    Returns
-    -------
-    Signal
-
     Raises
     ------
     InputError

@@ -178,16 +178,11 @@ def compare(model: Model, record: Record, steps: int = 10, cutoff: float | None 
     ----------
     model : Model
         With the parameter values to use; only the initial state is fitted.
-    record : Record
     steps : int
         Prediction horizon in samples.
     cutoff : float, optional
         Cut-off of the differentiating filter on the drive side [Hz]; that of the training record
         (``Comparison.force.cutoff``) to compare records in one band.
-
-    Returns
-    -------
-    Comparison
 
     Raises
     ------

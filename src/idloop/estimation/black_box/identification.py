@@ -32,10 +32,8 @@ def identify(
 
     Parameters
     ----------
-    data : SampledData or sequence of SampledData
     method : str
         One of `METHODS`.
-    choices : Choices, optional
     progress : callable, optional
         Called with the share done and what is tried.
 

@@ -165,10 +165,6 @@ def describing_function(
     input_unit, output_unit : str
         For labels.
 
-    Returns
-    -------
-    DescribingFunction
-
     Raises
     ------
     InputError

@@ -86,10 +86,6 @@ def dwells_of(signal: Signal, start: float = 0.0) -> tuple[Dwell, ...]:
     start : float
         When its first sample was sent [s on the record's axis].
 
-    Returns
-    -------
-    tuple of Dwell
-
     Raises
     ------
     InputError

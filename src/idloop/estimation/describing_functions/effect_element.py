@@ -189,10 +189,6 @@ def effect_element(
     **values : float
         Parameters of the effect in its units; those left out have their start values.
 
-    Returns
-    -------
-    EffectElement
-
     Raises
     ------
     InputError

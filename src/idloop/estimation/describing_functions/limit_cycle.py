@@ -235,10 +235,6 @@ def limit_cycles(
     unit : str
         Of the element's input, for labels.
 
-    Returns
-    -------
-    LimitCycles
-
     Raises
     ------
     InputError

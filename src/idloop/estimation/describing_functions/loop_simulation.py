@@ -88,10 +88,6 @@ def simulate_loop(
     steps : int
         Steps per predicted period of a continuous loop, in which the element's output is held.
 
-    Returns
-    -------
-    LoopSimulation
-
     Raises
     ------
     InputError

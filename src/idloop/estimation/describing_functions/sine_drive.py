@@ -112,10 +112,6 @@ def drive_by_sine(
     harmonics : int
         Highest harmonic kept, at least 2.
 
-    Returns
-    -------
-    SineAnswer
-
     Raises
     ------
     InputError

@@ -174,7 +174,6 @@ class LinearModel:
 
         Parameters
         ----------
-        data : SampledData
         initial : ndarray of shape (n,), "estimate" or "zero"
             State at the first sample; the one that fits the measurements best by default.
 

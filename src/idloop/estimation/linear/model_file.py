@@ -27,13 +27,8 @@ def save(model: LinearModel, path: Path | str) -> Path:
 
     Parameters
     ----------
-    model : LinearModel
     path : Path or str
         The suffix chooses the format: ``.json`` or ``.npz``.
-
-    Returns
-    -------
-    Path
 
     Raises
     ------
@@ -76,14 +71,6 @@ def save(model: LinearModel, path: Path | str) -> Path:
 
 def load(path: Path | str) -> LinearModel:
     """Read what `save` wrote; ``load(path).system`` is a python-control StateSpace.
-
-    Parameters
-    ----------
-    path : Path or str
-
-    Returns
-    -------
-    LinearModel
 
     Raises
     ------

@@ -102,7 +102,6 @@ def prediction_error(
         gain is then that of the filtered outputs.
     initial : bool
         Estimate the first state of each experiment; else it is zero.
-    max_iterations : int
 
     Returns
     -------

@@ -130,7 +130,6 @@ class NarxModel:
 
         Parameters
         ----------
-        data : SampledData
         initial : ndarray of shape (first, p), "measured" or "zero"
             The outputs before the first sample that is computed.
 
@@ -341,13 +340,8 @@ def save(model: NarxModel, path: Path | str) -> Path:
 
     Parameters
     ----------
-    model : NarxModel
     path : Path or str
         With the suffix ``.json``.
-
-    Returns
-    -------
-    Path
 
     Raises
     ------

@@ -38,22 +38,15 @@ def narx_neural(
 
     Parameters
     ----------
-    data : SampledData or sequence of SampledData
     delays : TappedDelays, optional
         Two past outputs and inputs by default.
     hidden : int
         Units.
-    division : Division, optional
-    rules : TrainingRules, optional
     form : {"series-parallel", "parallel"}
     restarts : int
         Starts of which the one with the least validation error is kept.
     seed : int
         Of the division and the starts: equal seeds give equal models.
-
-    Returns
-    -------
-    NarxModel
 
     Raises
     ------

@@ -77,7 +77,6 @@ def narx_wavelet(
 
     Parameters
     ----------
-    data : SampledData or sequence of SampledData
     delays : TappedDelays, optional
         Two past outputs and inputs by default.
     units : int or "auto"
@@ -93,10 +92,6 @@ def narx_wavelet(
         Parallel, which needs `refine`, fits the free run.
     seed : int
         Of the division.
-
-    Returns
-    -------
-    NarxModel
 
     Raises
     ------

@@ -134,7 +134,6 @@ def welch(
 
     Parameters
     ----------
-    data : SampledData or sequence of SampledData
     segment : int, optional
         Length of a segment [samples]; by default an eighth of the data, of records above 65,536 samples as much
         more as the root of their length, at most the shortest experiment.
@@ -231,7 +230,6 @@ def spa(
 
     Parameters
     ----------
-    data : SampledData or sequence of SampledData
     window : int, optional
         Largest lag of the covariances [samples]: longer resolves finer, 1 / (window x sample time), and is noisier.
         By default that of the resolution that `welch` takes, which grows with the record: the 30 samples of the System

@@ -165,7 +165,6 @@ def minimise(
         Typical size of each parameter.
     step : array, shape (k,), optional
         Difference steps to start from.
-    max_iterations : int
     tolerance : float
         Predicted decrease of the cost, in units of the log-likelihood, at which the search ends: 1e-5 is a step of
         0.005 standard errors.

@@ -67,10 +67,6 @@ def arx(
     errors : "coloured" or "white"
         Standard errors that hold for too poor a model as well (sandwich), or the classical ones.
 
-    Returns
-    -------
-    PolynomialModel
-
     Raises
     ------
     InputError

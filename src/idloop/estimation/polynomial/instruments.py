@@ -52,7 +52,6 @@ def iv4(
 
     Parameters
     ----------
-    data : SampledData or sequence of SampledData
     na : int
         Degree of A, common to all inputs.
     nb, nk : int or one per input

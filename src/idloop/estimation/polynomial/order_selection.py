@@ -113,10 +113,6 @@ def estimate_delay(
     na, nb : int
         Order of the noise and plant that is allowed for.
 
-    Returns
-    -------
-    DelayEstimate
-
     Raises
     ------
     InputError
@@ -295,10 +291,6 @@ def arx_structures(
     structures : iterable of (na, nb, nk), optional
         In the place of all combinations.
 
-    Returns
-    -------
-    ArxStructures
-
     Raises
     ------
     InputError
@@ -343,7 +335,6 @@ def select_order(table: ArxStructures, criterion: Criterion | None = None) -> Or
 
     Parameters
     ----------
-    table : ArxStructures
     criterion : "validation", "bic", "aic", "fpe" or "loss", optional
         Validation where there are validation data, else BIC, which finds the true order as records grow.
 

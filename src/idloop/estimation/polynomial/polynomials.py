@@ -362,8 +362,6 @@ class Polynomials:
         ----------
         method : str
             Name of the estimator.
-        input_units : tuple of str, one per input, optional
-        output_unit : str
         samples : int
             That the estimate rests on.
         """

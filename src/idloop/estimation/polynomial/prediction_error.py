@@ -133,10 +133,6 @@ def polynomial_model(
         Standard errors by Ljung's asymptotics for white innovations, or by a sandwich that holds for a noise
         model that is too poor as well; by default white where prediction is what was fitted.
 
-    Returns
-    -------
-    PolynomialModel
-
     Raises
     ------
     InputError

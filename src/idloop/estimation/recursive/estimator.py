@@ -42,7 +42,6 @@ class RecursivePolynomial:
 
     Parameters
     ----------
-    orders : Orders
     method : "gradient" or "pseudo-linear"
         Recursive prediction error method, or pseudo-linear regression (extended least squares), which is simpler
         and converges when 1 / C - 1/2 is positive real. The same for ARX models.
@@ -70,7 +69,6 @@ class RecursivePolynomial:
         Circle that the roots of C and F are kept in.
     sample_time : float
         Period [s], for `polynomials`.
-    input_names, output_name : tuple of str, str
 
     Raises
     ------

@@ -114,10 +114,6 @@ def track(
     every : int
         Samples from one remembered row to the next, for long records.
 
-    Returns
-    -------
-    CoefficientHistory
-
     Raises
     ------
     InputError

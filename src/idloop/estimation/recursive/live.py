@@ -37,12 +37,10 @@ class LiveRecursion:
     ----------
     method : str
         A key of `idloop.estimation.recursive.RECURSIVE_METHODS`.
-    output_names : sequence of str
     sample_time : float
         Period of the grid [s].
     order, delay : int
         Degree of the polynomials, and lag of the first effect of a command [samples].
-    input_name : str
     **options
         Of `RecursivePolynomial`, as forgetting or drift.
 

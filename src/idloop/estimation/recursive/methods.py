@@ -125,13 +125,8 @@ def recursive_estimator(name: str, orders: Orders, **options: Any) -> RecursiveP
     ----------
     name : str
         A key of `RECURSIVE_METHODS`.
-    orders : Orders
     **options
         Of the method's estimator; they come before the method's own.
-
-    Returns
-    -------
-    RecursivePolynomial
 
     Raises
     ------
@@ -151,11 +146,6 @@ def orders_of(name: str, order: int, delay: int, inputs: int = 1) -> Orders:
         A key of `RECURSIVE_METHODS`.
     order, delay : int
         Degree, and lag of the first effect of a command [samples].
-    inputs : int
-
-    Returns
-    -------
-    Orders
 
     Raises
     ------

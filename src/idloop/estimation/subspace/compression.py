@@ -285,7 +285,6 @@ def default_horizon(
 
     Parameters
     ----------
-    data : SampledData or sequence of SampledData
     order : int, optional
         Number of states, where it is known.
     feedthrough : bool

@@ -164,17 +164,11 @@ def vodma(
         Discrete, at the data's sample time, from all measured outputs in their order to what is subtracted from
         the commands [input unit per output unit]. The mapping names the outputs that are fed back to one command.
     order : int or "auto"
-    horizon : int, optional
-    feedthrough : bool
     stable, integrates : bool
         As for `n4sid`; B is fitted before poles are moved.
     weighting : "cva", "moesp" or "n4sid"
         Of the projection that shows the states. The thesis takes the oblique projection as it is ("n4sid"), which
         breaks down when the reference leaves frequencies empty, as band-limited references do.
-
-    Returns
-    -------
-    LinearModel
 
     Raises
     ------

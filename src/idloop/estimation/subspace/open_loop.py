@@ -62,10 +62,6 @@ def n4sid(
         Factor the windows themselves (QR), whatever the data. By default the correlations of the signals replace
         them wherever the data have the noise to allow it: many times faster, and equal well within the chance error.
 
-    Returns
-    -------
-    LinearModel
-
     Raises
     ------
     InputError
@@ -102,16 +98,10 @@ def select_order(
 
     Parameters
     ----------
-    data : SampledData or sequence of SampledData
     method : "n4sid", "moesp" or "cva"
         Whose singular values are wanted; the order rests on the canonical correlations, which no scaling changes.
-    horizon : int, optional
     feedthrough : bool
         As for `n4sid`.
-
-    Returns
-    -------
-    OrderSelection
 
     Raises
     ------

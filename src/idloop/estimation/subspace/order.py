@@ -79,11 +79,6 @@ def singular_value_plot(model: LinearModel, axes: Any = None) -> Any:
     ----------
     model : LinearModel
         From a subspace method.
-    axes : matplotlib Axes, optional
-
-    Returns
-    -------
-    matplotlib Axes
 
     Raises
     ------

@@ -62,10 +62,6 @@ def pbsid(
     integrates : bool
         The plant is known to integrate: put the pole nearest 1 there before B and D are fitted.
 
-    Returns
-    -------
-    LinearModel
-
     Raises
     ------
     InputError
