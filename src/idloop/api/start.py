@@ -326,9 +326,10 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
         done = FirstFit(kind.model(), why_not=f"{spoilt.path.name}: {spoilt.grade_reason}", reversed=turned)
     else:
         done = first_fit(kind, bags, fitted=fitted, progress=part(progress, 0.4, 1.0))
-        if done.fit is not None and len(inspections) == 1 and inspections[0].grade == f"{NOT_USABLE} {EVERYTHING}":
+        alone = len(inspections) == 1 and inspections[0].grade == f"{NOT_USABLE} {EVERYTHING}"
+        if alone and (done.fit is not None or done.incomplete):
             # Beside others such a record may serve.
-            done = replace(done, fit=None, why_not=inspections[0].grade_reason)
+            done = replace(done, fit=None, incomplete=False, why_not=inspections[0].grade_reason)
     write_text(folder / MODEL, done.model.to_yaml())
     if done.fit is not None:
         write_text(folder / FITTED, done.fit.model.to_yaml())
