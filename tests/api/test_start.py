@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -292,3 +293,20 @@ def test_a_record_that_moves_by_noise_alone_is_not_fitted(tmp_path):
     assert begun.fit is None
     assert begun.not_fitted
     assert "describes what was recorded" not in begun.summary()
+
+
+def test_what_to_run_next_can_be_run(record, tmp_path):
+    log = _fitted(tmp_path / "log.csv", "t,torque,q", record)
+    folder = tmp_path / "my axis"
+    begun = idloop.start(log, folder, fitted=False)
+    assert [shlex.split(line) for line in begun.commands] == [
+        ["idloop", "inspect", str(folder / "bags" / "log")],
+        ["idloop", "fit", str(folder / "model.yaml"), str(folder / "bags" / "log")],
+    ]
+    undriven = idloop.start(log, tmp_path / "undriven", {"command": "none"})
+    assert [line.split()[1] for line in undriven.commands] == ["inspect"]
+
+
+def test_a_data_frame_is_answered_with_what_to_do():
+    with pytest.raises(InputError, match="to_csv"):
+        idloop.start(SimpleNamespace(columns=["t", "u"]))

@@ -89,7 +89,9 @@ class Start(Result):
         elif self.done.asked:
             lines = []
         else:
-            lines = [["inspect", bag] for bag in bags] + [["fit", str(self.folder / MODEL), *bags]]
+            lines = [["inspect", bag] for bag in bags]
+            if self.log.recognition.of("command") is not None:
+                lines.append(["fit", str(self.folder / MODEL), *bags])
         return [f"idloop {shlex.join(line)}" for line in lines]
 
     def blocks(self) -> Iterator[Block]:

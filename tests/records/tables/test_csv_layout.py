@@ -84,7 +84,10 @@ def test_text_between_the_rows_is_left_out_where_asked(tmp_path):
     np.testing.assert_array_equal(table.columns["u"], [1, 2, 3, 4, np.nan])
     assert table.text_rows == [2, 3, 5]
     assert table.preamble == ["ready"]
-    assert "3 lines of text between the rows are left out, before row 2, 3, 5" in table.notes
+    assert table.notes == [
+        "1 line above the header is left out",
+        "3 lines of text between the rows are left out, before row 2, 3, 5",
+    ]
 
 
 @pytest.mark.parametrize(("rows", "values"), [(slice(0, 2), [1, 2]), (slice(3, 4), [3])])
