@@ -8,12 +8,13 @@ seen. A force over the command is excluded: it is what the balance explains.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from idloop.diagnosis.evidence.predictive import Evidence, Scores, deal, others
+from idloop.diagnosis.residual_curves.periods import strongest_period
 from idloop.diagnosis.residual_curves.unknown_structure import (
     COEFFICIENT_KNOTS,
     KNOTS,
@@ -26,7 +27,7 @@ from idloop.diagnosis.residual_curves.unknown_structure import (
 from idloop.diagnosis.search.step import EvaluatedModel
 from idloop.estimation.force_balance.weak_fit import WeakFit
 from idloop.estimation.force_balance.weak_form import BLOCKS
-from idloop.estimation.statistics.student import log_density, scale_of
+from idloop.estimation.statistics.student import log_density, scale_of, weights
 
 Array = NDArray[np.float64]
 
@@ -46,6 +47,7 @@ class ForceCurve(Curve):
     columns: Array
     scores: Scores
     evidence: Evidence
+    period: float | None = None  # of a force that repeats over the position, where that is no turn
 
     @property
     def depends_on_position(self) -> bool:
@@ -65,6 +67,8 @@ class ForceCurve(Curve):
     @property
     def text(self) -> str:
         """In words."""
+        if self.period is not None:
+            return f"a force that repeats every {self.period:.4g} {self.unit}"
         what = "a force" if self.of == "force" else f"a change of the {self.of}"
         return f"{what} over the {self.variable}"
 
@@ -89,7 +93,7 @@ class ForceCurve(Curve):
         if self.coefficient:
             value = value - float(np.mean(self.at_knots(value)))
         share = float(np.clip(1.0 - np.exp(-2.0 * self.evidence.difference / self.evidence.samples), 0.0, 1.0))
-        return self.structure("the errors of the force", p_value, value, 1.96 * spread, share)
+        return self.structure("the errors of the force", p_value, value, 1.96 * spread, share, self.period)
 
 
 def force_curves(fit: WeakFit) -> list[ForceCurve]:
@@ -103,16 +107,28 @@ def force_curves(fit: WeakFit) -> list[ForceCurve]:
     unit_of = {"velocity": f"{units.position}/s", "position": units.position, "time": "s"}
     found = []
 
-    def add(of: str, of_unit: str, over: str, count: int, factor: Array | None = None, *, turn: bool = False) -> None:
-        values = signals[over]
-        low, high = (0.0, 2.0 * np.pi) if turn else np.percentile(values, (0.5, 99.5))
+    def add(
+        of: str,
+        of_unit: str,
+        over: str,
+        count: int,
+        factor: Array | None = None,
+        *,
+        turn: bool = False,
+        period: float | None = None,
+    ) -> None:
+        values, closed = signals[over], turn or period is not None
+        low, high = (0.0, period or 2.0 * np.pi) if closed else np.percentile(values, (0.5, 99.5))
         knots = np.linspace(low, max(high, low + 1e-12), count)
-        hats = _hats(values, knots, closed=turn)
+        shape = partial(_hats, knots=knots, closed=closed)
+        # A window may be as long as what the force changes over.
+        averaged = of == "force" and over == "position"
+        hats = form.averaged_over_position(shape) if averaged else shape(values)
         columns = hats if factor is None else hats * factor[:, None]
         if of == "inertia":
             # An inertia that changes along the way takes a force at constant speed as well (Lagrange's equation).
             step = 1e-3 * (knots[1] - knots[0])
-            columns = columns - 0.5 * ((_hats(values + step, knots, closed=turn) - hats) / step) * speed[:, None] ** 2
+            columns = columns - 0.5 * ((_hats(values + step, knots, closed=closed) - hats) / step) * speed[:, None] ** 2
         if of in ("drive", "inertia"):
             # Its mean is the scale of all forces, which is free.
             columns = columns - np.mean(columns, axis=1, keepdims=True)
@@ -121,13 +137,18 @@ def force_curves(fit: WeakFit) -> list[ForceCurve]:
         scores = _scores(fit, columns)
         evidence = scores.against(base)
         if np.isfinite(evidence.difference):
-            curve = of, of_unit, name, unit_of[over], knots, turn
-            found.append(ForceCurve(*curve, fit, columns, scores, evidence))
+            curve = of, of_unit, name, unit_of[over], knots, closed
+            found.append(ForceCurve(*curve, fit, columns, scores, evidence, period))
 
     add("force", units.force, "velocity", KNOTS)
     add("force", units.force, "position", KNOTS)
     if turning:
         add("force", units.force, "position", KNOTS, turn=True)
+    residual = fit.residual[:, 0] * weights(fit.residual[:, 0] / fit.scale[0])
+    # Of one and a half windows at typical speed at least.
+    window = form.width * form.sample_time * float(np.sqrt(np.mean(speed**2)))
+    if (repeated := strongest_period([(signals["position"], residual)], 1.5 * window)) is not None:
+        add("force", units.force, "position", KNOTS, period=repeated[0])
     factors = {
         "inertia": -form.inertial[:, 0],
         "viscous friction": -speed,

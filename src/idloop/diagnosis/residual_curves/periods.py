@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from idloop.estimation.force_balance.force_error import record_balance
 from idloop.estimation.force_balance.weak_fit import WeakFit
+from idloop.estimation.force_balance.weak_form import test_functions
 from idloop.estimation.likelihood.estimation_problem import EstimationProblem
 from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.estimation.statistics.student import weights
@@ -16,6 +19,8 @@ Array = NDArray[np.float64]
 
 # Highest number of periods within the travel, or within a turn.
 _MOST = 400
+# Least part of the windows' power that a wave keeps.
+_LEAST_KEPT = 0.1
 # Step between neighbouring frequencies [periods within the travel].
 _STEP = 0.25
 
@@ -23,11 +28,9 @@ _STEP = 0.25
 def residual_period(model: Model, estimation: EstimationProblem) -> tuple[float, int] | None:
     """Period over the driven body's position with which the force that a fitted model lacks repeats most.
 
-    With the number of periods that were tried. None where the motion of some body is not measured, or the travel
-    contains too few periods.
+    With the number of periods that were tried: of six samples at typical speed at least. None where the motion of some
+    body is not measured, or the travel contains too few periods.
     """
-    from scipy.ndimage import median_filter
-
     # The force balance along the measured motion leaves a force at every instant; its spectrum over position, against
     # what neighbouring frequencies have, shows what repeats. Linear in the number of samples.
     engine, runs, strides = CachingEngine(model), [], []
@@ -49,13 +52,23 @@ def residual_period(model: Model, estimation: EstimationProblem) -> tuple[float,
             return None
         runs.append((place[known], force[known]))
         strides.append(float(np.sqrt(np.mean(m.velocity[:, 0] ** 2))) * m.sample_time)
+    return strongest_period(runs, 6.0 * float(np.mean(strides)))
+
+
+def strongest_period(runs: Sequence[tuple[Array, Array]], shortest: float) -> tuple[float, int] | None:
+    """Period over the position with which a force repeats most, and how many were tried.
+
+    `runs` are positions and forces; a shorter period than `shortest` is not looked for. None where the travel contains
+    too few periods.
+    """
+    from scipy.ndimage import median_filter
+
     low = min(float(np.min(place)) for place, _ in runs)
     span = max(float(np.max(place)) for place, _ in runs) - low
-    stride = float(np.mean(strides))
-    if not (np.isfinite(span) and span > 0.0 and stride > 0.0):
+    if not (np.isfinite(span) and span > 0.0 and shortest > 0.0):
         return None
-    # Of six samples at typical speed at least; less than three of them within the travel are a curve over it.
-    fewest, most = 3.0, min(float(_MOST), span / (6.0 * stride))
+    # Less than three within the travel are a curve over it.
+    fewest, most = 3.0, min(float(_MOST), span / shortest)
     bins = int(8 * most)
     if most < 2.0 * fewest:
         return None
@@ -79,25 +92,30 @@ def residual_period(model: Model, estimation: EstimationProblem) -> tuple[float,
 def harmonics(fit: WeakFit, body: int) -> tuple[tuple[int, ...], int]:
     """Harmonics of a turn, from 2 on, with the most power in the unexplained force of a body, and how many were tried.
 
-    Strongest first; empty where the motion contains too few turns.
+    Strongest first; empty where the motion contains too few turns. Each window counts by what it keeps of a wave at its
+    speed: a wave that fast windows average out may show in slow ones.
     """
     form = fit.form
-    angle = form.along("position", body)
-    speed = float(np.median(np.abs(form.along("velocity", body))))
-    windows = form.width * form.sample_time * speed / (2.0 * np.pi)
+    angle, speed = form.along("position", body), np.abs(form.along("velocity", body))
     turns = float(np.ptp(angle)) / (2.0 * np.pi)
-    # Two periods within the motion show a wave; windows keep five sixths of one that is 1.5 times as long as they are.
-    lowest = max(2, int(np.ceil(2.0 / max(turns, 1e-12))))
-    highest = min(_MOST, int(1.0 / max(1.5 * windows, 1e-12)))
-    if highest < lowest:
-        return (), 0
     # Of more windows every n-th is enough.
     stride = max(len(angle) // 20_000, 1)
     left = fit.residual[::stride, body]
     left = left * weights(left / fit.scale[body])
     turned = np.exp(1j * angle[::stride])
+    per_window = form.width * form.sample_time * speed[::stride] / (2.0 * np.pi)
+    # What the test function keeps of a wave, by the periods in a window.
+    periods = np.linspace(0.0, 4.0, 201)
+    shape = test_functions(form.width, form.sample_time)[0]
+    share = np.abs(np.exp(2j * np.pi * np.outer(periods, np.arange(form.width) / form.width)) @ shape)
+    # Two periods within the motion show a wave.
+    lowest = max(2, int(np.ceil(2.0 / max(turns, 1e-12))))
     power, wave = [], turned ** (lowest - 1)
-    for _ in range(lowest, highest + 1):
+    for harmonic in range(lowest, _MOST + 1):
         wave = wave * turned
-        power.append(abs(np.vdot(wave, left)))
+        kept = np.interp(harmonic * per_window, periods, share, right=0.0)
+        count = float(kept @ kept)
+        if count < _LEAST_KEPT * len(left):
+            break
+        power.append(abs(np.vdot(wave, kept * left)) / np.sqrt(count))
     return tuple(int(lowest + place) for place in np.argsort(power)[::-1][:3]), len(power)

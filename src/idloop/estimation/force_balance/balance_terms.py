@@ -221,8 +221,10 @@ class MotionInWindows:
         self._most = max(_CACHE_BYTES, _FEWEST_CACHED * 8 * (len(rows) + len(self.near)))
 
     def weak(self, values: Array) -> Array:
-        """Mean of a signal (m,) over every window, shape (rows,)."""
-        return np.asarray(windowed(np.ascontiguousarray(values)[:, None], self.rows, self.weights)[:, 0])
+        """Mean of signals (m,) or (m, k) over every window, shape (rows,) or (rows, k)."""
+        columns = np.ascontiguousarray(values if values.ndim == 2 else values[:, None])
+        means = np.asarray(windowed(columns, self.rows, self.weights))
+        return means if values.ndim == 2 else means[:, 0]
 
     @cached_property
     def window_matrix(self) -> Any:

@@ -11,7 +11,7 @@ Simulation 19, 2021). The test function is φ(x) ∝ cos⁴(π x / 2) on a windo
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -489,6 +489,10 @@ class WeakForm:
         """Force of the drive in every window, shape (rows,)."""
         balance, values, timing = self._at(theta, shift)
         return balance.drives(values, timing)[0]
+
+    def averaged_over_position(self, functions: Callable[[Array], Array]) -> Array:
+        """Mean over every window of some functions (n, k) of the driven body's position (n,), shape (rows, k)."""
+        return self._along.weak(functions(self._along.whole.position[:, 0]))
 
     def along(self, what: str, body: int = 0) -> Array:
         """A signal at the middle of every window: ``time``, ``command``, or ``position`` or ``velocity`` of a body."""
