@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from rcl_interfaces.msg import ParameterType
@@ -123,19 +124,17 @@ class ServiceCalls:
         self._clients[call.service].call_async(call.request).add_done_callback(arrived)
 
 
+@dataclass(eq=False)
 class _Call:
-    """One call under way."""
+    """One call that is under way."""
 
-    def __init__(
-        self, service: str, request: Any, done: Callable[[Any], None], refused: Answered, limit: float
-    ) -> None:
-        self.service = service
-        self.request = request
-        self.done = done
-        self.refused = refused
-        self.limit = limit
-        self.sent = False
-        self.finished = False
+    service: str
+    request: Any
+    done: Callable[[Any], None]
+    refused: Answered
+    limit: float
+    sent: bool = False
+    finished: bool = False
 
 
 def _plain(value: Any) -> float | str | list[str] | None:

@@ -227,6 +227,4 @@ class ControllerNode(ManagedNode):
         ]
 
 
-def make() -> ControllerNode:
-    """Build the node."""
-    return ControllerNode()
+make = ControllerNode

@@ -155,6 +155,4 @@ class EstimatorNode(StreamNode):
         return self.estimator.health()
 
 
-def make() -> EstimatorNode:
-    """Build the node."""
-    return EstimatorNode()
+make = EstimatorNode

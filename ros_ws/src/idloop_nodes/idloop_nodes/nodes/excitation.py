@@ -243,6 +243,4 @@ class ExcitationNode(ManagedNode):
         return [Status("signal", self._breach or text, Level.ERROR if self._breach else Level.OK, values)]
 
 
-def make() -> ExcitationNode:
-    """Build the node."""
-    return ExcitationNode()
+make = ExcitationNode

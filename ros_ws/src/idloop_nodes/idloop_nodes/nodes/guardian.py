@@ -109,6 +109,4 @@ class GuardianNode(StreamNode):
         return [Status("watch", text, level, values)]
 
 
-def make() -> GuardianNode:
-    """Build the node."""
-    return GuardianNode()
+make = GuardianNode

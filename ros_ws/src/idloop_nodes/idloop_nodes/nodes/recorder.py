@@ -225,6 +225,4 @@ class RecorderNode(StreamNode):
         return [Status("recording", text, level, values)]
 
 
-def make() -> RecorderNode:
-    """Build the node."""
-    return RecorderNode()
+make = RecorderNode

@@ -115,6 +115,4 @@ class ReplayNode(StreamNode):
         return [Status("playing", f"{self._sent.rate():.0f} messages/s", Level.OK, values)]
 
 
-def make() -> ReplayNode:
-    """Build the node."""
-    return ReplayNode()
+make = ReplayNode

@@ -156,6 +156,4 @@ class WorkbenchNode(StreamNode):
         return [Status("page", f"{rate:.0f} samples/s, browsers: {self.site.sessions}", level, values)]
 
 
-def make() -> WorkbenchNode:
-    """Build the node."""
-    return WorkbenchNode()
+make = WorkbenchNode
