@@ -39,6 +39,6 @@ def without_bad_readings(value: Floats) -> Floats:
     rows = bad_readings(value)
     if not rows.size:
         return value
-    left = value.copy()
+    left: Floats = value.copy()
     left[rows] = np.nan
     return left

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -230,8 +229,11 @@ def inspect_bag(
     InputError
         Bag missing, empty, damaged, or `command` not in it.
     """
+    # Imported here: the validation of mapping files is slow to load.
+    from idloop.records.tables.mapping import ready_definitions
+
     path = Path(path)
-    with Bag(path, distro, _ready_definitions() | dict(definitions or {})) as bag:
+    with Bag(path, distro, ready_definitions() | dict(definitions or {})) as bag:
         streams = read_streams(bag)
         readable = set(readable_topics(bag))
         receive = bag.receive_stamps([topic for topic in bag.topics if topic not in streams])
@@ -325,15 +327,6 @@ def compare_inspections(inspections: Iterable[Inspection]) -> list[Finding]:
     names = [one.path.name for one in found]
     unique = len(set(names)) == len(names)
     return between_records({one.path.name if unique else str(one.path): one.axes for one in found})
-
-
-@functools.cache
-def _ready_definitions() -> dict[str, str]:
-    """Message types that the ready mappings define; read once, because this takes longer than reading many a bag."""
-    # Imported here: the validation of mapping files is slow to load.
-    from idloop.records.tables.mapping import load_mapping, ready_mappings
-
-    return {name: text for ready in ready_mappings() for name, text in load_mapping(ready).definitions.items()}
 
 
 def _command_topic(

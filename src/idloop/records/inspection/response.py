@@ -4,11 +4,16 @@ The balance of forces is taken in weak form: multiplied by smooth test functions
 acceleration is computed (Messenger and Bortz 2021). Its errors come from a jackknife over parts of the record, which
 coloured noise and forces that the balance lacks widen. The width of the test functions is the one with the most certain
 gain.
+
+A body behind an elastic coupling, which nobody measures, adds a resonance: the balance then holds with higher
+derivatives of the motion, and the second of the command, beside it. Both forms are tried.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import factorial
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +27,8 @@ _WIDTHS = (9, 17, 33, 65, 129, 257, 513)
 _FEWEST, _OVERLAP = 48, 4
 # Parts of a record for the jackknife.
 PARTS = 12
+# Powers of the test functions (1 - s^2)^p: enough derivatives for the balance, and for that with a resonance.
+PLAIN, _SMOOTH = 3, 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,23 +37,23 @@ class Projection:
 
     width: int
     period: float
+    power: int = PLAIN
 
-    def _kernels(self) -> tuple[Floats, Floats, Floats]:
-        x = (np.arange(self.width) - 0.5 * (self.width - 1)) * self.period
-        s = x / (0.5 * self.width * self.period)
-        plain = (1.0 - s**2) ** 3
-        plain /= np.sum(plain)
-        first = s * (1.0 - s**2) ** 2
-        first /= np.sum(first * x)
-        second = -6.0 * (1.0 - s**2) ** 2 + 24.0 * s**2 * (1.0 - s**2)
-        second -= np.mean(second)
-        second *= 2.0 / np.sum(second * x**2)
-        return np.asarray(plain), np.asarray(first), np.asarray(second)
+    def kernel(self, derivative: int) -> Floats:
+        """Weights (width,) whose sum with a signal is the mean of its derivative over a test function."""
+        x = (np.arange(self.width) - 0.5 * (self.width - 1)) / (0.5 * self.width)
+        base = np.polynomial.Polynomial([1.0, 0.0, -1.0]) ** self.power
+        weight = (base.deriv(derivative) if derivative else base)(x)
+        # Exact for polynomials: no lower power of time passes, the power itself does.
+        lower = x[:, None] ** np.arange(derivative)
+        weight -= lower @ np.linalg.lstsq(lower, weight, rcond=None)[0]
+        scale = factorial(derivative) / (0.5 * self.width * self.period) ** derivative
+        return np.asarray(weight * (scale / float(np.sum(weight * x**derivative))))
 
     def project(self, value: Floats, derivative: int = 0) -> Floats:
         """Mean of a derivative of a signal (n,) over each test function, shape (rows,)."""
         windows = np.lib.stride_tricks.sliding_window_view(value, self.width)[:: max(self.width // _OVERLAP, 1)]
-        return np.asarray(windows @ self._kernels()[derivative])
+        return np.asarray(windows @ self.kernel(derivative))
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +72,7 @@ class Response:
     functions : Projection
     acceleration, command : array, shape (rows,)
     others : array, shape (rows, k)
-        Speed, its sign, position where recorded, constant.
+        Speed, its sign, constant, position where recorded, and what a resonance adds.
     known : array of bool
         Rows without a hole.
     """
@@ -114,8 +121,17 @@ def regress(target: Floats, table: Floats) -> tuple[Floats, Floats, float]:
     return values / size, errors / size, left
 
 
+_known: WeakKeyDictionary[Axis, list[Response]] = WeakKeyDictionary()
+
+
 def responses(axis: Axis) -> list[Response]:
     """Return the balance over test functions of every width, for each measured signal."""
+    if axis not in _known:
+        _known[axis] = _responses(axis)
+    return _known[axis]
+
+
+def _responses(axis: Axis) -> list[Response]:
     grid = axis.grid
     if grid is None or not np.isfinite(grid.command).any() or np.nanstd(grid.command) == 0.0:
         return []
@@ -123,20 +139,28 @@ def responses(axis: Axis) -> list[Response]:
     sources = [(grid.position, 2)]
     if axis.trusts_velocity:
         sources.append((grid.velocity, 1))
-    for width in _WIDTHS:
-        functions = Projection(width, grid.period)
+    sign = dry(grid)
+    for width, power in [(width, power) for width in _WIDTHS for power in (PLAIN, _SMOOTH)]:
+        functions = Projection(width, grid.period, power)
         if grid.time.size < width + _FEWEST * max(width // _OVERLAP, 1):
             break
         command = functions.project(grid.command)
         place = functions.project(grid.position)
-        others = [functions.project(grid.speed), functions.project(dry(grid)), np.ones(command.size)]
+        others = [functions.project(grid.speed), functions.project(sign), np.ones(command.size)]
         if np.isfinite(place).any():
             others.append(place - np.nanmean(place))
-        table = np.column_stack([command, *others])
-        for source, order in sources:
+        for source, order in [one for one in sources if np.isfinite(one[0]).any()]:
             acceleration = functions.project(source, order)
+            resonance = []
+            if power == _SMOOTH:
+                resonance = [functions.project(source, order + 1), functions.project(source, order + 2)]
+                resonance.append(functions.project(grid.command, 2))
+            table = np.column_stack([command, *others, *resonance])
             known = np.isfinite(acceleration) & np.isfinite(table).all(axis=1)
-            if known.sum() >= _FEWEST and (one := _response(acceleration, table, known, functions)) is not None:
+            if known.sum() < _FEWEST:
+                continue
+            one = _response(acceleration, table, known, functions, 1 + len(others))
+            if one is not None:
                 found.append(one)
     return found
 
@@ -146,13 +170,16 @@ def response(axis: Axis) -> Response | None:
     return max(responses(axis), key=lambda one: abs(one.certainty), default=None)
 
 
-def _response(acceleration: Floats, table: Floats, known: NDArray[np.bool_], functions: Projection) -> Response | None:
+def _response(
+    acceleration: Floats, table: Floats, known: NDArray[np.bool_], functions: Projection, plain: int
+) -> Response | None:
+    """Solve one balance; the first `plain` columns of the table are those without a resonance."""
     target, rows = acceleration[known], table[known]
     if np.std(target) == 0.0 or np.std(rows[:, 0]) == 0.0:
         return None
     values, errors, left = regress(target, rows)
     alone = regress(target, rows[:, 1:])[2]
-    unexplained = regress(rows[:, 0], rows[:, 1:])[2]
+    unexplained = regress(rows[:, 0], rows[:, 1:plain])[2]
     return Response(
         gain=float(values[0]),
         error=float(errors[0]),

@@ -8,7 +8,7 @@ from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import fault
 from idloop.records.inspection.motion import white_noise
-from idloop.records.inspection.response import response
+from idloop.records.inspection.response import PLAIN, response, responses
 
 # The axis moves by at least so many times its noise or its steps.
 _SMALL = 20.0
@@ -111,7 +111,8 @@ def _slow(axis: Axis) -> list[Finding]:
     found = response(axis)
     if found is None:
         return []
-    visible = abs(found.certainty) > _ERRORS or found.share > _VISIBLE
+    plain = [one.share for one in responses(axis) if one.functions.power == PLAIN]
+    visible = abs(found.certainty) > _ERRORS or max(plain) > _VISIBLE
     if visible and found.motion_share < _ALL:
         return []
     name = axis.command_name
