@@ -201,6 +201,7 @@ def _si(run, *, t="t", u="u", q="q", w="w"):
 
 
 _UNITS = ("--command", "u=N·m", "--position", "q=rad", "--velocity", "w=rad/s")
+_BARE = ("--time", "0=s", "--command", "1=N·m", "--position", "2=rad", "--velocity", "3=rad/s")
 
 
 # Tables of text
@@ -294,8 +295,7 @@ def numpy_savetxt_with_names(folder):
 def numpy_savetxt_bare(folder):
     run = multisine(3)
     np.savetxt(folder / "log.txt", np.column_stack([run.t, run.u, run.q, run.w]))
-    flags = ("--time", "0=s", "--command", "1=N·m", "--position", "2=rad", "--velocity", "3=rad/s")
-    return Log((folder / "log.txt",), "csv", flags, _motor("0", "1", "2", "3"))
+    return Log((folder / "log.txt",), "csv", _BARE, _motor("0", "1", "2", "3"))
 
 
 @form
@@ -1045,8 +1045,7 @@ def npz(folder):
 def npy(folder):
     run = levels(33)
     np.save(folder / "run.npy", np.column_stack([run.t, run.u, run.q, run.w]))
-    flags = ("--time", "0=s", "--command", "1=N·m", "--position", "2=rad", "--velocity", "3=rad/s")
-    return Log((folder / "run.npy",), "npy", flags, _motor("0", "1", "2", "3"))
+    return Log((folder / "run.npy",), "npy", _BARE, _motor("0", "1", "2", "3"))
 
 
 @form

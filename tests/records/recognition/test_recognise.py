@@ -144,6 +144,79 @@ def test_of_several_joints_the_one_that_moves_is_taken():
     assert _roles(columns, given={"position": Given("q3")})[0]["position"][0] == "q3"
 
 
+def test_the_joint_that_moves_most_has_the_longest_path_beside_noise():
+    swing = np.sin(T)
+    columns = {"t": T, "u": U}
+    columns |= {"q1": 0.5 * NOISE[0] * 1e3, "q2": swing + NOISE[1], "q3": 0.01 * swing, "q4": np.where(T > 7, 1.2, 0.0)}
+    roles, found = _roles(columns)
+    assert roles["position"][0] == "q2"
+    assert "as in --position q1" in " ".join(found.all_doubts())
+    mixed = {"t": T, "u": U, "q1 [deg]": np.degrees(0.1 * swing), "q2 [rad]": swing}
+    assert _roles(mixed)[0]["position"][0] == "q2 [rad]"
+
+
+SUPPLY = 12.3 + np.abs(NOISE[0])
+
+
+@pytest.mark.parametrize("name", ["input_volts", "Input Voltage [V]", "bus voltage", "battery [V]", "Vin"])
+def test_a_supply_is_never_the_command(name):
+    motion = {"t": T, "position": ANGLE, "speed": SPEED}
+    roles, _ = _roles({**motion, name: SUPPLY, "load": U})
+    assert (roles["supply"][0], roles["command"][0]) == (name, "load")
+    with pytest.raises(InputError, match="no column is a command"):
+        _roles({**motion, name: SUPPLY, "goal_position": ANGLE + 0.1, "torque_enable": np.sign(T)})
+
+
+def test_a_voltage_to_the_motor_is_the_command_and_doubted_where_it_hardly_varies():
+    roles, found = _roles({"t": T, "input_volts": U, "angle": ANGLE})
+    assert roles["command"][0] == "input_volts"
+    assert not any("hardly varies" in one for one in found.all_doubts())
+    _, found = _roles({"t": T, "voltage": SUPPLY, "angle": ANGLE})
+    assert any("'voltage' hardly varies: if it is the supply" in one for one in found.all_doubts())
+    _, found = _roles({"t": T, "load": 0 * T, "angle": ANGLE})
+    assert any("'load' is zero throughout" in one for one in found.all_doubts())
+
+
+@pytest.mark.parametrize(
+    ("across", "along"), [("i_q", "i_d"), ("Iq [A]", "Id [A]"), ("q-axis current", "d-axis current"), ("u_q", "u_d")]
+)
+def test_across_the_field_the_torque_is_made(across, along):
+    roles, found = _roles({"t": T, along: 0.1 * U, across: U, "theta": ANGLE})
+    assert (roles["command"][0], roles["position"][0]) == (across, "theta")
+    assert found.other == (along,)
+    assert not any("could be meant" in one for one in found.all_doubts())
+
+
+@pytest.mark.parametrize("name", ["Following Error (rad)", "tracking error [deg]", "pos_deviation_rad", "Position lag"])
+def test_an_error_is_no_position(name):
+    columns = {"t": T, "u": U, name: 0.01 * ANGLE}
+    assert _roles({**columns, "angle": ANGLE})[0]["position"][0] == "angle"
+    with pytest.raises(InputError, match="no column is a position"):
+        _roles(columns)
+
+
+def test_large_whole_numbers_are_no_angles_in_rad():
+    roles, found = _roles({"t": T, "u": U, "pos": np.round(2000 + 1000 * ANGLE)})
+    assert roles["position"] == ("pos", "rad")
+    assert any("'pos' holds large whole numbers, probably counts" in one for one in found.all_doubts())
+    assert any("--position 'pos=counts/N'" in one for one in found.all_doubts())
+    degrees = {"t": T, "u": U, "pos": np.round(np.degrees(100 * ANGLE)), "speed": 100 * SPEED * 30 / pi}
+    assert _roles(degrees)[0]["position"] == ("pos", "deg")
+
+
+def test_a_velocity_without_a_name_is_found_by_the_slope_of_the_position():
+    for factor, unit in ((1.0, "rad/s"), (30 / pi, "rpm"), (-1.0, "rad/s")):
+        roles, found = _roles({"t": T, "u": U, "angle [rad]": ANGLE + NOISE[0] * 0.1, "c": factor * SPEED, "d": T**2})
+        assert roles["velocity"] == ("c", unit)
+        assert found.of("velocity").options == ({"scale": -1.0} if factor < 0 else {})
+        assert any("no name says what 'c' is" in one for one in found.all_doubts())
+    _, found = _roles({"t": T, "u": U, "angle [rad]": ANGLE, "c": 23.4 * SPEED})
+    assert found.of("velocity").options["scale"] == pytest.approx(1 / 23.4, rel=1e-3)
+    roles, _ = _roles({"0": T, "1": U, "2": ANGLE, "3": SPEED})
+    assert {role: one[0] for role, one in roles.items()} == {"command": "1", "position": "2", "velocity": "3"}
+    assert "velocity" not in _roles({"t": T, "u": U, "angle": ANGLE, "c": U + NOISE[1]})[0]
+
+
 def test_what_is_given_counts_before_any_guess():
     columns = {"t": T, "a": ANGLE, "b": 0.5 * ANGLE, "u": U}
     roles, found = _roles(columns, given={"position": Given("a + b", "deg"), "command": Given("u", "mA")})

@@ -43,7 +43,7 @@ _PROMPT = "Enter to go on, SIGNAL=COLUMN[=UNIT] to change one (rate=HZ where the
 @click.option("--output", type=OutputFolder(new=True, parents=True), metavar="DIR", help="Folder to write.")
 @click.option("--rate", type=click.FloatRange(0, min_open=True), metavar="HZ", help="Rows per second without a time.")
 @click.option("--period", type=click.FloatRange(0, min_open=True), metavar="S", help="Seconds per row without a time.")
-@click.option("--joint", default="axis", show_default=True, metavar="NAME", help="Name of the joint.")
+@click.option("--joint", default="axis", show_default=True, metavar="NAME", help="Name to write for the joint.")
 @click.option("--delimiter", metavar="C", help="Character between the cells of a text file.")
 @click.option("--decimal", type=click.Choice([".", ","]), help="Decimal sign of a text file.")
 @click.option("--skip-rows", type=click.IntRange(0), metavar="N", help="Lines above the header of a text file.")

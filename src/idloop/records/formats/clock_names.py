@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import re
-from typing import Literal
+from typing import Any
 
-_NAMES = frozenset({
-    "t", "time", "times", "timestamp", "timestamps", "stamp", "stamps", "timevec", "tout", "zeit", "elapsed",
-    "elapsedtime", "seconds", "millis", "micros", "millisec", "microsec", "timeseconds",
+from idloop.records.tables.base_units import SECONDS, known_unit
+
+TIME_WORDS = frozenset({
+    "t", "time", "times", "timestamp", "timestamps", "stamp", "stamps", "timevec", "tout", "zeit", "clock", "elapsed",
+    "elapsedtime", "sec", "seconds", "millis", "micros", "millisec", "microsec", "timeseconds", "datetime",
 })  # fmt: skip
-_UNITS: dict[str, Literal["s", "ms", "us", "ns"]] = {
-    "s": "s", "sec": "s", "secs": "s", "seconds": "s", "ms": "ms", "msec": "ms", "millis": "ms", "milliseconds": "ms",
-    "us": "us", "usec": "us", "micros": "us", "microseconds": "us", "µs": "us", "μs": "us", "ns": "ns", "nsec": "ns",
-    "nanoseconds": "ns",
-}  # fmt: skip
-_SAYS_ITSELF = {"millis": "ms", "millisec": "ms", "micros": "us", "microsec": "us", "seconds": "s", "timeseconds": "s"}
 _BEHIND = re.compile(r"^(.*?)[\s_.\-]*[\[(<]?([a-zµμ]+)[\])>]?$")
 
 
@@ -27,14 +23,16 @@ def clock_unit(name: str) -> str | None:
         ``t``, ``Time``, ``timestamp_us``, ``time [ms]``.
     """
     text = name.strip().strip("_").lower()
-    if text in _NAMES:
-        return _SAYS_ITSELF.get(text, "")
+    if text in TIME_WORDS:
+        # A name such as `millis` is a unit itself.
+        return "s" if text == "timeseconds" else known_clock_unit(text)
     match = _BEHIND.match(text)
-    if match and match[1].strip() in _NAMES and match[2] in _UNITS and text[len(match[1])] in " _.-[(<":
-        return _UNITS[match[2]]
+    if match and match[1].strip() in TIME_WORDS and text[len(match[1])] in " _.-[(<":
+        return known_clock_unit(match[2]) or None
     return None
 
 
-def known_clock_unit(text: str) -> Literal["s", "ms", "us", "ns", ""]:
+def known_clock_unit(text: str) -> Any:
     """Return a unit of stamps as a mapping file writes it; empty for another unit."""
-    return _UNITS.get(text.strip().strip("[]()<>").lower(), "")
+    unit = known_unit(text.strip().strip("[]()<>").lower())
+    return unit if unit in SECONDS else ""

@@ -11,12 +11,10 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from idloop.documents import read_yaml
+from idloop.records.recognition.column_name import BRACKETS
+from idloop.records.recognition.roles import Signal
 from idloop.records.tables.mapping import SignBit
 
-Role = Literal[
-    "command", "position", "velocity", "effort", "reference", "reference velocity", "temperature", "supply", "time"
-]
-_BRACKETS = re.compile(r"\s*[\[(].*?[\])]")
 _BEHIND_INDEX = re.compile(r"[_ ]?\d+$")
 
 
@@ -44,7 +42,7 @@ class KnownColumn(_Strict):
         What is uncertain about it.
     """
 
-    role: Role
+    role: Signal
     unit: str
     scale: float = 1.0
     offset: float = 0.0
@@ -113,7 +111,7 @@ def plain_name(name: str) -> str:
     >>> plain_name("axis0/encoder.pos_estimate"), plain_name("Present Position 2")
     ('pos_estimate', 'present_position')
     """
-    text = _BRACKETS.sub("", name).strip().lower()
+    text = BRACKETS.sub("", name).strip().lower()
     text = re.split(r"[/.:]", text)[-1].strip()
     known = _all_names()
     for one in (text, text.replace(" ", "_").replace("-", "_")):

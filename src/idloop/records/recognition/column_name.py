@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from idloop.records.tables.base_units import known_unit
 
 # A unit behind a name: in brackets, or as in "speed in rpm" and "n / rpm".
-_BRACKETS = re.compile(r"\s*[\[(<{]\s*([^\])>}]*?)\s*[\])>}]")
+BRACKETS = re.compile(r"\s*[\[(<{]\s*([^\])>}]*?)\s*[\])>}]")
 _BEHIND = re.compile(r"(?:\s+in\s+|\s+/\s+|\s*,\s+)(\S+)\s*$")
 _WORD = re.compile(r"[A-ZÄÖÜ]+(?![a-zäöüß])|[A-ZÄÖÜ]?[a-zäöüß]+|\d+|µ[a-z]+")
 _INDEX = re.compile(r"\d+")
@@ -49,13 +49,13 @@ def parse_column_name(name: str, unit: str = "") -> ColumnName:
     index = ""
     text = name
     found = known_unit(unit.strip("[](){}<> "))
-    for match in _BRACKETS.finditer(name):
+    for match in BRACKETS.finditer(name):
         inside = match[1].strip()
         if _INDEX.fullmatch(inside):
             index = inside
         else:
             found = found or known_unit(inside) or known_unit(inside.upper())
-    text = _BRACKETS.sub(" ", text)
+    text = BRACKETS.sub(" ", text)
     behind = None if found else _BEHIND.search(text)
     if behind is not None and known_unit(behind[1]):
         found, text = known_unit(behind[1]), text[: behind.start()]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Mapping as Map
 from dataclasses import dataclass, field, replace
 from math import pi
@@ -17,10 +18,10 @@ from idloop.records.formats.known_columns import recognise as known_drive
 from idloop.records.inspection.motion import white_noise
 from idloop.records.recognition.column_name import ColumnName, parse_column_name
 from idloop.records.recognition.guess import Given, Guess
-from idloop.records.recognition.roles import BY_UNIT, RoleByName, role_by_name
-from idloop.records.recognition.signal_units import find_decoding, find_wrap, motion_units
-from idloop.records.recognition.time_base import SECONDS, TimeBase, find_time_base
-from idloop.records.tables.base_units import base_unit, known_unit
+from idloop.records.recognition.roles import BY_UNIT, RoleByName, may_be_supply, role_by_name
+from idloop.records.recognition.signal_units import SlopeOf, find_decoding, find_wrap, motion_units, near_unit, slope_of
+from idloop.records.recognition.time_base import TimeBase, find_time_base
+from idloop.records.tables.base_units import SECONDS, base_unit, known_unit
 from idloop.records.tables.csv_layout import is_number
 from idloop.records.tables.expression import Expression
 from idloop.records.tables.mapping import Time
@@ -40,12 +41,14 @@ _NUMBER_IN_NAME = re.compile(r"(?P<before>[A-Za-z]*)[_\- ]?(?P<number>-?\d+(?:[.
 _KNOWN_RANK = 10.0  # a known drive says more than a name
 _ENCODERS = {"enc", "encoder", "count", "counts", "tick", "ticks", "inc"}
 _FEWEST_COUNTS = 200  # of a turn
+_MANY_COUNTS = 1000  # whole numbers as large as this are no angle in rad
 _STEADY = 0.1  # of its mean, for a supply
+_BLOCKS, _FEWEST_BLOCKS = 4000, 4  # means along which the path of a joint is measured
 _FOLLOWS = 0.6  # correlation of a velocity with the command
 _COMMAND_WORDS = {"V", "mV", "A", "mA", "%"}
 # Names of units by the word that a column of the command has.
 _UNITS_OF_WORDS = (
-    ({"voltage", "volt", "volts", "spannung"}, "V"),
+    ({"voltage", "volt", "volts", "vin", "spannung"}, "V"),
     ({"current", "i", "iq", "strom"}, "A"),
     ({"torque", "tau", "moment", "drehmoment", "effort", "efforts"}, "N·m"),
     ({"force", "kraft"}, "N"),
@@ -130,6 +133,16 @@ class _Column:
         known = self.value[np.isfinite(self.value)]
         return bool(known.size > 1 and float(np.ptp(known)) > 0.0)
 
+    @property
+    def steady(self) -> bool:
+        """Whether it is above zero and hardly varies, as a supply voltage."""
+        return float(np.nanstd(self.value)) < _STEADY * float(np.nanmean(self.value))
+
+    @property
+    def counts_rows(self) -> bool:
+        """Whether each row has the number of the one before and one."""
+        return self.value.size > 2 and bool((np.diff(self.value) == 1.0).all())
+
 
 def numbers_of(table: Table) -> dict[str, Floats]:
     """Columns that hold numbers."""
@@ -183,7 +196,8 @@ def recognise_table(
             continue
         if joints is not None:
             parsed = replace(parsed, index=joints.get(name, ""))
-        columns[name] = _Column(name, parsed, role_by_name(parsed), value)
+        one = _Column(name, parsed, role_by_name(parsed), value)
+        columns[name] = replace(one, by_name=RoleByName("other", 0.0, "")) if one.counts_rows else one
     _of_known_drive(columns, sources or {})
     _supplies(columns)
     named = {one.column for one in given.values()}
@@ -197,7 +211,7 @@ def recognise_table(
         if guess is not None:
             chosen[role] = guess
             columns |= _columns_of(guess, columns, numbers)
-    _by_data(columns, chosen, given)
+    _by_data(base, columns, chosen, given)
     _set_point(columns, chosen, given)
     _no_command(table, chosen, given, doubts)
     if not any(role in chosen for role in MOTION):
@@ -269,11 +283,11 @@ def _of_known_drive(columns: dict[str, _Column], sources: Map[str, Map[str, str]
 
 
 def _supplies(columns: dict[str, _Column]) -> None:
-    """Take a voltage that hardly varies for the supply, where another column is a command."""
-    commands = [one for one in columns.values() if one.by_name.role == "command" and one.moves]
-    for one in commands if len(commands) > 1 else []:
-        mean, spread = float(np.nanmean(one.value)), float(np.nanstd(one.value))
-        if one.parsed.unit in ("V", "mV") and spread < _STEADY * mean:
+    """Take a voltage that hardly varies for the supply, where its name says so or another column is a command."""
+    commands = [one for one in columns.values() if one.by_name.role == "command"]
+    for one in commands:
+        others = any(other.moves for other in commands if other is not one)
+        if one.steady and (may_be_supply(one.parsed) or (others and one.parsed.unit in ("V", "mV"))):
             columns[one.name] = replace(one, by_name=RoleByName("supply", 1.0, "a voltage that hardly varies"))
 
 
@@ -288,19 +302,52 @@ def _one_joint(columns: dict[str, _Column], named: set[str], doubts: list[str]) 
         return columns
     chosen = next((index for index, some in by_joint.items() if any(one.name in named for one in some)), None)
     if chosen is None:
-        chosen = max(by_joint, key=lambda index: max(_travel(one.value) for one in by_joint[index]))
+        chosen = _moving_most(by_joint)
+        others = (one for index, some in by_joint.items() if index != chosen for one in some)
+        other = next((one for one in others if one.by_name.role == "position"), None)
+        example = f", as in --position {shlex.quote(other.name)}" if other is not None else ""
         doubts.append(
             f"the log has {len(by_joint)} joints ({listed(by_joint)}); joint {chosen}, which moves most, is taken:"
-            " for another, name its columns"
+            f" for another, name its columns{example}"
         )
     return {name: one for name, one in columns.items() if name in named or one.parsed.index in ("", chosen)}
 
 
+def _moving_most(by_joint: Map[str, list[_Column]]) -> str:
+    """Return the joint with the longest path: of its position, of its velocity where there is no position."""
+    every = [one for some in by_joint.values() for one in some]
+    role = "position" if any(one.by_name.role == "position" for one in every) else "velocity"
+    travel: dict[str, dict[str, float]] = {}  # by quantity, then by joint
+    for index, some in by_joint.items():
+        for one in some:
+            unit, factor = ("", 1.0)
+            if one.by_name.role != role:
+                continue
+            if one.parsed.unit and one.parsed.unit != "counts":
+                unit, factor = base_unit(one.parsed.unit, role, one.name)
+            own = travel.setdefault(unit, {})
+            own[index] = max(own.get(index, 0.0), factor * _travel(one.value))
+    # Metres and radians compare as shares of the longest path in each.
+    shares: dict[str, float] = {}
+    for own in travel.values():
+        largest = max(own.values()) or 1.0
+        for index, one_travel in own.items():
+            shares[index] = max(shares.get(index, 0.0), one_travel / largest)
+    return max(shares, key=lambda index: shares[index])
+
+
 def _travel(value: Floats) -> float:
-    """Travel over range, of which a joint that rests has little."""
+    """Path of a signal beyond that of its noise: a joint at rest has none, however noisy its sensor."""
     known = value[np.isfinite(value)]
-    span = float(np.ptp(known)) if known.size else 0.0
-    return 0.0 if span == 0.0 else span / max(white_noise(known), 1e-9 * span)
+    length = 1 + known.size // _BLOCKS
+    blocks = known[: known.size // length * length].reshape(-1, length).mean(axis=1)
+    if blocks.size < _FEWEST_BLOCKS:
+        return 0.0
+    # Differences of noise are 2/√π of its standard deviation on average, and their sum varies by less than its √n-fold.
+    noise = white_noise(known) / length**0.5
+    steps = blocks.size - 1
+    path = float(np.abs(np.diff(blocks)).sum()) - 2.0 / pi**0.5 * noise * steps
+    return path if path > 4.0 * noise * steps**0.5 else 0.0
 
 
 def _given(table: Table, role: str, said: Given, numbers: dict[str, Floats]) -> Guess:
@@ -362,11 +409,18 @@ def _by_name(role: str, columns: dict[str, _Column], chosen: dict[str, Guess], g
         also += [one.name for one in columns.values() if one.name not in taken and one.moves and not one.by_name.role]
     if also and role in ("command", *MOTION):
         guess = guess.with_doubt(f"{role}: {listed(also)} could be meant as well: --{role} COLUMN")
+    if role == "command" and best.steady and (best.parsed.unit or _unit_by_words(best.parsed)) in ("V", "mV"):
+        guess = guess.with_doubt(
+            f"command: {best.name!r} hardly varies: if it is the supply, --supply '{best.name}' and --command COLUMN"
+        )
+    elif role == "command" and not np.nan_to_num(best.value).any():
+        guess = guess.with_doubt(f"command: {best.name!r} is zero throughout: if another is meant, --command COLUMN")
     return _with_unit(guess, given.get(role, Given()).unit)
 
 
-def _by_data(columns: dict[str, _Column], chosen: dict[str, Guess], given: Map[str, Given]) -> None:
+def _by_data(base: TimeBase, columns: dict[str, _Column], chosen: dict[str, Guess], given: Map[str, Given]) -> None:
     """Fill roles whose columns have names that say nothing: a command jumps, a motion is smooth."""
+    _velocity_by_slope(base, columns, chosen, given)
     taken = {one.column for one in chosen.values()}
     free = [one for one in columns.values() if one.name not in taken and one.moves and not one.by_name.role]
     lacks_motion = not any(role in chosen for role in MOTION)
@@ -390,6 +444,9 @@ def _by_data(columns: dict[str, _Column], chosen: dict[str, Guess], given: Map[s
             "it is the smoothest of the columns that are left",
             f"no name says what {smoothest.name!r} is, it is taken as the {role}: --position or --velocity COLUMN",
         )
+        if role == "position":
+            _velocity_by_slope(base, columns, chosen, given)
+            free = [one for one in free if one.name != getattr(chosen.get("velocity"), "column", "")]
     if "command" not in chosen and "command" in wanted and free:
         roughest = free.pop()
         chosen["command"] = Guess(
@@ -399,6 +456,41 @@ def _by_data(columns: dict[str, _Column], chosen: dict[str, Guess], given: Map[s
             "it jumps most of the columns that are left",
             f"no name says what {roughest.name!r} is, it is taken as the command: --command COLUMN",
         )
+
+
+def _velocity_by_slope(
+    base: TimeBase, columns: dict[str, _Column], chosen: dict[str, Guess], given: Map[str, Given]
+) -> None:
+    """Find the velocity among the columns whose names say nothing: it runs with the slope of the position."""
+    place = chosen.get("position")
+    if place is None or "velocity" in chosen or given.get("velocity", Given()).column == NONE:
+        return
+    taken = {one.column for one in chosen.values()} | {one.column for one in given.values()}
+    value = columns[place.column].value
+    found = [
+        (slope.correlation, one)
+        for one in columns.values()
+        if one.name not in taken
+        and one.moves
+        and not one.by_name.role
+        and one.value.size == value.size == base.seconds.size
+        and (slope := _slope_within(base, value, one.value, place)) is not None
+    ]
+    if found:
+        _, best = max(found, key=lambda one: one[0])
+        guess = Guess("velocity", best.name, best.parsed.unit, "it runs with the slope of the position")
+        chosen["velocity"] = _with_unit(guess, given.get("velocity", Given()).unit).with_doubt(
+            f"no name says what {best.name!r} is, by the slope of the position it is taken as the velocity:"
+            " --velocity COLUMN or none"
+        )
+
+
+def _slope_within(base: TimeBase, value: Floats, rate: Floats, place: Guess) -> SlopeOf | None:
+    """Slope of a rate over that of the position, in the longest run."""
+    if wrap := find_wrap(value, place.unit if place.options.get("scale", 1.0) == 1.0 else "counts"):
+        value = np.unwrap(value, period=wrap)
+    run = max(base.runs or [slice(0, value.size)], key=lambda one: one.stop - one.start)
+    return slope_of(base.seconds[run], value[run], rate[run])
 
 
 def _set_point(columns: dict[str, _Column], chosen: dict[str, Guess], given: Map[str, Given]) -> None:
@@ -516,6 +608,14 @@ def _units(base: TimeBase, chosen: dict[str, Guess], columns: dict[str, _Column]
     )
     if place is not None and (place.unit == "counts" or (not place.unit and _is_count(place, columns))):
         chosen["position"] = place = _counts(place, columns[place.column].value)
+    elif place is not None and not place.unit and not linear and _counts_many(columns[place.column].value):
+        trial = dict(chosen)
+        if speed is not None:
+            _related(base, trial, columns, linear=False, given=given)
+        # Degrees, where a velocity proves them, are no counts.
+        if trial["position"].unit != "deg":
+            why = f"{place.column!r} holds large whole numbers, probably counts of an encoder; "
+            chosen["position"] = place = _counts(place, columns[place.column].value, why)
     if place is not None and speed is not None:
         base = _related(base, chosen, columns, linear=linear, given=given)
     elif place is not None and not place.unit:
@@ -533,11 +633,15 @@ def _units(base: TimeBase, chosen: dict[str, Guess], columns: dict[str, _Column]
     return base
 
 
+def _unit_by_words(name: ColumnName) -> str:
+    """Unit of a force, torque, current or voltage by the words of its name."""
+    unit = next((unit for some, unit in _UNITS_OF_WORDS if some.intersection(name.words)), "")
+    return {"V": "V", "U": "V", "I": "A", "F": "N", "T": "N·m"}.get(name.letter, unit)
+
+
 def _command_unit(command: Guess) -> Guess:
-    words = set(parse_column_name(command.column).words)
-    letter = parse_column_name(command.column).letter
-    unit = next((unit for some, unit in _UNITS_OF_WORDS if words & some), "")
-    unit = {"V": "V", "U": "V", "I": "A", "F": "N", "T": "N·m"}.get(letter, unit)
+    parsed = parse_column_name(command.column)
+    words, unit = set(parsed.words), _unit_by_words(parsed)
     if unit:
         return replace(command, unit=unit).with_doubt(
             f"the unit of the command is not written down and taken as {unit}: --command '{command.column}=UNIT'"
@@ -568,8 +672,14 @@ def _is_count(place: Guess, columns: dict[str, _Column]) -> bool:
     return bool(words & _ENCODERS or (np.ptp(known) > _FEWEST_COUNTS and find_wrap(value, "counts") > 0.0))
 
 
-def _counts(place: Guess, value: Floats) -> Guess:
-    """Set the size of an encoder's count: by its wrap, or as unknown."""
+def _counts_many(value: Floats) -> bool:
+    """Whether a position holds whole numbers larger than an angle in rad."""
+    known = value[np.isfinite(value)]
+    return bool((known == np.round(known)).all() and np.abs(known).max() >= _MANY_COUNTS)
+
+
+def _counts(place: Guess, value: Floats, why: str = "") -> Guess:
+    """Set the size of an encoder's count: by its wrap, or as unknown; `why` it may be one, where nothing says so."""
     whole = find_wrap(value, "counts")
     if whole:
         return replace(
@@ -579,7 +689,8 @@ def _counts(place: Guess, value: Floats) -> Guess:
             reason=f"{place.reason}; starts again after {whole:g} counts",
         ).with_doubt(f"{whole:g} counts are taken as one turn: --position '{place.column}=counts/N'")
     return replace(place, unit="rad").with_doubt(
-        f"the size of a count is not known; one is taken as 1 rad: --position '{place.column}=counts/N'"
+        f"{why}the size of a count is not known; one is taken as 1 rad: --position '{place.column}=counts/N' with the"
+        " counts per turn N"
     )
 
 
@@ -620,7 +731,10 @@ def _related(
         linear=linear,
     )
     if not found.agree:
-        return _unrelated(base, chosen, linear=linear)
+        _unrelated(base, chosen, linear=linear)
+        if not speed_unit and (slope := slope_of(base.seconds[run], value[run] * scale, rate[run])) is not None:
+            chosen["velocity"] = _scaled_by_slope(chosen["velocity"], speed, chosen["position"].unit, slope.value)
+        return base
     times = f"it is the slope of the position in {found.position} and {found.velocity}"
     options = dict(speed.options)
     if found.slope < 0.0:
@@ -650,6 +764,18 @@ def _related(
     elif len(base.units) > 1:
         base = replace(base, units=(found.time,), doubt="", reason=f"{base.reason}, and so says the velocity")
     return base
+
+
+def _scaled_by_slope(taken: Guess, speed: Guess, place: str, slope: float) -> Guess:
+    """Scale a velocity to the slope of the position where the factor is no unit's; else return what it is taken for."""
+    unit, factor = base_unit(place, "position", "")
+    if near_unit(slope * factor):
+        return taken
+    options = speed.options | {"scale": float(f"{factor / slope:.4g}")}
+    return replace(speed, unit=f"{unit}/s", options=options).with_doubt(
+        f"the unit of the velocity is not known; it is {slope:.4g} times the slope of the position and scaled so:"
+        f" --velocity '{speed.column}=UNIT'"
+    )
 
 
 def _unrelated(base: TimeBase, chosen: dict[str, Guess], *, linear: bool) -> TimeBase:

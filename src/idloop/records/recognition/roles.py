@@ -5,27 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from idloop.records.formats.clock_names import TIME_WORDS
 from idloop.records.recognition.column_name import ColumnName
-from idloop.records.tables.base_units import TIME_UNITS
+from idloop.records.tables.base_units import SECONDS
 
-Role = Literal[
-    "time", "command", "position", "velocity", "effort", "reference", "reference velocity", "temperature", "supply", ""
+Signal = Literal[
+    "time", "command", "position", "velocity", "effort", "reference", "reference velocity", "temperature", "supply"
 ]
+# ... or the name says that it is none of them, or nothing.
+Role = Signal | Literal["other", ""]
 
-_TIME = {
-    "time",
-    "timestamp",
-    "stamp",
-    "t",
-    "zeit",
-    "clock",
-    "elapsed",
-    "millis",
-    "micros",
-    "seconds",
-    "sec",
-    "datetime",
-}
 _WANTED = {
     "ref", "reference", "target", "goal", "setpoint", "desired", "des", "soll", "sollwert", "sp", "demand", "demanded",
     "command", "commands", "commanded", "cmd", "planned", "desire", "setp", "request", "requested",
@@ -36,10 +25,9 @@ _MEASURED = {
 }  # fmt: skip
 _FORCES = {
     "u", "voltage", "volt", "volts", "pwm", "duty", "dutycycle", "throttle", "effort", "efforts", "torque", "tau",
-    "force",
-    "current", "i", "iq", "spannung", "strom", "moment", "drehmoment", "kraft", "stellgroesse", "stellgröße", "input",
-    "output", "out", "pid", "tension", "corriente", "courant", "corrente", "couple",
-    "drive", "load", "motorpwm", "esc", "power", "signal", "servo", "pulse", "pulsewidth",
+    "force", "current", "i", "iq", "uq", "vq", "vin", "spannung", "strom", "moment", "drehmoment", "kraft",
+    "stellgroesse", "stellgröße", "input", "output", "out", "pid", "tension", "corriente", "courant", "corrente",
+    "couple", "drive", "load", "motorpwm", "esc", "power", "signal", "servo", "pulse", "pulsewidth",
 }  # fmt: skip
 _POSITIONS = {
     "position", "positions", "pos", "angle", "theta", "q", "phi", "enc", "encoder", "count", "counts", "ticks", "tick",
@@ -52,15 +40,25 @@ _VELOCITIES = {
     "qdot", "velocidad", "vitesse", "velocita", "thetadot", "dtheta", "angvel", "v", "n", "tacho", "tachometer",
 }  # fmt: skip
 _RATES = {"dot", "rate", "derivative"}
-# Names that are no signal of an axis whatever else they say, and those that are none by themselves.
-_NEVER = {"acc", "accel", "acceleration", "accelerations", "qdd", "ddq", "error", "errors", "err"}
+# Names that are no signal of an axis whatever else they say, without a unit, and by themselves.
+_NEVER = {
+    "error", "errors", "err", "deviation", "lag", "residual", "fehler", "abweichung", "regelabweichung",
+    "schleppfehler", "schleppabstand", "enable", "enabled",
+}  # fmt: skip
+_WITHOUT_UNIT = {"acc", "accel", "acceleration", "accelerations", "qdd", "ddq"}
 _OTHER = {
-    "id", "state", "status", "flag", "mode", "seq",
+    "state", "status", "flag", "mode", "seq",
     "crc", "checksum", "moving", "fault", "frame", "procedure", "result", "index", "sample", "samples", "done", "step",
     "bus",
 }  # fmt: skip
 _TEMPERATURES = {"temp", "temperature", "temperatur"}
-_SUPPLIES = {"vbus", "supply", "battery", "vbat", "vcc", "udc", "vdc"}
+_SUPPLIES = {"vbus", "supply", "battery", "vbat", "vcc", "udc", "vdc", "versorgung", "akku"}
+_VOLTAGES = {"voltage", "volt", "volts", "vin", "spannung"}
+# Words of a voltage that is the supply where it hardly varies, and the command otherwise.
+_FED = {"input", "vin"}
+# Of a synchronous motor the current across its field (q) makes the torque, that along it (d) does not.
+_ALONG_FIELD = {"id", "ud", "vd"}
+_FIELD_AXES = {"i": "i", "current": "i", "u": "u", "voltage": "u", "v": "v"}
 
 _ANGLES = {"rad", "mrad", "deg", "arcmin", "arcsec", "rev", "m", "cm", "mm", "um", "in", "counts"}
 _SPEEDS = {
@@ -87,7 +85,7 @@ _COMMANDS = {
 # Which of several columns is the command: what says so, then what acts first in the chain from command to force.
 _ORDER = (
     {"u", "input", "cmd", "command", "commands", "stellgroesse", "stellgröße"},
-    {"voltage", "volt", "volts", "spannung", "v", "pwm", "duty", "dutycycle", "throttle", "motorpwm", "esc"},
+    {*_VOLTAGES, "v", "uq", "vq", "pwm", "duty", "dutycycle", "throttle", "motorpwm", "esc"},
     {"torque", "tau", "force", "effort", "efforts", "moment", "drehmoment", "kraft"},
     {"current", "i", "iq", "strom"},
 )
@@ -116,16 +114,21 @@ class RoleByName:
 
 def role_by_name(name: ColumnName) -> RoleByName:
     """Return the role that words and unit of a name stand for."""
-    words, unit = set(name.words), name.unit
+    words, unit = _axes_joined(set(name.words)), name.unit
     wanted, measured = words & _WANTED, words & _MEASURED
     if words & _TEMPERATURES or unit == "°C":
         return RoleByName("temperature", 1.0, "by its name")
-    if words & _SUPPLIES or {"bus", "voltage"} <= words or {"input", "volts"} <= words:
+    voltage = unit in ("V", "mV") or bool(words & _VOLTAGES)
+    if words & _SUPPLIES or (voltage and "bus" in words):
         return RoleByName("supply", 1.0, "by its name")
-    if words & _TIME or (unit in TIME_UNITS and not words & _FORCES):
-        return RoleByName("time", 1.0 + (len(words) == 1) + bool(words & _TIME), _because(words & _TIME, unit))
+    if words & TIME_WORDS or (unit in SECONDS and not words & _FORCES):
+        by_word = words & TIME_WORDS
+        return RoleByName("time", 1.0 + (len(words) == 1) + bool(by_word), _because(by_word, unit))
     kind = _kind(name, words, unit)
-    if (words & _NEVER and not unit) or (words & _OTHER and not kind):
+    none = words & _NEVER or (words & _ALONG_FIELD and not words & (_POSITIONS | _VELOCITIES))
+    if none or (words & _WITHOUT_UNIT and not unit):
+        return RoleByName("other", 0.0, "")
+    if words & _OTHER and not kind:
         return RoleByName("", 0.0, "")
     if kind == "force":
         order = next((k for k, some in enumerate(_ORDER) if words & some), len(_ORDER) - 1)
@@ -144,6 +147,21 @@ def role_by_name(name: ColumnName) -> RoleByName:
     if wanted:
         return RoleByName("reference", 1.0, _because(wanted, unit))
     return RoleByName("", 0.0, "")
+
+
+def may_be_supply(name: ColumnName) -> bool:
+    """Whether a voltage is the supply where it hardly varies, by its name: ``input_volts``."""
+    words = set(name.words)
+    return bool(words & _FED) and (name.unit in ("V", "mV") or bool(words & _VOLTAGES))
+
+
+def _axes_joined(words: set[str]) -> set[str]:
+    """Words of a name with the axis of a current or voltage joined to it: i_q, q-axis current and Iq are iq."""
+    said = next((letter for word, letter in _FIELD_AXES.items() if word in words), "")
+    for axis in ("d", "q"):
+        if said and axis in words:
+            words = (words - {axis, "axis", *_FIELD_AXES}) | {said + axis}
+    return words
 
 
 def _kind(name: ColumnName, words: set[str], unit: str) -> str:

@@ -8,16 +8,19 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.records.inspection.motion import white_noise
 from idloop.records.inspection.velocity_check import velocity_slope
-from idloop.records.recognition.time_base import SECONDS
-from idloop.records.tables.base_units import base_unit
+from idloop.records.tables.base_units import SECONDS, base_unit
 
 Floats = NDArray[np.float64]
 
 # Units of unwritten ones, the most usual first.
 _ROTARY, _ROTARY_SPEEDS = ("rad", "deg", "rev"), ("rad/s", "rpm", "deg/s", "rev/s")
 _LINEAR, _LINEAR_SPEEDS = ("m", "mm", "cm"), ("m/s", "mm/s", "cm/s")
-_AGREES = 0.04
+_AGREES, _BADLY = 0.04, 1.25
+# A column runs with the slope of a position from this correlation on, over windows in which it moves by so many times
+# its noise and its step; samples at least, and windows side by side.
+_RUNS_WITH, _ABOVE, _FEWEST, _WINDOWS = 0.97, 5.0, 50, 16
 # Ranges after which positions start again: a turn in each unit, encoders of 8 to 24 bits.
 _TURNS = {"rad": 2.0 * pi, "deg": 360.0, "rev": 1.0}
 _COUNTS = tuple(float(2**bits) for bits in range(8, 25))
@@ -83,6 +86,60 @@ def motion_units(
                 if abs(abs(slope) - 1.0) <= _AGREES:
                     return MotionUnits(place, speed, unit, slope, agree=True)
     return best
+
+
+@dataclass(frozen=True)
+class SlopeOf:
+    """A column that runs with the slope of a position.
+
+    Attributes
+    ----------
+    value : float
+        Its values over that slope.
+    correlation : float
+        Of its integral with the increments of the position, without sign.
+    """
+
+    value: float
+    correlation: float
+
+
+def slope_of(time: Floats, position: Floats, rate: Floats) -> SlopeOf | None:
+    """Compare a column with the slope of a position, over the shortest windows in which the motion exceeds the noise.
+
+    Over long windows the integral of a command runs with the position as well.
+
+    Parameters
+    ----------
+    time, position, rate : array, shape (n,)
+
+    Returns
+    -------
+    SlopeOf or None
+        None where it runs otherwise, or the position hardly moves.
+    """
+    known = np.isfinite(time) & np.isfinite(position) & np.isfinite(rate)
+    time, position, rate = time[known], position[known], rate[known]
+    if time.size < _FEWEST:
+        return None
+    steps = np.abs(np.diff(np.unique(position)))
+    least = _ABOVE * max(white_noise(position), float(steps.min()) if steps.size else np.inf)
+    area = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(time))])
+    length = 1
+    while length <= time.size // _WINDOWS:
+        moved, passed = position[length:] - position[:-length], area[length:] - area[:-length]
+        if float(np.std(moved)) > least and float(np.std(passed)) > 0.0:
+            correlation = float(np.corrcoef(moved, passed)[0, 1])
+            value = float(np.dot(moved, passed) / np.dot(moved, moved))
+            return SlopeOf(value, abs(correlation)) if abs(correlation) > _RUNS_WITH and value else None
+        length *= 2
+    return None
+
+
+def near_unit(slope: float) -> bool:
+    """Whether a velocity that is this many times the slope in rad or m may be in some unit, badly measured."""
+    speeds = (base_unit(unit, "velocity", "")[1] for unit in (*_ROTARY_SPEEDS, *_LINEAR_SPEEDS))
+    return any(1.0 / _BADLY < abs(slope) * factor < _BADLY for factor in speeds)
 
 
 def _ratio(place: str, speed: str) -> float:

@@ -15,13 +15,12 @@ from idloop.errors import InputError
 from idloop.records.recognition.column_name import parse_column_name
 from idloop.records.recognition.guess import Given
 from idloop.records.recognition.roles import role_by_name
-from idloop.records.tables.base_units import TIME_UNITS, known_unit
+from idloop.records.tables.base_units import SECONDS, known_unit
 from idloop.records.tables.mapping import Time
 from idloop.records.tables.table import Table
 
 Floats = NDArray[np.float64]
 
-SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 # Sampling periods of servo axes [s]: units that give others are improbable.
 _SHORTEST, _LONGEST = 4e-5, 0.12
 # A date in each unit: between the years 2000 and 2100.
@@ -167,10 +166,10 @@ def _of_column(table: Table, numbers: dict[str, Floats], name: str, unit: str, r
             )
         return TimeBase(Time(column=name, unit="iso8601"), f"{reason}; dates in ISO 8601", "", dates)
     value = numbers[name]
-    if unit and known_unit(unit) not in TIME_UNITS:
-        raise InputError(f"{table.path}: --time {name}={unit}: not a unit of time; known are {', '.join(TIME_UNITS)}")
+    if unit and known_unit(unit) not in SECONDS:
+        raise InputError(f"{table.path}: --time {name}={unit}: not a unit of time; known are {', '.join(SECONDS)}")
     said = known_unit(unit) or parse_column_name(name, table.units.get(name, "")).unit
-    if said in TIME_UNITS:
+    if said in SECONDS:
         units: tuple[str, ...] = (said,)
         why, doubt = "as given" if unit else "by its name", ""
     else:
@@ -214,6 +213,6 @@ def _period_in_notes(table: Table) -> tuple[float, str] | None:
         scale = {"hz": 1.0, "khz": 1e3}.get(unit.lower())
         if scale and number:
             return 1.0 / (number * scale), match[0].strip()
-        if known_unit(unit) in TIME_UNITS and number:
+        if known_unit(unit) in SECONDS and number:
             return number * SECONDS[known_unit(unit)], match[0].strip()
     return None

@@ -80,13 +80,15 @@ _SPELLINGS = {
     "mnm": "mN·m", "newton": "N", "newtons": "N", "lbs": "lbf", "lb": "lbf", "in-lb": "lbf·in", "lb-in": "lbf·in",
     "ft-lb": "lbf·ft", "oz-in": "ozf·in", "c": "", "celsius": "°C", "degc": "°C", "percent": "%", "pct": "%",
     "second": "s", "seconds": "s", "sec": "s", "secs": "s", "msec": "ms", "millis": "ms", "milliseconds": "ms",
-    "millisecond": "ms", "usec": "us", "µs": "us", "micros": "us", "microseconds": "us", "nsec": "ns",
+    "millisecond": "ms", "millisec": "ms", "usec": "us", "µs": "us", "μs": "us", "micros": "us", "microsec": "us",
+    "microseconds": "us", "nsec": "ns",
     "nanoseconds": "ns", "nanosec": "ns", "counts": "counts", "count": "counts", "ticks": "counts", "tick": "counts",
     "inc": "counts", "incs": "counts", "increments": "counts", "inkremente": "counts", "pulses": "counts",
     "qc": "counts",
     "lsb": "counts", "cnt": "counts", "cts": "counts",
 }  # fmt: skip
-TIME_UNITS = ("s", "ms", "us", "ns")
+# Units of time [s].
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
 def known_unit(text: str) -> str:
@@ -98,7 +100,7 @@ def known_unit(text: str) -> str:
         ``RPM``, ``rad/sec``, ``Volts``. Steps of an encoder are ``counts``; times are ``s``, ``ms``, ``us``, ``ns``.
     """
     text = " ".join(text.split())
-    if text in _BASE or text in TIME_UNITS:
+    if text in _BASE or text in SECONDS:
         return text
     return _ALIASES.get(text, "") or _SPELLINGS.get(text.lower(), "") if text else ""
 

@@ -18,7 +18,7 @@ from idloop.records.bags.topics import resolve_topic, topics_named
 from idloop.records.formats.clock_names import known_clock_unit
 from idloop.records.measured_conditions import FIELD
 from idloop.records.measured_conditions import TOPIC as CONDITIONS
-from idloop.records.tables.base_units import base_unit
+from idloop.records.tables.base_units import SECONDS, base_unit
 from idloop.records.tables.csv_layout import is_number
 from idloop.records.tables.expression import Expression
 from idloop.records.tables.mapping import Channel, Mapping, Signals, SignBit, Time
@@ -30,7 +30,6 @@ Stamps = NDArray[np.int64]
 
 # Files without a date start one second after the epoch: a stamp of zero means "no stamp" in ROS.
 _START_NS = 1_000_000_000
-_TO_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _ABSOLUTE = 946_684_800.0  # 2000-01-01: larger times are dates, not seconds since the start
 _LATEST_NS = 2**62  # in the year 2116: numbers of larger size are not times
 _BITS = {"int8": 8, "int16": 16, "int32": 32}
@@ -292,7 +291,7 @@ def _time(table: Table, time: Time, count: int, rows: slice) -> Stamps:
                 " with `rows:`"
             )
         with np.errstate(over="ignore"):
-            whole = np.round(seconds if time.unit == "ns" else seconds * _TO_SECONDS[time.unit] * 1e9)
+            whole = np.round(seconds if time.unit == "ns" else seconds * SECONDS[time.unit] * 1e9)
         stamp = _as_stamps(table, time.column, whole, first)
     if stamp.size != count:
         raise InputError(

@@ -63,7 +63,7 @@ def _values(numbers: dict[str, np.ndarray], column: str) -> np.ndarray | None:
 
 
 def _stamps(found: Recognition, column: str, count: int) -> np.ndarray:
-    from idloop.records.recognition.time_base import SECONDS
+    from idloop.records.tables.base_units import SECONDS
 
     clock = found.clocks.get(column)
     if clock is not None and clock.column is not None:
