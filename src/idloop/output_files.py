@@ -114,15 +114,16 @@ def _one_of(words: Sequence[str]) -> str:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a file whose place was probed.
-
-    Raises
-    ------
-    IdloopError
-        When it cannot be written after all.
-    """
-    try:
+    """Write a text; errors as for `writing`."""
+    with writing(path):
         path.write_text(text, encoding="utf-8")
+
+
+@contextlib.contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Raise an IdloopError that names `path` when the system does not let it be written."""
+    try:
+        yield
     except OSError as error:
         raise IdloopError(f"cannot write {path}: {error.strerror or error}") from error
 

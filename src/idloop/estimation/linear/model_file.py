@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from idloop.documents import MOST_JSON, NOT_WHOLE, read_json, read_npz, read_text
-from idloop.errors import IdloopError, InputError
+from idloop.errors import InputError
 from idloop.estimation.linear.model import Coefficient, LinearModel
 from idloop.json_values import to_json
+from idloop.output_files import write_text, writing
 
 SCHEMA = "idloop/linear-model/1"
 SUFFIXES = (".json", ".npz")
@@ -56,16 +57,13 @@ def save(model: LinearModel, path: Path | str) -> Path:
         "coefficient_values": np.array([c.value for c in model.coefficients]),
         "coefficient_stderr": np.array([c.stderr for c in model.coefficients]),
     }
-    try:
-        if path.suffix.lower() == ".npz":
-            # Given as an open file, NumPy leaves the name as it is.
-            with path.open("wb") as file:
-                arrays: dict[str, Any] = {key: np.asarray(value) for key, value in content.items()}
-                np.savez_compressed(file, **arrays)
-        else:
-            path.write_text(json.dumps(to_json(content), indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise IdloopError(f"cannot write {path}: {error.strerror or error}") from error
+    if path.suffix.lower() == ".npz":
+        arrays: dict[str, Any] = {key: np.asarray(value) for key, value in content.items()}
+        # Given as an open file, NumPy leaves the name as it is.
+        with writing(path), path.open("wb") as file:
+            np.savez_compressed(file, **arrays)
+    else:
+        write_text(path, json.dumps(to_json(content), indent=2, ensure_ascii=False) + "\n")
     return path
 
 

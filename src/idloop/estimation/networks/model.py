@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.documents import MOST_JSON, NOT_WHOLE, read_json, read_text
-from idloop.errors import IdloopError, InputError
+from idloop.errors import InputError
 from idloop.estimation.black_box.labels import new_axes
 from idloop.estimation.black_box.sampled import SampledData, check_fits
 from idloop.estimation.networks.network import Network, ahead, parameters
 from idloop.estimation.networks.training import TrainingHistory
 from idloop.estimation.networks.training_data import Split, TappedDelays
 from idloop.json_values import to_json
+from idloop.output_files import write_text
 
 if TYPE_CHECKING:
     import control
@@ -352,10 +353,7 @@ def save(model: NarxModel, path: Path | str) -> Path:
     """
     path = check_suffix(Path(path))
     document = to_json({"schema": SCHEMA, **model.to_dict()})
-    try:
-        path.write_text(json.dumps(document, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise IdloopError(f"cannot write {path}: {error.strerror or error}") from error
+    write_text(path, json.dumps(document, ensure_ascii=False, allow_nan=False) + "\n")
     return path
 
 
