@@ -66,9 +66,8 @@ _LEAST_INERTIA = 1.0 / 30.0
 _COARSE_WINDOWS = 2_000
 # A model that leaves less than this part of the drive's force is adequate where no effect explains more.
 _ADEQUATE = 0.1
-# An effect must show this part of its improvement on held-out records, if it changes the forces there by _ACTS of the
-# unexplained force.
-_CARRIES_OVER, _ACTS = 0.25, 0.1
+# An effect must show this part of its improvement on held-out records, if it changes the forces there by so much.
+_CARRIES_OVER = 0.25
 
 
 @dataclass(frozen=True)
@@ -511,22 +510,27 @@ class _Evaluator:
             after = self._typical_error(fit)
         except (IdloopError, np.linalg.LinAlgError):
             return None
-        if self._acts(chosen, fit):
+        evidence = scores.against(self.base)
+        if self._can_improve(chosen, fit) >= _CARRIES_OVER * evidence.improvement:
             # An error that has grown by a factor of e⁵⁰ has diverged.
             held_out = 1.0 - math.exp(min(after - self._before, 50.0))
-        return EvaluatedModel(chosen, fit, scores, scores.against(self.base), gain, held_out)
+        return EvaluatedModel(chosen, fit, scores, evidence, gain, held_out)
 
-    def _acts(self, chosen: tuple[Proposal, ...], fit: WeakFit) -> bool:
-        """Whether effects do anything on the held-out records: a limit may not be reached there."""
+    def _can_improve(self, chosen: tuple[Proposal, ...], fit: WeakFit) -> float:
+        """Part by which effects reduce the errors on the held-out records if they are true: a limit may not be reached.
+
+        NaN without such records.
+        """
         if self._held_out is None:
-            return False
+            return math.nan
         form = _along(self._held_out, fit)
         # The second of a pair may have replaced the first.
         there = [proposal.name for proposal in chosen if proposal.name in fit.model.effect_names]
         model = fit.model.without_effects(there)
         without = form.with_engine(CachingEngine(model))
         left, other = form.residual(fit.theta, fit.shift), without.residual(model.theta, fit.shift)
-        return bool(np.linalg.norm(other - left) >= _ACTS * np.linalg.norm(left))
+        size = float(np.linalg.norm(left))
+        return 1.0 - size / max(math.hypot(size, float(np.linalg.norm(other - left))), 1e-300)
 
 
 def _inertia(fit: WeakFit) -> float:
