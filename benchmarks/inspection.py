@@ -109,13 +109,18 @@ def record(
     closed: bool | None = None,
     clip: float | None = None,
     limit: float | None = None,
+    slew: float | None = None,
+    speed_limit: float | None = None,
     rates: tuple[float, ...] = (100.0, 200.0, 500.0, 1000.0, 2000.0),
     lags: float = 12.0,
     levels: str | None = None,
     scale: float = 1.0,
-    one_sided: bool = False,
 ) -> Recorded:
-    """Simulate one clean recording."""
+    """Simulate one recording: clean, or with a command that is clipped, or that the drive limits.
+
+    `clip` and `limit` are shares of the command, `slew` is commands per time constant, `speed_limit` a share of the
+    steady speed.
+    """
     random = np.random.default_rng(seed)
     machine = machine or MACHINES[int(random.integers(len(MACHINES)))]
     rate = float(random.choice(rates))
@@ -144,6 +149,7 @@ def record(
     top = machine.gain * amplitude / machine.viscous
     speed_noise = top * 10.0 ** random.uniform(-3.0, -1.7)
     with_velocity, smooth, last = bool(random.uniform() < 0.6), 0.0, 0.0
+    before = 0.0
     for k in range(count):
         p, v = float(plant.position[machine.body]), float(plant.velocity[machine.body])
         true_velocity[k] = v
@@ -157,6 +163,14 @@ def record(
         if clip is not None:
             command[k] = float(np.clip(command[k], -clip * amplitude, clip * amplitude))
         applied = command[k] if limit is None else np.clip(command[k], -limit * amplitude, limit * amplitude)
+        if slew is not None:
+            step = slew * amplitude / (rate * machine.lag)
+            applied = before = float(np.clip(applied, before - step, before + step))
+        if speed_limit is not None:
+            most = speed_limit * top
+            stiff = 0.3 * machine.inertia * machine.driven * rate
+            caps = [(machine.viscous * most + stiff * (most - one)) / machine.gain for one in (v, -v)]
+            applied = float(np.clip(applied, -caps[1], caps[0]))
         plant.step(float(applied), (k + 1) / rate)
     time = np.arange(count) / rate
     axis = Axis(
@@ -248,6 +262,11 @@ def gear(random: Random, recorded: Recorded) -> Recorded:
     return _with(recorded, velocity=float(random.choice([3.0, 5.0, 30.0, 100.0])) * _velocity(random, recorded))
 
 
+def scaled(random: Random, recorded: Recorded) -> Recorded:
+    """A velocity that is a tenth too large or too small."""
+    return _with(recorded, velocity=float(random.choice([0.9, 1.1])) * _velocity(random, recorded))
+
+
 def filtered_velocity(random: Random, recorded: Recorded) -> Recorded:
     """A first-order low pass whose delay is a tenth of the time constant, at least three samples."""
     from scipy.signal import lfilter
@@ -326,6 +345,14 @@ def spikes(random: Random, recorded: Recorded) -> Recorded:
     return _with(recorded, position=position)
 
 
+def overflow(random: Random, recorded: Recorded) -> Recorded:
+    """One reading of a position, or of the command, is 65535."""
+    field = str(random.choice(["position", "command"]))
+    value = getattr(recorded.axis, field).copy()
+    value[random.integers(value.size)] = 65535.0
+    return replace(recorded, axis=_with(recorded, **{field: value}).axis.without_bad_readings())
+
+
 def coarse(random: Random, recorded: Recorded) -> Recorded:
     """Forty steps over the range."""
     position = recorded.axis.position
@@ -400,6 +427,7 @@ CASES = (
     Case("velocity with its sign turned", ("wrong_velocity",), turned_velocity, {}),
     Case("velocity constant", ("wrong_velocity",), dead_velocity, {}),
     Case("velocity of the other side of a gear", ("wrong_velocity",), gear, {}),
+    Case("velocity 10 % too large or too small", ("wrong_velocity",), scaled, {}),
     Case("velocity behind a filter, 0.1 time constants", ("late_velocity",), filtered_velocity, {}),
     Case("command without its sign", ("sign_lost",), sign_lost, {"levels": "any"}),
     Case("command turned against the motion", ("turned_command",), turned_command, {}),
@@ -410,6 +438,7 @@ CASES = (
     Case("position wraps", ("wrapped_position",), wrapped, {}),
     Case("10 times encoder pulses of 1 % missed", ("missed_pulses",), pulses, {}),
     Case("5 single bad readings of 5 %", ("spikes",), spikes, {}),
+    Case("one reading of 65535", ("spikes",), overflow, {}),
     Case("40 steps over the range", ("coarse",), coarse, {}),
     Case("command cut off at 60 %", ("saturated_command",), same, {"levels": "smooth", "closed": False, "clip": 0.6}),
     Case("command is a set-point of the position", ("inner_loop",), inner_position, {}),
@@ -422,6 +451,18 @@ CASES = (
         {"levels": "multilevel", "closed": False, "rates": (50.0, 100.0)},
     ),
     Case("drive limits the command to 40 %", ("not_followed",), same, {"closed": False, "limit": 0.4}),
+    Case(
+        "drive limits the rate of the command",
+        ("not_followed",),
+        same,
+        {"closed": False, "levels": "multilevel", "slew": 3.0},
+    ),
+    Case(
+        "drive limits the speed to 30 %",
+        ("not_followed",),
+        same,
+        {"closed": False, "levels": "multilevel", "speed_limit": 0.3},
+    ),
     Case(
         "motion too slow for the inertia",
         ("weak_excitation",),

@@ -19,8 +19,10 @@ from idloop.records.inspection.faults import (
     not_followed,
     publishers,
     quantisation,
+    rate_limit,
     repeated_samples,
     saturation,
+    speed_limit,
     spikes,
     stamps,
     wrap,
@@ -47,7 +49,7 @@ _RESPONSE: tuple[Check, ...] = (
     command_direction.check,
     late_velocity.check,
     measured_command.check,
-    not_followed.check,
+    lambda axis: not_followed.check(axis) or rate_limit.check(axis) or speed_limit.check(axis),
     excitation.check,
 )
 # Faults after which the response of the axis means nothing.

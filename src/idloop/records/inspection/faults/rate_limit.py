@@ -1,0 +1,100 @@
+"""A command that changes faster than the drive follows: its ramp, jerk or slew-rate limit.
+
+The balance of forces is taken with the command as a drive of a limited rate would apply it. A lag of the drive makes a
+jump a gradual change as well; so the limit must explain far more than any lag.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from idloop.records.finding import Finding
+from idloop.records.inspection.axis import Axis, Floats
+from idloop.records.inspection.faults.fault import fault
+from idloop.records.inspection.response import PLAIN, Response, responses
+
+# Time in which the drive passes the range of the command, and time constants of lags [samples]; the best is refined.
+_PASSES, _LAGS, _NEAR = 2.0 ** np.arange(2, 10), 2.0 ** np.arange(-1, 8), 2.0 ** np.arange(-0.75, 1.0, 0.25)
+_WIDEST = 129
+# Share of the acceleration that the limited command explains, and of the rest without a limit that it leaves.
+_EXPLAINED, _LEFT = 0.94, 0.7
+
+
+def check(axis: Axis) -> list[Finding]:
+    """Compare a limited rate with a lag and with the command as it is."""
+    grid = axis.grid
+    if grid is None or not np.isfinite(grid.command).any():
+        return []
+    command = _filled(grid.command)
+    span = float(np.ptp(command))
+    steepest = float(np.max(np.abs(np.diff(command))))
+    passes = _PASSES[steepest > span / _PASSES]
+    plain = [one for one in responses(axis) if one.functions.power == PLAIN and one.functions.width <= _WIDEST]
+    if not passes.size or not plain:
+        return []
+    limited = {float(one): _limited(command, span / one) for one in passes}
+    others = [command, *(_lagged(command, one) for one in _LAGS)]
+    best = min((_compare(one, limited, others) for one in plain), key=lambda found: found[0])
+    ratio, explained, time, where = best
+    if ratio > _LEFT or explained < _EXPLAINED:
+        return []
+    near = {float(time * one): _limited(command, span / (time * one)) for one in _NEAR}
+    rate = span / (_compare(where, near, others)[2] * grid.period)
+    name, unit = axis.command_name, axis.unit("command")
+    return [
+        fault(
+            "not_followed",
+            name,
+            f"{name} changes by up to {steepest / grid.period:.3g} {unit}/s, but the axis accelerates as if by"
+            f" {rate:.2g} {unit}/s at most ({100 * explained:.1f} % of the acceleration explained): the drive limits"
+            " its rate",
+            "raise the ramp or slew-rate limit of the drive, or change the command more slowly",
+            evidence={"rate": rate, "steepest": steepest / grid.period, "explained": explained, "left": ratio},
+            spoils=("delays",),
+        )
+    ]
+
+
+def _compare(
+    found: Response, limited: dict[float, Floats], others: list[Floats]
+) -> tuple[float, float, float, Response]:
+    """Return what the best limit leaves over what the best other leaves, its share explained, its time, and where."""
+    known = found.known
+    basis = np.linalg.qr(found.others[known])[0]
+    target = found.acceleration[known]
+    target = target - basis @ (basis.T @ target)
+    power = float(target @ target)
+
+    def left(command: Floats) -> float:
+        column = found.functions.project(command)[known]
+        column = column - basis @ (basis.T @ column)
+        size = float(column @ column)
+        return power - float(column @ target) ** 2 / size if size > 0.0 else power
+
+    least, time = min((left(command), time) for time, command in limited.items())
+    without = min(left(command) for command in others)
+    if not without > 0.0:
+        return 1.0, 0.0, time, found
+    return least / without, 1.0 - least / power, time, found
+
+
+def _limited(command: Floats, step: float) -> Floats:
+    """Follow a command (n,) by at most `step` in a sample."""
+    applied, found = float(command[0]), []
+    for value in command.tolist():
+        applied = min(max(value, applied - step), applied + step)
+        found.append(applied)
+    return np.array(found)
+
+
+def _lagged(command: Floats, time: float) -> Floats:
+    from scipy.signal import lfilter
+
+    decay = float(np.exp(-1.0 / time))
+    return np.asarray(lfilter([1.0 - decay], [1.0, -decay], command - command[0]) + command[0])
+
+
+def _filled(command: Floats) -> Floats:
+    """Hold the last known value, and the first before it."""
+    known = np.flatnonzero(np.isfinite(command))
+    return np.asarray(command[known[np.maximum(np.searchsorted(known, np.arange(command.size), side="right") - 1, 0)]])
