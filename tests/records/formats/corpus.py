@@ -517,6 +517,65 @@ def oscilloscope(folder):
     )
 
 
+def _two_channels(folder, name, head, row, truth, flags=()):
+    """Write command and potentiometer as an oscilloscope does, by the line of a row."""
+    run, volts = levels(14), 10.0
+    swing = float(np.abs(run.q).max())
+    rows = zip(range(run.t.size), run.t - 10.0, run.u, np.round(run.q / swing * volts, 3), strict=True)
+    time, command, sensor = truth
+    quoted = sensor if sensor.isidentifier() else f"`{sensor}`"
+    found = {"command": Truth(command, "V"), "position": Truth(sensor, "rad", swing / volts)}
+    return Log(
+        _write(folder / name, head + "".join(row.format(*one) for one in rows)),
+        "csv",
+        ("--command", f"{command}=V", "--position", f"{quoted} * {swing / volts:.6g}=rad", *flags),
+        found | ({"time": Truth(time, "s")} if time else {}),
+    )
+
+
+@form
+def oscilloscope_commas_behind(folder):
+    head = "Model,TBS1052C,,\nSample Interval,0.01,,\nRecord Length,2000,,\nVertical Units,V,V,\n,,,\nTIME,CH1,CH2,\n"
+    return _two_channels(folder, "tek.csv", head, "{1:.4f},{2:.4f},{3:.3f},\n", ("TIME", "CH1", "CH2"))
+
+
+@form
+def oscilloscope_numbered_channels(folder):
+    head = "x-axis,1,2\nsecond,Volt,Volt\n"
+    return _two_channels(folder, "scope_1.csv", head, "{1:.4e},{2:.4e},{3:.4e}\n", ("x-axis", "1", "2"))
+
+
+@form
+def oscilloscope_start_and_increment(folder):
+    head = "X,CH1,CH2,Start,Increment,\nSequence,Volt,Volt,-1.000000e+01,1.000000e-02\n"
+    return _two_channels(folder, "NewFile1.csv", head, "{0},{2:.4e},{3:.4e},,\n", ("", "CH1", "CH2"))
+
+
+@form
+def serial_plotter(folder):
+    run = multisine(4)
+    lines = [
+        f"t_ms:{1000 * t:.0f},u_V:{u:.3f},angle_deg:{q * DEG:.3f}\n"
+        for t, u, q in zip(run.t, run.u, run.q, strict=True)
+    ]
+    truth = _motor("t_ms", "u_V", "angle_deg", "", "V", "ms", "deg")
+    return Log(_write(folder / "plotter.txt", "Ready\n" + "".join(lines)), "labels", (), truth)
+
+
+@form
+def date_and_clock(folder):
+    run = multisine(9)
+    days = np.where(run.t < 4.0, "12.11.2025", "13.11.2025")
+    clocks = [f"23:59:{56 + t:06.3f}" if t < 4.0 else f"00:00:{t - 4.0:06.3f}" for t in run.t]
+    columns = {"Date": list(days), "Time": clocks, "torque [N·m]": run.u, "position [rad]": run.q}
+    return Log(
+        _write(folder / "logger.csv", _text(columns)),
+        "csv",
+        (),
+        _motor("Time", "torque [N·m]", "position [rad]", ""),
+    )
+
+
 @form
 def plotjuggler_sparse(folder):
     run = levels(15)

@@ -150,4 +150,5 @@ def seeds() -> dict[str, tuple[str, list[bytes]]]:
         "jsonl": (".jsonl", ["\n".join(map(json.dumps, samples)).encode()]),
         "json": (".json", [json.dumps(samples).encode(), json.dumps(series).encode()]),
         "blocks": (".txt", [blocks.encode()]),
+        "labels": (".txt", ["\n".join(",".join(map("{}:{:.6g}".format, SIGNALS, row)) for row in ROWS).encode()]),
     }  # fmt: skip

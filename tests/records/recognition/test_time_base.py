@@ -91,6 +91,40 @@ def test_a_period_that_the_notes_state(tmp_path, line, period):
     assert base.time.period == pytest.approx(period)
 
 
+@pytest.mark.parametrize(
+    ("head", "first", "other"),
+    [
+        ("X,CH1,Start,Increment\nSequence,Volt,-1,2e-4\n", "{},1,,\n", "{},1,,\n"),
+        ("X,CH1,Start,Increment\n", "{},1,-1,2e-4\n", "{},1,,\n"),
+    ],
+)
+def test_an_increment_that_is_said_once(tmp_path, head, first, other):
+    path = tmp_path / "a.csv"
+    path.write_text(head + first.format(0) + "".join(other.format(k) for k in range(1, 30)))
+    table = read_table(path)
+    assert find_time_base(table, numbers_of(table), None, 30, None).time.period == 2e-4
+
+
+def test_a_rate_that_disagrees_with_the_stamps_is_doubted():
+    columns = {"t": 0.01 * K, "u": np.sin(K)}
+    assert _base(columns, period=0.01).doubt == ""
+    assert "'t' says every 0.01 s" in _base(columns, period=0.02).doubt
+    assert _base({"t": 10 * K, "u": np.sin(K)}, period=0.01).doubt == "", "milliseconds"
+    assert _base({"0": K, "u": np.sin(K)}, period=0.01).doubt == ""
+
+
+def test_stamps_that_stand_still_are_doubted():
+    assert "--rate HZ" in _base({"t [s]": np.floor(0.01 * K), "u": np.sin(K)}).doubt
+
+
+def test_a_time_that_cannot_be_read_is_shown(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("Time,u,y\n" + "".join(f"10:{k:02d},{k % 3},{k % 5}\n" for k in range(30)))
+    table = read_table(path)
+    with pytest.raises(InputError, match=r"'Time' is '10:00', neither numbers nor times such as 10:03:29.5"):
+        find_time_base(table, numbers_of(table), None, 30, None)
+
+
 def test_without_any_time_the_user_is_asked():
     with pytest.raises(InputError, match="--rate HZ or --period S"):
         _base({"u": np.sin(K), "y": np.cos(K)})

@@ -42,6 +42,20 @@ NAMES = {
 }
 
 
+NAMES |= {
+    "a preamble of names and numbers": (
+        "Model,T1,,\nScale,2,,\nInterval,0.01,,\nLabel,,,\nTIME,CH1,CH2,\n0,1,2,\n1,2,3,\n2,3,4,\n",
+        (",", ["TIME", "CH1", "CH2", ""]),
+    ),
+    "numbered channels above units": ("x-axis,1,2\nsecond,Volt,Volt\n0,1,2\n1,2,3\n", (",", ["x-axis", "1", "2"])),
+    "units without names": ("second,Volt,Volt\n0,1,2\n1,2,3\n", (",", [])),
+    "numbers beside units": (
+        "X,CH1,Start,Increment\nSequence,Volt,-1e-2,1e-3\n0,1.5,,\n1,2.5,,\n",
+        (",", ["X", "CH1", "Start", "Increment"]),
+    ),
+}
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_header_and_delimiter_are_found(name):
     text, (delimiter, names) = NAMES[name]
@@ -93,6 +107,12 @@ def test_text_between_the_rows_is_left_out_where_asked(tmp_path):
 @pytest.mark.parametrize(("rows", "values"), [(slice(0, 2), [1, 2]), (slice(3, 4), [3])])
 def test_rows_outside_of_the_chosen_ones_are_not_looked_at(tmp_path, rows, values):
     np.testing.assert_array_equal(_read(tmp_path, SERIAL, rows).columns["u"], values)
+
+
+def test_numbers_beside_the_units_hold_for_all_rows(tmp_path):
+    table = _read(tmp_path, "X,CH1,Start,Increment\nSequence,Volt,-1e-2,1e-3\n0,1.5,,\n1,2.5,,\n")
+    assert table.attributes == {"Start": -0.01, "Increment": 0.001}
+    assert table.units == {"X": "Sequence", "CH1": "Volt"}
 
 
 def test_the_delimiter_that_a_spreadsheet_writes(tmp_path):

@@ -11,6 +11,7 @@ from idloop.records.formats import (
     codesys,
     hdf5,
     json_file,
+    labels,
     labview,
     mat,
     numpy_arrays,
@@ -25,7 +26,7 @@ from idloop.spelling import did_you_mean, listed
 # In the order in which a file is held against them: what begins with a sign of its own first.
 FORMS: tuple[Form, ...] = (
     mat.FORM, hdf5.FORM, arrow.PARQUET, arrow.FEATHER, numpy_arrays.FORM, numpy_arrays.ONE, torch_file.FORM,
-    wpilog.FORM, codesys.FORM, labview.FORM, sysid_json.FORM, json_file.LINES, json_file.FORM, blocks.FORM,
+    wpilog.FORM, codesys.FORM, labview.FORM, sysid_json.FORM, json_file.LINES, json_file.FORM, blocks.FORM, labels.FORM,
 )  # fmt: skip
 # What almost any text may be, so that a suffix says more.
 TEXT = text_table.FORM

@@ -29,7 +29,15 @@ def read_text_table(path: Path, options: Options) -> Table:
     """
     rows = options.get("rows") or slice(0, None)
     read = read_csv(path, dict(options), rows)
-    return Table(path, read.columns, notes=read.notes, units=read.units, first_row=rows.start or 0, csv=read)
+    return Table(
+        path,
+        read.columns,
+        notes=read.notes,
+        units=read.units,
+        attributes=read.attributes,
+        first_row=rows.start or 0,
+        csv=read,
+    )
 
 
 def _is_table(head: bytes) -> bool:

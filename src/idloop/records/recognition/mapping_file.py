@@ -11,6 +11,7 @@ from ruamel.yaml.scalarstring import LiteralScalarString
 
 from idloop.records.recognition.guess import Guess
 from idloop.records.recognition.recognise import MOTION, Recognition
+from idloop.records.tables.csv_file import BETWEEN
 from idloop.records.tables.mapping import SCHEMA, Time
 from idloop.records.tables.table import Table
 
@@ -32,7 +33,8 @@ def mapping_of(found: Recognition, name: str, joint: str, *, files: tuple[str, .
         mapping["files"] = list(files)
     if _skips_text(found.table):
         mapping["csv"] = CommentedMap({"skip_text": True})
-        mapping.yaml_add_eol_comment(_one_line(found.table.notes[-1]), "csv")
+        note = next(one for one in found.table.notes if BETWEEN in one)
+        mapping.yaml_add_eol_comment(_one_line(note), "csv")
     if not found.sources or found.base.time.stamps is not None:
         mapping["time"] = _time(found.base.time)
         mapping.yaml_add_eol_comment(_one_line(found.base.reason), "time")

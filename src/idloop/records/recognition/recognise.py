@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+from collections.abc import Iterable
 from collections.abc import Mapping as Map
 from dataclasses import dataclass, field, replace
 from math import pi
@@ -39,6 +40,7 @@ _LINEAR_FORCES = {"N", "mN", "kN", "kip", "lbf"}
 _LINEAR_UNITS = {"m", "cm", "mm", "um", "in", "m/s", "cm/s", "mm/s", "um/s", "m/min", "mm/min", "in/s"}
 _NUMBER_IN_NAME = re.compile(r"(?P<before>[A-Za-z]*)[_\- ]?(?P<number>-?\d+(?:[.,]\d+)?)(?P<unit>[A-Za-z%]*)")
 _KNOWN_RANK = 10.0  # a known drive says more than a name
+_FEWEST_ROWS = 10  # that are known to be counted
 _ENCODERS = {"enc", "encoder", "count", "counts", "tick", "ticks", "inc"}
 _FEWEST_COUNTS = 200  # of a turn
 _MANY_COUNTS = 1000  # whole numbers as large as this are no angle in rad
@@ -140,8 +142,9 @@ class _Column:
 
     @property
     def counts_rows(self) -> bool:
-        """Whether each row has the number of the one before and one."""
-        return self.value.size > 2 and bool((np.diff(self.value) == 1.0).all())
+        """Whether a name says no more than that it may be a position, and each row is the one before and one."""
+        open_ = self.by_name.role in ("", "position") and not self.parsed.unit
+        return open_ and self.value.size > _FEWEST_ROWS and bool((np.diff(self.value) == 1.0).all())
 
 
 def numbers_of(table: Table) -> dict[str, Floats]:
@@ -217,7 +220,7 @@ def recognise_table(
     if not any(role in chosen for role in MOTION):
         raise InputError(
             f"{table.path}: no column is a position or a velocity; name one with --position or --velocity (columns are"
-            f" {listed(numbers, 20)})"
+            f" {listed(numbers, 20)}){_of_a_sensor(columns.values())}"
         )
     base = _units(base, chosen, columns, given)
     _decode(chosen, columns, given)
@@ -231,6 +234,13 @@ def recognise_table(
     rows = () if table.clocks else tuple(base.runs)
     other = tuple(name for name in table.columns if name not in used and name not in table.clocks.values())
     return Recognition(table, base, guesses, clocks, rows, other, tuple(doubts), sources or {})
+
+
+def _of_a_sensor(columns: Iterable[_Column]) -> str:
+    """How a motion that a sensor shows in volts is said; empty where nothing is in volts."""
+    name = next((one.name for one in reversed(list(columns)) if one.parsed.unit in ("V", "mV")), "")
+    quoted = name if name.isidentifier() else f"`{name}`"
+    return f"; that of a sensor in volts as a formula, such as --position '{quoted} * 0.5=rad'" if name else ""
 
 
 def _time(table: Table, numbers: dict[str, Floats], given: Given | None, period: float | None) -> TimeBase:

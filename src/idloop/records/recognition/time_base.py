@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from idloop.errors import InputError
 from idloop.records.recognition.column_name import parse_column_name
 from idloop.records.recognition.guess import Given
-from idloop.records.recognition.roles import role_by_name
+from idloop.records.recognition.roles import RoleByName, role_by_name
 from idloop.records.tables.base_units import SECONDS, known_unit
 from idloop.records.tables.mapping import Time
 from idloop.records.tables.table import Table
@@ -34,6 +34,10 @@ _PERIOD = re.compile(
     re.IGNORECASE,
 )
 _FEWEST_ROWS = 10
+_SAME = 0.02  # difference of two periods that agree
+_WAYS = "numbers nor times such as 10:03:29.5 or 2025-11-12T10:03:29.5"
+# Columns of oscilloscopes whose one value is the sampling period [s].
+_INCREMENTS = {"increment", "xincrement", "x increment", "sample interval", "delta_x"}
 
 
 @dataclass(frozen=True)
@@ -90,28 +94,17 @@ def find_time_base(
         No column is a time, and nothing says the period.
     """
     if period is not None:
-        return TimeBase(Time(period=period), "as given", "", np.arange(count, dtype=np.float64) * period)
+        doubt = _disagreement(table, numbers, period)
+        return TimeBase(Time(period=period), "as given", doubt, np.arange(count, dtype=np.float64) * period)
     if given is not None and given.column:
         return _of_column(table, numbers, given.column, given.unit, "as given")
-    ranked = []
-    for position, name in enumerate(table.columns):
-        parsed = parse_column_name(name, table.units.get(name, ""))
-        if role_by_name(parsed).role == "time" and _may_be_time(table, numbers, name):
-            # A column that starts again now and then is as good; a fine one is better.
-            ranked.append((-role_by_name(parsed).rank, -_levels(table, numbers, name), position, name))
     unit = given.unit if given is not None else ""
-    if ranked:
-        name = min(ranked)[-1]
+    if name := _named(table, numbers):
         reason = role_by_name(parse_column_name(name, table.units.get(name, ""))).reason
         return _of_column(table, numbers, name, unit, reason)
-    if found := _period_in_notes(table):
-        seconds, text = found
-        return TimeBase(
-            Time(period=seconds),
-            f"the notes above the table say {text!r}",
-            "",
-            np.arange(count, dtype=np.float64) * seconds,
-        )
+    if found := _increment(table) or _period_in_notes(table):
+        seconds, reason = found
+        return TimeBase(Time(period=seconds), reason, "", np.arange(count, dtype=np.float64) * seconds)
     steady = [name for name, value in numbers.items() if _is_clock(value)] or [
         name for name, value in numbers.items() if value.size > _FEWEST_ROWS and (np.diff(value) > 0).all()
     ]
@@ -120,15 +113,65 @@ def find_time_base(
         return TimeBase(
             base.time, base.reason, base.doubt or _doubt(steady[0], base.time.unit), base.seconds, base.units
         )
+    said = next((name for name in table.columns if name not in numbers and _role(table, name).role == "time"), None)
+    cell = "" if said is None else next((str(cell) for cell in table.raw(said) if str(cell).strip()), "")
+    unread = f" ({said!r} is {cell[:40]!r}, neither {_WAYS})" if cell else ""
     raise InputError(
-        f"{table.path}: no column is a time; name it with --time COLUMN, or say how often a row was taken: --rate HZ or"
-        " --period S"
+        f"{table.path}: no column is a time{unread}; name it with --time COLUMN, or say how often a row was taken:"
+        " --rate HZ or --period S"
     )
+
+
+def _role(table: Table, name: str) -> RoleByName:
+    return role_by_name(parse_column_name(name, table.units.get(name, "")))
+
+
+def _named(table: Table, numbers: dict[str, Floats]) -> str:
+    """Return the column that is a time by its name; empty where there is none."""
+    ranked = []
+    for position, name in enumerate(table.columns):
+        if _role(table, name).role == "time" and _may_be_time(table, numbers, name):
+            # A column that starts again now and then is as good; a fine one is better.
+            ranked.append((-_role(table, name).rank, -_levels(table, numbers, name), position, name))
+    return min(ranked)[-1] if ranked else ""
+
+
+def _disagreement(table: Table, numbers: dict[str, Floats], period: float) -> str:
+    """Doubt about a given period where a column of stamps says another one; empty where none does."""
+    name = _named(table, numbers)
+    if not name:
+        return ""
+    base = _of_column(table, numbers, name, "", "")
+    step = float(np.median(np.diff(base.seconds)))
+    possible = [step * SECONDS[unit] / SECONDS[base.units[0]] for unit in base.units]
+    if any(abs(one / period - 1.0) < _SAME for one in possible):
+        return ""
+    return (
+        f"a row every {period:g} s as given, but {name!r} says every {step:.4g} s: leave the rate out to read the time"
+        " there"
+    )
+
+
+def _increment(table: Table) -> tuple[float, str] | None:
+    """Sampling period [s] that a column of an oscilloscope holds once, and why."""
+    for name in [*table.columns, *table.attributes]:
+        if name.lower().strip() not in _INCREMENTS:
+            continue
+        try:
+            raw = [table.attributes[name]] if name in table.attributes else table.numbers(name)
+            value = np.asarray(raw, dtype=np.float64)
+        except (InputError, ValueError):
+            continue
+        once = value[np.isfinite(value)]
+        if once.size == 1 and once[0] > 0.0:
+            return float(once[0]), f"{name!r} says every {once[0]:g} s"
+    return None
 
 
 def _may_be_time(table: Table, numbers: dict[str, Floats], name: str) -> bool:
     if name not in numbers:
-        return _dates(table.raw(name)) is not None
+        dates = _dates(table.raw(name))
+        return dates is not None and bool(np.ptp(dates) > 0.0)
     value = numbers[name][np.isfinite(numbers[name])]
     return value.size > 2 and float(np.ptp(value)) > 0.0 and float(np.mean(np.diff(value) >= 0)) >= _RISING
 
@@ -161,10 +204,9 @@ def _of_column(table: Table, numbers: dict[str, Floats], name: str, unit: str, r
     if name not in numbers:
         dates = _dates(table.raw(name))
         if dates is None:
-            raise InputError(
-                f"{table.path}: time column {name!r} holds neither numbers nor ISO 8601 times; name another with --time"
-            )
-        return TimeBase(Time(column=name, unit="iso8601"), f"{reason}; dates in ISO 8601", "", dates)
+            raise InputError(f"{table.path}: time column {name!r} holds neither {_WAYS}; name another with --time")
+        doubt = _stands_still(name, dates)
+        return TimeBase(Time(column=name, unit="iso8601"), f"{reason}; dates in ISO 8601", doubt, dates)
     value = numbers[name]
     if unit and known_unit(unit) not in SECONDS:
         raise InputError(f"{table.path}: --time {name}={unit}: not a unit of time; known are {', '.join(SECONDS)}")
@@ -175,8 +217,16 @@ def _of_column(table: Table, numbers: dict[str, Floats], name: str, unit: str, r
     else:
         units, why = _units_of_time(value)
         doubt = _doubt(name, units[0]) if len(units) > 1 else ""
+    doubt = doubt or _stands_still(name, value)
     time = Time(column=name, unit=units[0])  # type: ignore[arg-type]
     return TimeBase(time, f"{reason}; {units[0]} {why}", doubt, value * SECONDS[units[0]], units)
+
+
+def _stands_still(name: str, value: Floats) -> str:
+    """Doubt about stamps that are too coarse; empty where they are not."""
+    if np.median(np.abs(np.diff(value))) > 0.0 or value.size < _FEWEST_ROWS:
+        return ""
+    return f"{name!r} is the same in most rows and the row before: say how often a row was taken, --rate HZ"
 
 
 def _doubt(name: str, unit: str) -> str:
@@ -204,7 +254,7 @@ def _units_of_time(value: Floats) -> tuple[tuple[str, ...], str]:
 
 
 def _period_in_notes(table: Table) -> tuple[float, str] | None:
-    """Sampling period that the notes above a table state [s], and the words."""
+    """Sampling period that the notes above a table state [s], and why."""
     for line in [] if table.csv is None else table.csv.preamble:
         match = _PERIOD.search(line)
         if match is None:
@@ -212,7 +262,7 @@ def _period_in_notes(table: Table) -> tuple[float, str] | None:
         number, unit = float(match["number"].replace(",", ".")), match["before"] or match["behind"] or ""
         scale = {"hz": 1.0, "khz": 1e3}.get(unit.lower())
         if scale and number:
-            return 1.0 / (number * scale), match[0].strip()
+            return 1.0 / (number * scale), f"the notes above the table say {match[0].strip()!r}"
         if known_unit(unit) in SECONDS and number:
-            return number * SECONDS[known_unit(unit)], match[0].strip()
+            return number * SECONDS[known_unit(unit)], f"the notes above the table say {match[0].strip()!r}"
     return None

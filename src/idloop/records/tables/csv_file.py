@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from idloop.documents import MOST_COLUMNS, MOST_TABLE
 from idloop.errors import InputError
-from idloop.records.tables.csv_layout import Layout, Row, find_layout, is_data, is_number
+from idloop.records.tables.csv_layout import GROUPED, Layout, Row, find_layout, is_data, is_number
 from idloop.spelling import listed
 
 # Consecutive cells of one column: numbers, or texts where one of them is no number.
@@ -32,6 +32,8 @@ _DECIMAL_COMMA = re.compile(r"\s*[+-]?(\d*),(\d+)(?:[eE][+-]?\d+)?\s*")
 _SEP = re.compile(r'"?sep=(.)"?\s*', re.IGNORECASE)
 # Cells that are converted at once, and bytes of a file that are decoded at once.
 _CELLS, _BLOCK = 500_000, 1 << 24
+# What a note says of lines that were left out.
+BETWEEN = "of text between the rows"
 # Bytes of a cell as a text.
 _TEXT_CELL = 64
 
@@ -48,6 +50,8 @@ class CsvTable:
         What was found out about the format.
     units : dict of str to str
         Units of columns, from rows below the header.
+    attributes : dict of str to float
+        Numbers in such a row: what a column holds once.
     preamble : list of str
         Lines above the header.
     text_rows : list of int
@@ -57,6 +61,7 @@ class CsvTable:
     columns: dict[str, Any] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     units: dict[str, str] = field(default_factory=dict)
+    attributes: dict[str, float | str] = field(default_factory=dict)
     preamble: list[str] = field(default_factory=list)
     text_rows: list[int] = field(default_factory=list)
 
@@ -153,11 +158,13 @@ def _note_layout(found: CsvTable, layout: Layout, names: Sequence[str]) -> None:
     if layout.units:
         cells = [cell.strip() for row in layout.units for cell in row if cell.strip()]
         found.notes.append(f"the row below the header is read as units and left out: {listed(cells, 12)}")
-        found.units = {name: cell.strip() for row in layout.units for name, cell in zip(names, row, strict=False)}
+        below = [(name, cell.strip()) for row in layout.units for name, cell in zip(names, row, strict=False)]
+        found.units = {name: cell for name, cell in below if not is_number(cell)}
+        found.attributes = {name: float(cell.replace(",", ".")) for name, cell in below if is_number(cell)}
     if found.text_rows:
         places = listed(list(map(str, dict.fromkeys(found.text_rows))), 6)
         rows = found.text_rows
-        found.notes.append(f"{_lines(rows)} of text between the rows {_are(rows)} left out, before row {places}")
+        found.notes.append(f"{_lines(rows)} {BETWEEN} {_are(rows)} left out, before row {places}")
 
 
 def _lines(some: Sequence[object]) -> str:
@@ -345,6 +352,9 @@ def _has_decimal_commas(path: Path, columns: Iterable[Iterable[Part]]) -> bool:
     found, sure = "", False
     for cell in (cell for parts in columns for part in parts if isinstance(part, list) for cell in part):
         match = _DECIMAL_COMMA.fullmatch(cell)
+        grouped = GROUPED.fullmatch(cell.strip())
+        if grouped and grouped["sign"] == "," and (grouped["part"] or grouped["groups"].count(",") > 1):
+            return False  # a comma stands between thousands here
         if match is None:
             if "," not in cell and "." in cell and is_number(cell):
                 return False  # a point is the decimal sign here

@@ -19,6 +19,10 @@ _UNIT_ROWS = 3
 # Share of the cells of a row of data that are numbers or times, at least.
 _NUMBERS = 0.34
 _TIME = re.compile(r"\d{4}-\d\d-\d\d([T ]\d\d:\d\d(:\d\d([.,]\d+)?)?(Z|[+-]\d\d:?\d\d)?)?|\d{1,2}:\d\d:\d\d([.,]\d+)?")
+# A number with groups of thousands: 1,234.5 and 1.234,5 and 1'234.5.
+GROUPED = re.compile(
+    r"(?P<head>[-+]?\d{1,3})(?P<groups>(?P<sign>[,.'\s])\d{3}(?:(?P=sign)\d{3})*)(?P<part>(?!(?P=sign))[.,]\d+)?"
+)
 # A name in a line whose cells are separated by white space, with the unit behind it.
 _NAME = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?")
 _UNIT_CELL = re.compile(r"\[.*\]|\(.*\)|<.*>|-|[%°µΩa-zA-Z²³·/*^.0-9]{1,8}")
@@ -105,7 +109,7 @@ def find_layout(lines: Sequence[str], *, delimiter: str | None = None, header: b
     score, chosen, width, rows = best
     if score == 0.0:
         return _of_texts(lines, delimiter)
-    data = [is_data(row, width) for row in rows]
+    data = _data(rows, width)
     first = next(
         (k for k, good in enumerate(data) if good and (k + 1 == len(data) or data[k + 1])),
         data.index(True) if True in data else 0,
@@ -113,20 +117,30 @@ def find_layout(lines: Sequence[str], *, delimiter: str | None = None, header: b
     if header is False:
         return Layout(chosen, first, [], (), width)
     above = _header_rows(lines, rows, first, width, chosen)
-    if header is True and not above:
-        return Layout(chosen, first, rows[first], (), width)
-    if not above and header is None and _names_columns(rows[first : first + 20]):
-        return Layout(chosen, first, rows[first], (), width)
+    if not above:
+        # A single row whose first cell alone is a text has numbers as names.
+        named = [is_data(row, width) for row in rows[max(first - 2, 0) : first]]
+        head = first - 1 if named[-1:] == [True] and sum(named) == 1 else first
+        if header is True or _names_columns(rows[head : head + 20]):
+            return Layout(chosen, head, rows[head], (), width)
     names, *units = above or [[]]
+    if len(set(names)) < len(names) and not units and _are_units(names):
+        # Volt, Volt: the columns have units and no names.
+        return Layout(chosen, first - len(above), [], (names,), width)
     return Layout(chosen, first - len(above), names, tuple(units), width)
 
 
 def _numbers(row: Row) -> tuple[float, float]:
     """Share of the cells that are numbers or times, and their number weighed by it; zeros where they are too few."""
     cells = [cell for cell in map(str.strip, row) if cell]
-    count = sum(is_number(cell) or _TIME.fullmatch(cell) is not None for cell in cells)
+    count = sum(map(_is_value, cells))
     share = count / len(cells) if cells else 0.0
     return (share, count * share) if share >= _NUMBERS else (0.0, 0.0)
+
+
+def _is_value(cell: str) -> bool:
+    """Whether a cell is a number or a time."""
+    return is_number(cell) or any(form.fullmatch(cell.strip()) for form in (_TIME, GROUPED))
 
 
 def _of_texts(lines: Sequence[str], delimiter: str | None) -> Layout:
@@ -149,9 +163,16 @@ def _header_rows(lines: Sequence[str], rows: Sequence[Row], first: int, width: i
             row = _NAME.findall(lines[k])
         cells = [cell.strip() for cell in row]
         fits = used <= len(row) and not any(cells[width:])
-        if not fits or not any(cells) or any(map(is_number, cells)):
+        numbers = sum(map(is_number, cells))
+        if not fits or not any(cells):
+            break
+        # An oscilloscope writes what holds for all rows beside the units, and the numbers of its channels above them.
+        channels = len(block) == 1 and _are_units(block[0]) and not is_number(cells[0])
+        if numbers and not channels and (block or not _are_units(cells)):
             break
         block.insert(0, row)
+        if numbers and channels:
+            break
     if not block:
         return []
     # The lowest row that is none of units; of a file that begins with the header, all rows below are units or types.
@@ -172,8 +193,18 @@ def _names_columns(rows: Sequence[Row]) -> bool:
     ) and bool(below)
 
 
+def _data(rows: Sequence[Row], width: int) -> list[bool]:
+    """Which rows are of data; a text where others begin with a number is the name of what stands beside it."""
+    found = [is_data(row, width) for row in rows]
+    named = [bool(row) and bool(row[0].strip()) and not _is_value(row[0]) for row in rows]
+    begin = [one for one, good in zip(named, found, strict=True) if good]
+    if 2 * sum(begin) >= len(begin):
+        return found
+    return [good and not one for good, one in zip(found, named, strict=True)]
+
+
 def _are_units(row: Row) -> bool:
-    cells = [cell.strip() for cell in row if cell.strip()]
+    cells = [cell.strip() for cell in row if cell.strip() and not is_number(cell)]
     units = [_UNIT_CELL.fullmatch(cell) for cell in cells]
     # TIME,CH1,CH2 is no row of units: one of them is known, or all are in brackets.
     return all(units) and any(known_unit(cell) or cell[0] in "[(<-" for cell in cells)

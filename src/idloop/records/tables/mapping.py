@@ -247,7 +247,7 @@ class Mapping(Signals):
     format: (
         Literal[
             "csv", "mat", "hdf5", "parquet", "feather", "npz", "npy", "torch", "wpilog", "codesys", "lvm", "sysid",
-            "jsonl", "json", "blocks", "bag",
+            "jsonl", "json", "blocks", "labels", "bag",
         ]
         | None
     ) = None  # fmt: skip

@@ -10,6 +10,7 @@ from idloop.documents import MOST_TABLE
 from idloop.errors import InputError
 from idloop.records.formats.registry import form_of
 from idloop.records.tables.table import Table
+from idloop.records.tables.text_cells import read_texts
 from idloop.spelling import did_you_mean, listed
 
 __all__ = ["Table", "read_table"]
@@ -40,6 +41,7 @@ def read_table(path: Path, kind: str | None = None, options: Mapping[str, Any] |
         table = form_of(path, kind).read(path, dict(options or {}))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+    read_texts(table)
     if not table.columns:
         raise InputError(f"{path}: no columns of numbers found; check that this is the data file")
     # Elements without a size may form an array of any length.
