@@ -14,9 +14,11 @@ pytest.importorskip("bokeh", reason="no Bokeh: launch_scripts/test installs it")
 from fake import DEAD_ZONE, DRAG, FRICTION, MISSING, FakeSource
 
 from idloop.diagnosis import Ladder
-from idloop.physics import load_model
+from idloop.exporters.state_space import state_space
+from idloop.physics import load_model, simulate
+from idloop.records import Record
 from idloop.reporting.figures.evidence import Decided
-from idloop.reporting.workbench.assessment import Assessment
+from idloop.reporting.workbench.assessment import Assessment, assess
 from idloop.reporting.workbench.server import Place, Site
 from idloop.reporting.workbench.state import RELEASING, STOPPED, Activity, Evidence, Health, TrustedEstimate
 from idloop.reporting.workbench.state import STALE as SILENT
@@ -561,3 +563,53 @@ def test_every_control_can_be_reached_by_the_keyboard(site, visit):
         reached.add(page.evaluate("() => document.activeElement.id || document.activeElement.dataset.effect || ''"))
     wanted = {"stop", "theme", "follow", "span", "shown", "diagnose", "experiment", *MISSING.set}
     assert wanted <= reached
+
+
+def test_strips_and_words_are_there_before_the_code_of_the_figures(site, browser):
+    context = browser.new_context()
+    page = context.new_page()
+    try:
+        page.route("**/static/js/bokeh*", lambda route: route.abort())
+        page.goto(site.address)
+        page.wait_for_function("() => strips.pictures > 0")
+        page.wait_for_selector("#verdict >> text=this data cannot tell which")
+        assert page.is_visible("#stop")
+        assert page.evaluate("() => window.Bokeh === undefined")
+    finally:
+        context.close()
+
+
+@pytest.mark.slow
+def test_response_poles_and_residual_tests_are_of_the_output_that_is_looked_at(visit):
+    model = load_model("torsion")
+    time = np.arange(0.0, 40.0, 0.01)
+    command = np.random.default_rng(1).normal(size=len(time))
+    run = simulate(model, time, command, time).output
+    noise = np.random.default_rng(2).normal(size=run.shape) * [o.noise or 1e-3 for o in model.outputs]
+    record = Record(
+        "run", time, command, time, run + noise, model.input.name, model.input.unit, model.output_names,
+        tuple(o.unit for o in model.outputs),
+    )  # fmt: skip
+    found = assess(model, record, lambda share, text: None)
+    source = FakeSource(live=False, outputs="torsion")
+    source.state.change(assessment=found)
+    site = Site(source, Place())
+    try:
+        page = visit(site.address).page
+        poles = found.frequency.poles
+        assert np.sort(np.abs(poles)) == pytest.approx(np.sort(np.abs(state_space(model).poles())), abs=1e-6)
+        page.wait_for_selector("#poles >> text=damping ratio")
+        for name in model.output_names:  # several joints
+            page.select_option("#error", name)
+            page.wait_for_selector(f"#residual-words >> text=one-step error of {name}")
+            page.wait_for_selector(f"#frequency-hint >> text=to {name}")
+        # One model, one estimator: where the command explains the measurement, both lines are one.
+        view = found.frequency
+        clear = view.measured.coherence[:, -1] > 0.99
+        assert np.any(clear)
+        ratio = view.model.response[clear, -1, 0] / view.measured.response[clear, -1, 0]
+        assert np.max(np.abs(ratio - 1.0)) < 0.2
+        assert page.locator("#linear-panel canvas").count() >= 3
+    finally:
+        site.close()
+        source.close()

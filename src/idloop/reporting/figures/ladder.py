@@ -60,7 +60,8 @@ def ladder_figures(ladder: Ladder, floor: Mapping[str, float] | None = None, the
     plots = []
     forces, outputs = force_lines(ladder), error_lines(ladder)
     if forces:
-        plots.append(_draw(ladder, forces, ("error of the drive force", "%"), {}, theme))
+        alone = f", {forces[0].use} data" if len(forces) == 1 and forces[0].use else ""  # it has no legend
+        plots.append(_draw(ladder, forces, (f"error of the drive force{alone}", "%"), {}, theme))
     if outputs:
         floors = {line.colour: f for line in outputs if (f := (floor or {}).get(line.quantity, np.nan)) > 0.0}
         plots.append(_draw(ladder, outputs, ("NRMSE of the free run", "-"), floors, theme))

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from idloop.diagnosis import Candidate
     from idloop.physics import Model
     from idloop.records import Record
+    from idloop.reporting.frequency_view import FrequencyView
+    from idloop.reporting.residual_findings import ResidualFinding
     from idloop.validation.characteristic import Characteristic
     from idloop.validation.where import Where
 
@@ -41,6 +43,10 @@ class Assessment:
         Measured minus free run.
     errors : dict
         ``fit`` of the free run by output [%] and ``force``, as a step of a ladder has them.
+    frequency : FrequencyView or None
+        Bode plot and poles.
+    residual_tests : tuple of ResidualFinding
+        Of the one-step errors, output by output.
     """
 
     model: Model
@@ -52,6 +58,8 @@ class Assessment:
     error: Array
     errors: dict[str, Any]
     where: Where
+    frequency: FrequencyView | None = None
+    residual_tests: tuple[ResidualFinding, ...] = ()
 
 
 def assess(model: Model, record: Record, report: Report) -> Assessment:
@@ -62,6 +70,8 @@ def assess(model: Model, record: Record, report: Report) -> Assessment:
     InputError, IdloopError
         As `idloop.validation.compare`.
     """
+    from idloop.reporting.frequency_view import frequency_view
+    from idloop.reporting.residual_findings import residual_findings
     from idloop.reporting.scores import comparison_errors
     from idloop.validation import compare
 
@@ -80,6 +90,8 @@ def assess(model: Model, record: Record, report: Report) -> Assessment:
         comparison.measured - simulated,
         comparison_errors(comparison),
         found,
+        frequency_view(comparison),
+        tuple(residual_findings([comparison])),
     )
 
 

@@ -17,8 +17,10 @@ from idloop.documents import read_json
 from idloop.errors import InputError
 from idloop.reporting.figures.characteristic import unknown_figure
 from idloop.reporting.figures.evidence import evidence_figure
+from idloop.reporting.figures.frequency import frequency_figures
 from idloop.reporting.figures.ladder import ladder_figures
 from idloop.reporting.figures.next_experiment import experiment_figures
+from idloop.reporting.figures.residual import residual_figures
 from idloop.reporting.figures.theme import LIGHT, THEMES
 from idloop.reporting.figures.where import error_along
 from idloop.reporting.sensor_noise import REFUTED, least_error
@@ -35,7 +37,7 @@ if TYPE_CHECKING:
 
 PERIOD = 250  # milliseconds between two looks at what is new
 SPANS = (2, 5, 10, 20, 60, 120)  # seconds that a running page shows
-FIGURES = ("where", "evidence", "next", "ladder")
+FIGURES = ("where", "frequency", "residual", "evidence", "next", "ladder")
 TEMPLATE = Path(__file__).with_name("assets") / "page.html"
 
 
@@ -153,12 +155,14 @@ class Page:
         theme = self.look["theme"]
         parts: dict[str, tuple[Any, Callable[[Snapshot], list[Any]]]] = {
             "where": (snapshot.assessment, self._where),
+            "frequency": (snapshot.assessment, self._frequency),
+            "residual": (snapshot.assessment, self._residual),
             "ladder": (snapshot.ladder, self._ladder),
             "evidence": (snapshot.evidence, self._evidence),
             "next": (snapshot.suggestion, self._next),
         }
         for name, (finding, draw) in parts.items():
-            look = (theme, self.look["error"], self.look["variable"]) if name == "where" else (theme,)
+            look = (theme, self.look["error"], self.look["variable"]) if finding is snapshot.assessment else (theme,)
             before = self._drawn.get(name)
             if before is None or before[0] is not finding or before[1] != look:
                 self._drawn[name] = finding, look
@@ -186,6 +190,21 @@ class Page:
                 )
             ]
         return [plot]
+
+    def _frequency(self, snapshot: Snapshot) -> list[Any]:
+        """Of the output whose error is looked at, or the first one."""
+        found = None if snapshot.assessment is None else snapshot.assessment.frequency
+        if found is None:
+            return []
+        names = self.signals.names
+        return frequency_figures(
+            found, names.index(self.look["error"]) if self.look["error"] in names else 0, self._theme
+        )
+
+    def _residual(self, snapshot: Snapshot) -> list[Any]:
+        tests = [] if snapshot.assessment is None else [one.test for one in snapshot.assessment.residual_tests]
+        chosen = next((one for one in tests if one.name == self.look["error"]), tests[0] if tests else None)
+        return [] if chosen is None else residual_figures(chosen, self._theme)
 
     def _evidence(self, snapshot: Snapshot) -> list[Any]:
         found = snapshot.evidence

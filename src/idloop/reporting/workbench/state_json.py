@@ -36,9 +36,11 @@ from idloop.validation.words import percent, short
 if TYPE_CHECKING:
     from idloop.diagnosis import Candidate, Ladder, Step
     from idloop.physics import Model
+    from idloop.reporting.workbench.assessment import Assessment
     from idloop.reporting.workbench.signals import Signals
     from idloop.reporting.workbench.state import Evidence, Missing, Snapshot
     from idloop.validation.characteristic import Characteristic
+    from idloop.validation.residual import ResidualTest
     from idloop.validation.where import ErrorMap
 
 MOST_STRETCHES = 5
@@ -329,8 +331,24 @@ def _assessment(snapshot: Snapshot) -> dict[str, Any] | None:
         "version": model_version(found.model),
         "current": snapshot.assessed,
         "maps": [_map(one) for one in found.where.maps],
+        "outputs": _outputs(found),
+        "poles": [] if found.frequency is None else found.frequency.pole_texts,
         "telling": None if first is None else dict(zip(("error", "variable"), first, strict=True)),
     }
+
+
+def _outputs(found: Assessment) -> list[dict[str, str]]:
+    """What the tests say of the one-step error of each output, the numbers beside its figures."""
+    tests = {one.test.name: one.test for one in found.residual_tests}
+    return [
+        {"name": name, "tests": "" if name not in tests else _tests(tests[name])}
+        for name in (output.name for output in found.model.outputs)
+    ]
+
+
+def _tests(test: ResidualTest) -> str:
+    white = f"{'white' if test.white else 'not white'} (Ljung-Box, {p_text(test.ljung_box_p)})"
+    return f"is {white} and {test.freedom}{f' ({p_text(test.cross_p)})' if test.decided else ''}"
 
 
 def _map(one: ErrorMap) -> dict[str, Any]:

@@ -6,6 +6,7 @@
   const ALONE = 20; // seconds over which a model of a live graph is left alone
   const PATIENCE = 4; // questions without an answer before the page says so
   const STOP_PATIENCE = 1000; // milliseconds that the stop's own server may take
+  const FIRST = 2000; // milliseconds that the figures wait for the first picture of the strips
   const LONGEST = 4000; // milliseconds that an answer may take
   const COMPUTING = "being computed";
   const LEVELS = ["ok", "warning", "error", "silent"];
@@ -141,6 +142,7 @@
     $("corrected").hidden = !state.live || view.shown !== "one_step";
     strips.show({ follow: view.follow ? view.span : null, stretch: view.stretch, shown: view.shown });
     showWhere(state);
+    showLinear(state);
   }
 
   // A live graph is followed; of a recording everything is shown. The model is left alone in both: the view in which it is worst.
@@ -151,6 +153,20 @@
     arranged = text;
     Object.assign(view, { follow: live, shown: "free_run", stretch: null });
     strips.arrange(outputs, input, followed);
+  }
+
+  // Bokeh's code takes as long to read as everything else together: strips and words come first.
+  async function loadFigures() {
+    const end = performance.now() + FIRST;
+    while (!strips.pictures && performance.now() < end) await new Promise((resolve) => setTimeout(resolve, 10));
+    for (const one of $("figures-code").content.querySelectorAll("script")) {
+      if (/bokeh-(gl|tables|mathjax)/.test(one.src)) continue; // no figure needs them
+      const script = make("script", Object.fromEntries([...one.attributes].map(({ name, value }) => [name, value])), one.textContent);
+      const loaded = one.src && new Promise((resolve) => { script.onload = script.onerror = resolve; });
+      document.body.append(script);
+      await loaded;
+    }
+    connect();
   }
 
   function connect() {
@@ -185,7 +201,7 @@
     say("title", `workbench · ${s.title}`);
     render("model", s.effects, () => s.effects.length
       ? [make("span", { class: "plain", style: "background:none;padding:0" }, "with"), ...s.effects.map((e) => make("span", {}, e))]
-      : ["no further effects"]);
+      : ["no effects added"]);
     render("fits", s.head, () => s.head.why ? [make("span", { class: "hint" }, s.head.why)] : s.head.scores.map((one) => tile(one, s.head.pending)));
     $("fits").setAttribute("aria-busy", String(s.head.pending));
     $("stop").hidden = !s.moves;
@@ -246,6 +262,18 @@
         make("b", {}, String(index + 1)),
         make("span", {}, `${one.start.toFixed(2)} to ${one.stop.toFixed(2)} s: ${one.error} of the error in ${one.time} of the time `, make("small", {}, one.text)))),
     ] : []);
+  }
+
+  // Of the output whose error is looked at, or the first one, as the figures are.
+  function showLinear(s) {
+    const found = s.assessment;
+    const one = found?.outputs.find((output) => output.name === shown.error) ?? found?.outputs[0];
+    $("linear-panel").hidden = !found || !(found.poles.length || one?.tests);
+    if ($("linear-panel").hidden) return;
+    $("linear-panel").setAttribute("aria-busy", String(!found.current));
+    say("frequency-hint", found.poles.length ? `From the command to ${one.name}: the measurement and the free run of the model on ${found.record}, by the same estimator (Welch). Only where the coherence is near 1 does the command explain the measurement.` : "");
+    say("poles", found.poles.length ? `Poles of the linear part: ${found.poles.join("; ")}.` : "");
+    say("residual-words", one.tests ? `The one-step error of ${one.name} on ${found.record} ${one.tests}.` : "");
   }
 
   function zoom(one) {
@@ -562,5 +590,5 @@
   }
   setInterval(ask, PERIOD);
   ask();
-  connect();
+  loadFigures();
 })();
