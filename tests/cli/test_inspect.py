@@ -101,7 +101,7 @@ def test_numbers_that_nobody_measures_are_one_line(tmp_path, capsys):
     assert done.stderr == "", "no warning of a library"
 
 
-def _motor(path, *, joints=("motor",), gain=1.0, wrong=(), spike=False):
+def _motor(path, *, joints=("motor",), gain=1.0, wrong=(), spike=False, overflow=False):
     """Bag of joints under random steps; the velocity of those in `wrong` is in rpm."""
     stamps = 10**9 + 10**7 * np.arange(1500)
     commands, states = {}, {}
@@ -114,6 +114,7 @@ def _motor(path, *, joints=("motor",), gain=1.0, wrong=(), spike=False):
             v += 0.01 * (gain * 20.0 * value - 3.0 * v)
         position = np.cumsum(velocity) * 0.01 + 1e-5 * rng.normal(size=1500)
         position[[500, 900]] += 5.0 * spike
+        position[700] += 65535.0 * overflow
         commands[joint] = {"effort": command}
         measured = velocity + 1e-3 * rng.normal(size=1500)
         states[joint] = {"position": position, "velocity": measured * (30 / np.pi if joint in wrong else 1.0)}
@@ -162,3 +163,13 @@ def test_the_plot_marks_the_faulty_places(tmp_path, capsys):
     figure = tmp_path / "figure.svg"
     _run(capsys, _motor(tmp_path / "bad", spike=True), "--plot", figure)
     assert "spikes (2)" in figure.read_text()
+
+
+def test_the_plot_shows_the_motion_beside_an_overflow(tmp_path):
+    from idloop.records import inspect_bag
+    from idloop.reporting.plots.recording import plot_recording
+
+    found = inspect_bag(_motor(tmp_path / "bad", overflow=True))
+    axes = next(one for one in plot_recording(found).axes if one.get_ylabel().startswith("motor.position"))
+    low, high = axes.get_ylim()
+    assert high - low < 1000.0

@@ -51,10 +51,12 @@ def unpack_message(data: bytes) -> bytes:
     Exception
         Any, where it cannot be unpacked within the limit.
     """
+    if data[:4] != ZSTD_MAGIC:
+        return data
     from rosbags.rosbag2 import reader
 
     limit_bag_readers()
-    return vars(reader)["zstd"].decompress(data) if data[:4] == ZSTD_MAGIC else data
+    return bytes(vars(reader)["zstd"].decompress(data))
 
 
 def _replace(module: Any, name: str, value: Any) -> None:

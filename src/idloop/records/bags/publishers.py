@@ -151,6 +151,8 @@ def _other_fields(columns: dict[str, Floats]) -> Mask | None:
     if not columns:
         return None
     given = ~np.isnan(np.column_stack(list(columns.values())))
+    if np.all(given == given[:1]):
+        return None
     kinds, which, counts = np.unique(given, axis=0, return_inverse=True, return_counts=True)
     return None if len(kinds) < 2 else np.asarray(which.ravel() != np.argmax(counts))
 
@@ -193,9 +195,18 @@ def _periods(stamp: Stamps) -> list[float]:
 
 def _chain(stamp: Stamps, period: float, start: int) -> Mask:
     """Follow a grid from one message to the next; points without a message are passed over."""
-    times = stamp.tolist()
-    chosen = np.zeros(len(times), dtype=np.bool_)
+    chosen = np.zeros(stamp.size, dtype=np.bool_)
     tolerance = _ON_GRID * period
+    # Even stamps need no search.
+    steps = np.diff(stamp)
+    step = float(np.median(steps)) if steps.size else 0.0
+    each = round(period / step) if step > 0.0 else 0
+    if each:
+        off = abs(period - each * step) + each * float(np.max(np.abs(steps - step)))
+        if off <= min(tolerance, _ON_GRID * step):
+            chosen[start::each] = True
+            return chosen
+    times = stamp.tolist()
     expected = float(times[start]) if start < len(times) else 0.0
     for row in range(start, len(times)):
         beside = times[row] - expected

@@ -12,6 +12,7 @@ derivatives of the motion, and the second of the command, beside it. Both forms 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from math import factorial
 from weakref import WeakKeyDictionary
 
@@ -31,6 +32,18 @@ PARTS = 12
 PLAIN, _SMOOTH = 3, 6
 
 
+@cache
+def _weights(width: int, power: int, derivative: int) -> Floats:
+    """Weights (width,) of the mean of a derivative over a test function of width 2."""
+    x = (np.arange(width) - 0.5 * (width - 1)) / (0.5 * width)
+    base = np.polynomial.Polynomial([1.0, 0.0, -1.0]) ** power
+    weight = (base.deriv(derivative) if derivative else base)(x)
+    # Exact for polynomials: no lower power of time passes, the power itself does.
+    lower = x[:, None] ** np.arange(derivative)
+    weight -= lower @ np.linalg.lstsq(lower, weight, rcond=None)[0]
+    return np.asarray(weight * (factorial(derivative) / float(np.sum(weight * x**derivative))))
+
+
 @dataclass(frozen=True, eq=False)
 class Projection:
     """Projection of signals on an even grid onto smooth test functions of one width."""
@@ -41,14 +54,8 @@ class Projection:
 
     def kernel(self, derivative: int) -> Floats:
         """Weights (width,) whose sum with a signal is the mean of its derivative over a test function."""
-        x = (np.arange(self.width) - 0.5 * (self.width - 1)) / (0.5 * self.width)
-        base = np.polynomial.Polynomial([1.0, 0.0, -1.0]) ** self.power
-        weight = (base.deriv(derivative) if derivative else base)(x)
-        # Exact for polynomials: no lower power of time passes, the power itself does.
-        lower = x[:, None] ** np.arange(derivative)
-        weight -= lower @ np.linalg.lstsq(lower, weight, rcond=None)[0]
-        scale = factorial(derivative) / (0.5 * self.width * self.period) ** derivative
-        return np.asarray(weight * (scale / float(np.sum(weight * x**derivative))))
+        scale = (0.5 * self.width * self.period) ** derivative
+        return _weights(self.width, self.power, derivative) / scale
 
     def project(self, value: Floats, derivative: int = 0) -> Floats:
         """Mean of a derivative of a signal (n,) over each test function, shape (rows,)."""

@@ -36,6 +36,8 @@ _LOWEST, _HIGHEST = 0.5, 1.25
 _ERRORS = 4.0
 # ... and beside its delay by this share and so many standard errors.
 _SCALE, _CERTAIN = 0.04, 5.0
+# Windows that begin within one.
+_OVERLAP = 16
 # The longest window counts of those whose error is up to this factor, and this share, above the least.
 _LONGEST = (2.0, 0.002)
 # Correlation of its integral with the position below which a velocity of little noise is another signal.
@@ -209,14 +211,16 @@ def _scale(series: Floats, speed: Floats, recorded: Floats) -> Slope | None:
     """
     found = []
     for length in _lengths(series):
-        whole = series[3, length:] == series[3, :-length]
-        moved, area, passed = (series[:3, length:] - series[:3, :-length])[:, whole]
-        under_way = np.abs(moved) > _STILL * np.max(np.abs(moved), initial=0.0)
-        changed = (speed[length:] - speed[:-length])[whole]
-        table = np.column_stack([moved, changed, passed])[under_way]
-        if len(table) * 2 >= _FEWEST_PARTS * length:
+        # Neighbouring windows hold the same motion.
+        every = max(length // _OVERLAP, 1)
+        step = (series[:, length:] - series[:, :-length])[:, ::every]
+        changed = (speed[length:] - speed[:-length])[::every]
+        whole = (step[3] == 0.0) & (np.abs(step[0]) > _STILL * np.max(np.abs(step[0][step[3] == 0.0]), initial=0.0))
+        (moved, area, passed), changed = step[:3, whole], changed[whole]
+        table = np.column_stack([moved, changed, passed])
+        if len(table) * every * 2 >= _FEWEST_PARTS * length:
             # At a nearly constant speed the whole motion looks like a bias.
-            both = [regress(area[under_way], table[:, :count]) for count in (3, 2)]
+            both = [regress(area, table[:, :count]) for count in (3, 2)]
             value, error = (float(part[0]) for part in min(both, key=lambda one: float(one[1][0]))[:2])
             off = min(abs(float(values[0]) - 1.0) - _CERTAIN * float(errors[0]) for values, errors, _ in both)
             found.append((error, length, value, off))

@@ -5,8 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from idloop import drawing
+from idloop.records.inspection.bad_readings import bad_readings, without_bad_readings
 from idloop.records.inspection.excitation import power_spectrum
 from idloop.records.inspection.inspection import Inspection
 
@@ -16,6 +18,8 @@ if TYPE_CHECKING:
 _MOST_ROWS = 6
 # Narrowest mark of a faulty place, as a share of the duration.
 _LEAST_WIDTH = 0.004
+# Faintest line of a spectrum that is drawn, as a share of the strongest.
+_FAINTEST = 1e-9
 _FIELD_UNITS = {"position": "rad or m", "velocity": "rad/s or m/s", "effort": "command unit"}
 
 
@@ -49,7 +53,9 @@ def plot_recording(inspection: Inspection) -> Figure:
             time = (stream.stamp_ns - start) * 1e-9
             draw = drawing.steps if topic == inspection.command_topic else drawing.line
             color = drawing.COMMAND if topic == inspection.command_topic else drawing.MEASURED
-            draw(axes, time, stream.columns()[name], color=color)
+            value = stream.columns()[name]
+            draw(axes, time, value, color=color)
+            _fit_others(axes, value)
             axes.set_ylabel(drawing.label(name, _unit(inspection, name)))
             axes.set_title(topic, loc="left")
             _mark_faults(axes, inspection, name, float(time[-1] - time[0]) if time.size else 0.0)
@@ -58,6 +64,15 @@ def plot_recording(inspection: Inspection) -> Figure:
         _draw_spectrum(figure.add_subplot(grid[len(rows), 0]), inspection)
         _draw_intervals(figure.add_subplot(grid[len(rows), 1]), inspection)
     return figure
+
+
+def _fit_others(axes: Any, value: NDArray[np.float64]) -> None:
+    """Scale to the motion where single readings lie far outside of it; their places are marked."""
+    if bad_readings(value).size:
+        kept = without_bad_readings(value)
+        kept = kept[np.isfinite(kept)]
+        margin = 0.05 * float(np.ptp(kept))
+        axes.set_ylim(float(kept.min()) - margin, float(kept.max()) + margin)
 
 
 def _mark_faults(axes: Any, inspection: Inspection, name: str, duration: float) -> None:
@@ -78,6 +93,7 @@ def _unit(inspection: Inspection, name: str) -> str:
 
 
 def _draw_spectrum(axes: Any, inspection: Inspection) -> None:
+    largest = 0.0
     for index, name in enumerate(inspection.commands):
         stream = inspection.streams[inspection.command_topic]
         stamp, which = np.unique(stream.stamp_ns, return_index=True)
@@ -88,8 +104,12 @@ def _draw_spectrum(axes: Any, inspection: Inspection) -> None:
         frequency, power = power_spectrum((stamp[known] - stamp[0]) * 1e-9, value[known])
         shown = slice(1, None)  # the mean has been removed
         drawing.line(axes, frequency[shown], power[shown], label=name, **drawing.model_look(index))
+        largest = max(largest, float(np.max(power[shown])))
     axes.set_xscale("log")
     axes.set_yscale("log")
+    if largest > 0.0:
+        # Lines without power are rounding errors of any size.
+        axes.set_ylim(_FAINTEST * largest, 3.0 * largest)
     axes.set_title("power of the command", loc="left")
     axes.set_xlabel(drawing.label("frequency", "Hz"))
     axes.set_ylabel(drawing.label("share per line", None))

@@ -15,6 +15,8 @@ _LEVELS, _GAIN = (0.35, 0.5, 0.65, 0.8), 0.35
 _ERRORS = 6.0
 # Share of the time beyond the level, and of the acceleration left by one gain that the change explains.
 _BEYOND, _EXPLAINS = 0.05, 0.3
+# Share of the acceleration above which the command as it is explains enough.
+_ENOUGH = 0.99
 
 
 def check(axis: Axis) -> list[Finding]:
@@ -31,7 +33,7 @@ def check(axis: Axis) -> list[Finding]:
     }
     parts = {level: part for level, part in parts.items() if _BEYOND < np.mean(part != 0.0) < 1.0 - _BEYOND}
     best: tuple[float, float, float] | None = None
-    for found in responses(axis):
+    for found in [one for one in responses(axis) if one.share < _ENOUGH]:
         others = np.column_stack([found.command, found.others, *(found.functions.project(one) for one in drag)])
         for level, part in parts.items():
             table = np.column_stack([found.functions.project(part), others])

@@ -18,6 +18,8 @@ _PASSES, _LAGS, _NEAR = 2.0 ** np.arange(2, 10), 2.0 ** np.arange(-1, 8), 2.0 **
 _WIDEST = 129
 # Share of the acceleration that the limited command explains, and of the rest without a limit that it leaves.
 _EXPLAINED, _LEFT = 0.94, 0.7
+# Share of the acceleration above which the command as it is explains enough.
+_ENOUGH = 0.98
 
 
 def check(axis: Axis) -> list[Finding]:
@@ -29,7 +31,11 @@ def check(axis: Axis) -> list[Finding]:
     span = float(np.ptp(command))
     steepest = float(np.max(np.abs(np.diff(command))))
     passes = _PASSES[steepest > span / _PASSES]
-    plain = [one for one in responses(axis) if one.functions.power == PLAIN and one.functions.width <= _WIDEST]
+    plain = [
+        one
+        for one in responses(axis)
+        if one.functions.power == PLAIN and one.functions.width <= _WIDEST and one.share < _ENOUGH
+    ]
     if not passes.size or not plain:
         return []
     limited = {float(one): _limited(command, span / one) for one in passes}
