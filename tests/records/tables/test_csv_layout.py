@@ -115,6 +115,12 @@ def test_numbers_beside_the_units_hold_for_all_rows(tmp_path):
     assert table.units == {"X": "Sequence", "CH1": "Volt"}
 
 
+def test_numbers_beyond_the_rows_hold_for_all_of_them(tmp_path):
+    table = _read(tmp_path, "X,CH1,Start,Increment,\nSequence,VOLT,-1.2e-02,2.4e-05\n0,1.5\n1,2.5\n2,3.5\n")
+    assert list(table.columns) == ["X", "CH1"]
+    assert table.attributes == {"Start": -0.012, "Increment": 2.4e-05}
+
+
 def test_the_delimiter_that_a_spreadsheet_writes(tmp_path):
     table = _read(tmp_path, "sep=;\nt;u\n0;1,5\n1;2,5\n")
     np.testing.assert_array_equal(table.columns["u"], [1.5, 2.5])

@@ -41,6 +41,7 @@ _LINEAR_UNITS = {"m", "cm", "mm", "um", "in", "m/s", "cm/s", "mm/s", "um/s", "m/
 _NUMBER_IN_NAME = re.compile(r"(?P<before>[A-Za-z]*)[_\- ]?(?P<number>-?\d+(?:[.,]\d+)?)(?P<unit>[A-Za-z%]*)")
 _KNOWN_RANK = 10.0  # a known drive says more than a name
 _FEWEST_ROWS = 10  # that are known to be counted
+_MOST_COMPARED = 20  # columns without a name that are held against the slope of the position
 _ENCODERS = {"enc", "encoder", "count", "counts", "tick", "ticks", "inc"}
 _FEWEST_COUNTS = 200  # of a turn
 _MANY_COUNTS = 1000  # whole numbers as large as this are no angle in rad
@@ -477,13 +478,11 @@ def _velocity_by_slope(
         return
     taken = {one.column for one in chosen.values()} | {one.column for one in given.values()}
     value = columns[place.column].value
+    free = [one for one in columns.values() if one.name not in taken and one.moves and not one.by_name.role]
     found = [
         (slope.correlation, one)
-        for one in columns.values()
-        if one.name not in taken
-        and one.moves
-        and not one.by_name.role
-        and one.value.size == value.size == base.seconds.size
+        for one in free[:_MOST_COMPARED]
+        if one.value.size == value.size == base.seconds.size
         and (slope := _slope_within(base, value, one.value, place)) is not None
     ]
     if found:

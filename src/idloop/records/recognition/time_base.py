@@ -142,9 +142,10 @@ def _disagreement(table: Table, numbers: dict[str, Floats], period: float) -> st
     if not name:
         return ""
     base = _of_column(table, numbers, name, "", "")
-    step = float(np.median(np.diff(base.seconds)))
+    step = float(np.nanmedian(np.diff(base.seconds)))
     possible = [step * SECONDS[unit] / SECONDS[base.units[0]] for unit in base.units]
-    if any(abs(one / period - 1.0) < _SAME for one in possible):
+    # Stamps too coarse to say a period are what a rate is given for.
+    if step <= 0.0 or any(abs(one / period - 1.0) < _SAME for one in possible):
         return ""
     return (
         f"a row every {period:g} s as given, but {name!r} says every {step:.4g} s: leave the rate out to read the time"

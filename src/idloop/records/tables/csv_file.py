@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from idloop.documents import MOST_COLUMNS, MOST_TABLE
 from idloop.errors import InputError
-from idloop.records.tables.csv_layout import GROUPED, Layout, Row, find_layout, is_data, is_number
+from idloop.records.tables.csv_layout import DECIMAL_COMMA, GROUPED, Layout, Row, find_layout, is_data, is_number
 from idloop.spelling import listed
 
 # Consecutive cells of one column: numbers, or texts where one of them is no number.
@@ -27,7 +27,6 @@ Part: TypeAlias = NDArray[np.float64] | list[str]
 _COMMENT = ("#", "%")
 # Lines among which the table is looked for, and rows above which its columns may be named in a comment.
 _FIRST_LINES = 400
-_DECIMAL_COMMA = re.compile(r"\s*[+-]?(\d*),(\d+)(?:[eE][+-]?\d+)?\s*")
 # A delimiter that Excel writes into the first line.
 _SEP = re.compile(r'"?sep=(.)"?\s*', re.IGNORECASE)
 # Cells that are converted at once, and bytes of a file that are decoded at once.
@@ -112,7 +111,9 @@ def _read(path: Path, stream: TextIO, options: dict[str, Any], found: CsvTable, 
     names = layout.names
     if not names and options.get("header") is None:
         names = _names_in_comment("".join(comment[-1:]), layout.delimiter, layout.width)
-    width = max(layout.width, len(layout.names))
+    if any(cell.strip() for row in layout.units for cell in row[layout.width :]):
+        names = names[: layout.width]
+    width = max(layout.width, len(names))
     lines = itertools.chain(first[layout.first :], data)
     rows: Iterator[Row]
     if layout.delimiter == " ":
@@ -146,7 +147,7 @@ def _read(path: Path, stream: TextIO, options: dict[str, Any], found: CsvTable, 
         columns = [[_with_points(part) for part in parts] for parts in columns]
         found.notes.append("its numbers are read with decimal commas")
     found.columns = {name: _joined(parts) for name, parts in zip(names, columns, strict=True)}
-    _note_layout(found, layout, names)
+    _note_layout(found, layout, [*names, *layout.names[len(names) :]])
     return found
 
 
@@ -212,7 +213,7 @@ def _with_points(part: Part) -> Part:
     """Convert numbers that were written with a decimal comma."""
     if isinstance(part, np.ndarray):
         return part
-    return _numbers_or_texts([cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell for cell in part])
+    return _numbers_or_texts([cell.replace(",", ".") if DECIMAL_COMMA.fullmatch(cell) else cell for cell in part])
 
 
 def _joined(parts: Sequence[Part]) -> NDArray[np.float64] | list[Any]:
@@ -351,7 +352,7 @@ def _has_decimal_commas(path: Path, columns: Iterable[Iterable[Part]]) -> bool:
     """Whether numbers are written as 0,5; refused where they could be thousands as well."""
     found, sure = "", False
     for cell in (cell for parts in columns for part in parts if isinstance(part, list) for cell in part):
-        match = _DECIMAL_COMMA.fullmatch(cell)
+        match = DECIMAL_COMMA.fullmatch(cell)
         grouped = GROUPED.fullmatch(cell.strip())
         if grouped and grouped["sign"] == "," and (grouped["part"] or grouped["groups"].count(",") > 1):
             return False  # a comma stands between thousands here

@@ -23,6 +23,7 @@ _TIME = re.compile(r"\d{4}-\d\d-\d\d([T ]\d\d:\d\d(:\d\d([.,]\d+)?)?(Z|[+-]\d\d:
 GROUPED = re.compile(
     r"(?P<head>[-+]?\d{1,3})(?P<groups>(?P<sign>[,.'\s])\d{3}(?:(?P=sign)\d{3})*)(?P<part>(?!(?P=sign))[.,]\d+)?"
 )
+DECIMAL_COMMA = re.compile(r"\s*[+-]?(\d*),(\d+)(?:[eE][+-]?\d+)?\s*")
 # A name in a line whose cells are separated by white space, with the unit behind it.
 _NAME = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?")
 _UNIT_CELL = re.compile(r"\[.*\]|\(.*\)|<.*>|-|[%°µΩa-zA-Z²³·/*^.0-9]{1,8}")
@@ -162,7 +163,10 @@ def _header_rows(lines: Sequence[str], rows: Sequence[Row], first: int, width: i
         if delimiter == " " and len(row) != width:
             row = _NAME.findall(lines[k])
         cells = [cell.strip() for cell in row]
-        fits = used <= len(row) and not any(cells[width:])
+        # What holds for all rows may stand beyond the last of their columns, with its name above.
+        beyond = sum(map(bool, cells[width:]))
+        once = _are_units(cells) and all(map(is_number, filter(None, cells[width:])))
+        fits = used <= len(row) and (not beyond or once or (block and beyond == sum(map(bool, block[0][width:]))))
         numbers = sum(map(is_number, cells))
         if not fits or not any(cells):
             break

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.records.tables.csv_layout import GROUPED, is_number
+from idloop.records.tables.csv_layout import DECIMAL_COMMA, GROUPED, is_number
 from idloop.records.tables.table import Table
 from idloop.spelling import listed
 
@@ -24,7 +24,6 @@ _CLOCK = re.compile(
 _DAY, _HOUR = 86_400.0, 3_600.0
 # Cells that tell what kind of column it is.
 _FIRST = 200
-_DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+")
 
 
 def read_texts(table: Table) -> None:
@@ -81,6 +80,10 @@ def _clock(cells: list[Any]) -> Floats | None:
 def _joined_groups(table: Table, name: str, cells: list[Any], *, points: bool) -> list[Any]:
     """Join groups of thousands where it is certain that they are: `points` are the decimal sign of other columns."""
     found = ((place, GROUPED.fullmatch(cell)) for place, cell in enumerate(cells) if isinstance(cell, str))
+    if 2 * sum(_is_value(cell) or GROUPED.fullmatch(cell) is not None for cell in cells[:_FIRST]) <= len(
+        cells[:_FIRST]
+    ):
+        return cells
     grouped = {place: match for place, match in found if match is not None}
     if len({match["sign"] for match in grouped.values()}) != 1:
         return cells
@@ -120,7 +123,7 @@ def _numbers(table: Table, name: str, cells: list[Any]) -> Floats | None:
 
 
 def _is_written_otherwise(cell: str) -> bool:
-    return GROUPED.fullmatch(cell) is not None or _DECIMAL_COMMA.fullmatch(cell) is not None
+    return GROUPED.fullmatch(cell) is not None or DECIMAL_COMMA.fullmatch(cell) is not None
 
 
 def _is_value(cell: Any) -> bool:
