@@ -89,7 +89,7 @@ def _gains(joint: str, axes: Mapping[str, Axis]) -> list[Finding]:
     known = {
         name: found
         for name, axis in axes.items()
-        if (found := response(axis)) is not None and abs(found.certainty) > _CERTAIN and found.share > _SHARE
+        if (found := response(axis, _SHARE)) is not None and abs(found.certainty) > _CERTAIN
     }
     if len(known) < 2:
         return []

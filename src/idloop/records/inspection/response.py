@@ -172,9 +172,13 @@ def _responses(axis: Axis) -> list[Response]:
     return found
 
 
-def response(axis: Axis) -> Response | None:
-    """Return the balance with the most certain gain; None without a command that changes, or too few samples."""
-    return max(responses(axis), key=lambda one: abs(one.certainty), default=None)
+def response(axis: Axis, share: float = 0.0) -> Response | None:
+    """Return the balance with the most certain gain, of those in which the command explains at least a share.
+
+    None where there is none: without a command that changes, or with too few samples.
+    """
+    enough = [one for one in responses(axis) if one.share >= share]
+    return max(enough, key=lambda one: abs(one.certainty), default=None)
 
 
 def _response(

@@ -18,8 +18,8 @@ _ERRORS, _SHARE = 6.0, 0.2
 
 def check(axis: Axis) -> list[Finding]:
     """Estimate the sign of the acceleration that the command gives."""
-    found = response(axis)
-    if found is None or axis.grid is None or found.certainty > -_ERRORS or found.share < _SHARE:
+    found = response(axis, _SHARE)
+    if found is None or axis.grid is None or found.certainty > -_ERRORS:
         return []
     if float(np.nanmean(axis.grid.command * axis.grid.speed)) > 0.0:
         return []
