@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
+from idloop.records.formats.clock_names import known_clock_unit
 from idloop.records.formats.known_columns import recognise as known_drive
 from idloop.records.inspection.motion import white_noise
 from idloop.records.recognition.column_name import ColumnName, parse_column_name
@@ -258,8 +259,7 @@ def _time(table: Table, numbers: dict[str, Floats], given: Given | None, period:
 
 
 def _clock_unit(table: Table, clock: str) -> Any:
-    unit = known_unit(table.units.get(clock, ""))
-    return unit if unit in SECONDS else "s"
+    return known_clock_unit(table.units.get(clock, "")) or "s"
 
 
 def _of_known_drive(columns: dict[str, _Column], sources: Map[str, Map[str, str]]) -> None:
