@@ -32,6 +32,19 @@ def test_the_true_model_misses_the_force_by_what_the_sensors_noise_makes(name: s
     assert found.noise == pytest.approx(beyond, rel=0.35)
 
 
+def test_motion_under_a_white_command_is_not_taken_for_noise() -> None:
+    model, rng = load_model("dc_motor"), np.random.default_rng(3)
+    time = np.arange(0.0, 30.0, 0.01)
+    command = 2.0 * rng.normal(size=len(time))
+    noise = 0.1 * rng.normal(size=(len(time), 2)) * [float(o.noise or 0.0) for o in model.outputs]
+    output = simulate(model, time, command, time, noise=noise).output
+    units = tuple(o.unit for o in model.outputs)
+    record = Record("run", time, command, time, output, model.input.name, model.input.unit, model.output_names, units)
+    found = force_error(model, record)
+    assert found.trusted
+    assert found.noise <= found.relative < 0.1
+
+
 def test_a_force_error_that_is_the_sensors_own_is_not_told() -> None:
     model = load_model("axis")
     quiet, loud = model_errors(model, [moved(model, 1.0)]), model_errors(model, [moved(model, 300.0)])

@@ -112,8 +112,11 @@ def force_error(model: Model, record: Record, cutoff: float | None = None) -> Fo
             f"record {record.name!r}: "
             + ("the command is zero" if idle else "the drive of this model makes no force of the command")
         )
+    relative = float(np.linalg.norm(forces[:, 1] - forces[:, 0])) / size
+    # White motion has the spectrum of noise; but noise cannot be more than the error that it is a part of.
+    noise = min(_of_noise(model, m.noise) * float(np.sqrt(len(forces))) / size, relative)
     return ForceError(
-        relative=float(np.linalg.norm(forces[:, 1] - forces[:, 0])) / size,
+        relative=relative,
         time=m.time[kept],
         applied=forces[:, 0],
         required=forces[:, 1],
@@ -122,7 +125,7 @@ def force_error(model: Model, record: Record, cutoff: float | None = None) -> Fo
         cutoff=m.cutoff,
         band=m.comparison_band,
         noise_share=float(np.max(m.noise_share)),
-        noise=_of_noise(model, m.noise) * float(np.sqrt(len(forces))) / size,
+        noise=noise,
         rest_speed=rest,
     )
 
