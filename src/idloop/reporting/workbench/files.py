@@ -82,8 +82,9 @@ def commands(snapshot: Snapshot) -> list[str]:
     if not fitted:
         return []
     judged = f" --validate {unseen}" if unseen else ""
+    chosen = "".join(f" {shlex.quote(word)}" for word in snapshot.options)
     return [
         *(f"idloop compare {MODEL} {shlex.quote(path)}" for path in (*snapshot.validate, *snapshot.bags)),
-        f"idloop diagnose {MODEL} {fitted}",
-        f"idloop refine {MODEL} {fitted}{judged} --output RUN",
+        f"idloop diagnose {MODEL} {fitted}{chosen}",
+        f"idloop refine {MODEL} {fitted}{judged}{chosen} --output RUN",
     ]

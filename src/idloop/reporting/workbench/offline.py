@@ -67,6 +67,7 @@ class OfflineSource:
                 recordings=tuple(names),
                 bags=tuple(map(str, paths[0])),
                 validate=tuple(map(str, paths[1])),
+                options=study.options,
             )
         )
         self._coordinator = Coordinator(self.state)

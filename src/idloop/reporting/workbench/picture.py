@@ -39,7 +39,7 @@ def take_picture(address: str, file: Path, *, add: int = 0, dark: bool = False, 
     IdloopError
         The workbench could not do what was asked.
     """
-    from playwright.sync_api import sync_playwright
+    from playwright.sync_api import Error, sync_playwright
 
     with sync_playwright() as driver:
         browser = driver.chromium.launch(
@@ -51,7 +51,10 @@ def take_picture(address: str, file: Path, *, add: int = 0, dark: bool = False, 
             device_scale_factor=1.25,
         )
         page.set_default_timeout(LONG)
-        page.goto(address)
+        try:
+            page.goto(address)
+        except Error as error:
+            raise IdloopError(f"no workbench answers at {address}: {str(error).splitlines()[0]}") from error
         page.wait_for_selector("body[data-ready]")
         page.wait_for_selector("#stretches button")
         if page.is_visible("#stop"):

@@ -207,6 +207,8 @@ class Snapshot:
         That may be shown, and `shown`, which of them is.
     bags, validate : tuple of str
         Paths of the recordings that are fitted, and of those that no fit sees; empty where nobody has said.
+    options : tuple of str
+        Words of the command line for how they are judged.
     """
 
     version: int = 0
@@ -233,6 +235,7 @@ class Snapshot:
     shown: int = 0
     bags: tuple[str, ...] = ()
     validate: tuple[str, ...] = ()
+    options: tuple[str, ...] = ()
 
     @property
     def effects(self) -> tuple[str, ...]:

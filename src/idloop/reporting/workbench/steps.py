@@ -47,6 +47,24 @@ class Study:
     duration: float | None = None
     minimum_improvement: float = 0.01
 
+    @property
+    def options(self) -> tuple[str, ...]:
+        """Words of the command line for how the data are judged; none for what is left as usual."""
+        given = {
+            "--level": self.level,
+            "--criterion": self.criterion,
+            "--seed": self.seed,
+            "--minimum-improvement": 100.0 * self.minimum_improvement,
+        }
+        usual = (0.01, "auto", 0, 1.0)
+        words = [
+            w
+            for (name, value), plain in zip(given.items(), usual, strict=True)
+            if value != plain
+            for w in (name, f"{value}")
+        ]
+        return (*words, *(word for name in self.effects for word in ("--effects", name)))
+
 
 @dataclass(frozen=True)
 class Found:
