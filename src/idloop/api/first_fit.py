@@ -84,7 +84,9 @@ class FirstFit:
     notes: tuple[str, ...] = ()
 
 
-def first_fit(kind: FirstModel, bags: Sequence[Path], *, fitted: bool, progress: Progress) -> FirstFit:
+def first_fit(
+    kind: FirstModel, bags: Sequence[Path], *, fitted: bool, refused: str = "", progress: Progress
+) -> FirstFit:
     """Fit a model of one body to bags.
 
     Parameters
@@ -93,6 +95,8 @@ def first_fit(kind: FirstModel, bags: Sequence[Path], *, fitted: bool, progress:
     bags : sequence of Path
     fitted : bool
         Else only rough values are found.
+    refused : str
+        Why these bags are of no use for a fit; empty where they are.
     progress : callable
     """
     from idloop.api.data import read_bags
@@ -104,7 +108,10 @@ def first_fit(kind: FirstModel, bags: Sequence[Path], *, fitted: bool, progress:
         model = kind.model(read_bags(long, model, fitted=False))
         if not fitted:
             return FirstFit(model, why_not="not asked for", asked=False, bags=long, notes=notes)
-        found = fit(model, read_bags(long, model), progress=progress)
+        records = read_bags(long, model)  # refuses what no fit can use
+        if refused:
+            return FirstFit(model, why_not=refused, bags=long, notes=notes)
+        found = fit(model, records, progress=progress)
     except InputError as error:
         return FirstFit(model, why_not=str(error), asked=fitted)
     return judged(FirstFit(model, found, bags=long, notes=notes))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -319,19 +319,17 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
         {one.role: base_unit_of(one) for one in motion_of(log.recognition)},
         measured=any(one.kind == MEASURED for inspection in inspections for one in inspection.findings),
     )
-    # A record whose fault spoils every fit would spoil the others' as well.
+    # A record whose fault spoils every fit would spoil the others' as well; one of no use may serve beside others.
     spoilt = next((one for one in inspections if any(EVERYTHING in fault.spoils for fault in one.faults)), None)
+    useless = len(inspections) == 1 and inspections[0].grade == f"{NOT_USABLE} {EVERYTHING}"
     if command is None:
         done = FirstFit(kind.model(), why_not="no command", asked=False)
     elif spoilt is not None and fitted:
         turned = any(fault.kind == _TURNED for fault in spoilt.faults)
         done = FirstFit(kind.model(), why_not=f"{spoilt.path.name}: {spoilt.grade_reason}", reversed=turned)
     else:
-        done = first_fit(kind, bags, fitted=fitted, progress=part(progress, 0.4, 1.0))
-        alone = len(inspections) == 1 and inspections[0].grade == f"{NOT_USABLE} {EVERYTHING}"
-        if alone and (done.fit is not None or done.incomplete):
-            # Beside others such a record may serve.
-            done = replace(done, fit=None, incomplete=False, why_not=inspections[0].grade_reason)
+        refused = inspections[0].grade_reason if useless else ""
+        done = first_fit(kind, bags, fitted=fitted, refused=refused, progress=part(progress, 0.4, 1.0))
     write_text(folder / MODEL, done.model.to_yaml())
     if done.fit is not None:
         write_text(folder / FITTED, done.fit.model.to_yaml())
