@@ -125,9 +125,9 @@ GOOD: dict[str, Column] = {
     "rounded": lambda random, t, seen, v: _steps(random, v, cut=False),
     "rounded to zero": lambda random, t, seen, v: _steps(random, v, cut=True),
     "bias": lambda random, t, seen, v: v + random.uniform(-0.5, 0.5) * np.std(v),
-    "scale of 10 % off": lambda random, t, seen, v: random.choice([0.9, 1.1]) * v,
 }
 BAD: dict[str, Column] = {
+    "scale of 10 % off": lambda random, t, seen, v: random.choice([0.9, 1.1]) * v,
     "zero": lambda random, t, seen, v: np.zeros(v.size),
     "a constant": lambda random, t, seen, v: np.full(v.size, 2.0 * np.std(v)),
     "rpm": lambda random, t, seen, v: 30.0 / np.pi * v,

@@ -127,19 +127,18 @@ def velocity_slope(time: Floats, position: Floats, velocity: Floats) -> Slope | 
     least = _ABOVE * max(_step(where), white_noise(where), _step(speed) * passed)
     noise = _ABOVE * white_noise(speed) * (float(np.median(np.diff(speed_time))) * passed) ** 0.5
     plain = _slope(sums[:, :2, :2], least, noise)
-    scale = (
-        None
-        if plain is None or plain.wrong
-        else _scale(series[:, some], np.interp(when, speed_time, speed)[some], speed)
-    )
-    if scale is not None:
-        return scale
     # A bias of the velocity must not change the slope, but at a nearly constant speed only the whole motion shows it.
     across = sums[:, :2, 2]
     freed = _slope(sums[:, :2, :2] - across[:, :, None] * across[:, None, :] / sums[:, 2:, 2:], least, noise)
     if plain is None or freed is None:
         return plain
-    return replace(min(plain, freed, key=lambda one: one.error), wrong=plain.wrong and freed.wrong)
+    found = replace(min(plain, freed, key=lambda one: one.error), wrong=plain.wrong and freed.wrong)
+    # A delay makes the slope beside the increment of the velocity larger than 1, and the slope alone smaller.
+    off = [one.value - 1.0 for one in (plain, freed)]
+    if found.wrong or min(np.abs(off)) < 0.5 * _SCALE or off[0] * off[1] < 0.0:
+        return found
+    scale = _scale(series[:, some], np.interp(when[some], speed_time, speed), speed)
+    return scale if scale is not None and (scale.value - 1.0) * off[0] > 0.0 else found
 
 
 def _known(time: Floats, value: Floats) -> tuple[Floats, Floats]:
