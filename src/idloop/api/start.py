@@ -300,6 +300,7 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
     from idloop.records.inspection.measured_input import KIND as MEASURED
     from idloop.records.recognition.mapping_file import motion_of, text_of
     from idloop.records.recognition.recognise import base_unit_of
+    from idloop.records.recognition.roles import measured_by_name
     from idloop.records.tables.importing import import_bag
     from idloop.reporting.plots.recognition import plot_recognition
 
@@ -317,7 +318,8 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
         joint,
         base_unit_of(command) if command is not None else "",
         {one.role: base_unit_of(one) for one in motion_of(log.recognition)},
-        measured=any(one.kind == MEASURED for inspection in inspections for one in inspection.findings),
+        measured=(command is not None and measured_by_name(command.column))
+        or any(one.kind == MEASURED for inspection in inspections for one in inspection.findings),
     )
     # A record whose fault spoils every fit would spoil the others' as well; one of no use may serve beside others.
     spoilt = next((one for one in inspections if any(EVERYTHING in fault.spoils for fault in one.faults)), None)

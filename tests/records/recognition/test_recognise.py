@@ -16,6 +16,7 @@ from idloop.errors import InputError
 from idloop.records.recognition.guess import Given
 from idloop.records.recognition.mapping_file import mapping_of, text_of
 from idloop.records.recognition.recognise import recognise_table
+from idloop.records.recognition.roles import measured_by_name
 from idloop.records.tables.mapping import parse_mapping
 from idloop.records.tables.table import Table
 
@@ -285,3 +286,33 @@ def test_any_table_is_recognised_as_a_mapping_that_is_valid_or_refused(columns, 
         return
     content = mapping_of(found, "log", "axis")
     assert parse_mapping(YAML(typ="safe").load(text_of(content)), "mapping.yaml").joint == "axis"
+
+
+def test_an_output_that_follows_the_command_is_a_velocity():
+    roles, found = _roles({"t": T, "r": 2.0 * np.sign(U), "u": U, "y": SPEED})
+    assert roles["velocity"][0] == "y"
+    assert roles["reference velocity"][0] == "r"
+    assert any("may be a position or a velocity" in doubt for doubt in found.all_doubts())
+
+
+def test_an_output_that_does_not_follow_the_command_is_a_position():
+    roles, found = _roles({"t": T, "u": U, "y": ANGLE})
+    assert roles["position"][0] == "y"
+    assert any("may be a position or a velocity" in doubt for doubt in found.all_doubts())
+    assert "velocity" in _roles({"t": T, "u": U, "y": ANGLE}, given={"velocity": Given("y")})[0]
+
+
+def test_a_velocity_in_hertz_is_in_turns_per_second():
+    roles, found = _roles({"t": T, "u": U, "velocity measured [Hz]": SPEED})
+    assert roles["velocity"] == ("velocity measured [Hz]", "rev/s")
+    assert any("turns per second" in doubt for doubt in found.all_doubts())
+
+
+def test_a_log_without_a_command_lists_its_columns():
+    with pytest.raises(InputError, match="name one of t, angle, temperature, a with"):
+        _roles({"t": T, "angle": ANGLE, "temperature": 20.0 + 0.0 * T, "a": 0.0 * T}, given={})
+
+
+@pytest.mark.parametrize(("column", "measured"), [("iq_measured", True), ("current", False), ("torque cmd", False)])
+def test_a_measured_force_is_known_by_its_name(column, measured):
+    assert measured_by_name(column) is measured

@@ -40,6 +40,7 @@ _LINEAR_WORDS = {"x", "stage", "slide", "carriage", "stroke", "displacement", "d
 _LINEAR_FORCES = {"N", "mN", "kN", "kip", "lbf"}
 _LINEAR_UNITS = {"m", "cm", "mm", "um", "in", "m/s", "cm/s", "mm/s", "um/s", "m/min", "mm/min", "in/s"}
 _NUMBER_IN_NAME = re.compile(r"(?P<before>[A-Za-z]*)[_\- ]?(?P<number>-?\d+(?:[.,]\d+)?)(?P<unit>[A-Za-z%]*)")
+_IN_HERTZ = re.compile(r"[\[(_ ]hz[\])]?$", re.IGNORECASE)
 _KNOWN_RANK = 10.0  # a known drive says more than a name
 _FEWEST_ROWS = 10  # that are known to be counted
 _MOST_COMPARED = 20  # columns without a name that are held against the slope of the position
@@ -216,6 +217,7 @@ def recognise_table(
         if guess is not None:
             chosen[role] = guess
             columns |= _columns_of(guess, columns, numbers)
+    _output(columns, chosen, given)
     _by_data(base, columns, chosen, given)
     _set_point(columns, chosen, given)
     _no_command(table, chosen, given, doubts)
@@ -429,6 +431,21 @@ def _by_name(role: str, columns: dict[str, _Column], chosen: dict[str, Guess], g
     return _with_unit(guess, given.get(role, Given()).unit)
 
 
+def _output(columns: dict[str, _Column], chosen: dict[str, Guess], given: Map[str, Given]) -> None:
+    """Decide whether an output ``y`` is a position or a velocity."""
+    place, command = chosen.get("position"), chosen.get("command")
+    named = given.keys() & set(MOTION) or "velocity" in chosen
+    if place is None or command is None or named or place.unit or parse_column_name(place.column).words != ("y",):
+        return
+    driven = columns.get(command.column)
+    if driven is not None and _follows(columns[place.column].value, driven.value):
+        del chosen["position"]
+        chosen["velocity"] = replace(place, role="velocity", reason="an output that is large where the command is")
+    doubt = f"{place.column!r} may be a position or a velocity: --position {place.column} or --velocity {place.column}"
+    role = "velocity" if "velocity" in chosen else "position"
+    chosen[role] = chosen[role].with_doubt(doubt)
+
+
 def _by_data(base: TimeBase, columns: dict[str, _Column], chosen: dict[str, Guess], given: Map[str, Given]) -> None:
     """Fill roles whose columns have names that say nothing: a command jumps, a motion is smooth."""
     _velocity_by_slope(base, columns, chosen, given)
@@ -580,8 +597,9 @@ def _no_command(table: Table, chosen: dict[str, Guess], given: Map[str, Given], 
             else ""
         )
         raise InputError(
-            f"{table.path}: no column is a command (force, torque, current, voltage, duty cycle){loop}; name one with"
-            " --command COLUMN, give a constant with --command VALUE=UNIT, or leave it out with --command none"
+            f"{table.path}: no column is a command (force, torque, current, voltage, duty cycle){loop}; name one of"
+            f" {listed(table.columns, 20)} with --command COLUMN, give a constant with --command VALUE=UNIT, or leave"
+            " it out with --command none"
         )
 
 
@@ -629,6 +647,10 @@ def _units(base: TimeBase, chosen: dict[str, Guess], columns: dict[str, _Column]
         base = _related(base, chosen, columns, linear=linear, given=given)
     elif place is not None and not place.unit:
         chosen["position"] = _position_alone(place, columns[place.column].value, linear=linear)
+    elif speed is not None and not speed.unit and _IN_HERTZ.search(speed.column):
+        chosen["velocity"] = replace(speed, unit="rev/s").with_doubt(
+            f"the velocity is in hertz, taken as turns per second: --velocity '{speed.column}=UNIT'"
+        )
     elif speed is not None and not speed.unit:
         unit = "m/s" if linear else "rad/s"
         chosen["velocity"] = replace(speed, unit=unit).with_doubt(

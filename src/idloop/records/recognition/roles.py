@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from idloop.records.formats.clock_names import TIME_WORDS
-from idloop.records.recognition.column_name import ColumnName
+from idloop.records.recognition.column_name import ColumnName, parse_column_name
 from idloop.records.tables.base_units import SECONDS
 
 Signal = Literal[
@@ -130,6 +130,8 @@ def role_by_name(name: ColumnName) -> RoleByName:
         return RoleByName("other", 0.0, "")
     if words & _OTHER and not kind:
         return RoleByName("", 0.0, "")
+    if words == {"r"} and not unit:
+        return RoleByName("reference", 1.0, _because(words, unit))
     if kind == "force":
         order = next((k for k, some in enumerate(_ORDER) if words & some), len(_ORDER) - 1)
         if measured and not wanted:
@@ -147,6 +149,11 @@ def role_by_name(name: ColumnName) -> RoleByName:
     if wanted:
         return RoleByName("reference", 1.0, _because(wanted, unit))
     return RoleByName("", 0.0, "")
+
+
+def measured_by_name(column: str) -> bool:
+    """Whether the name of a column says that a force, torque, current or voltage was measured: ``iq_measured``."""
+    return role_by_name(parse_column_name(column)).role == "effort"
 
 
 def may_be_supply(name: ColumnName) -> bool:
