@@ -19,6 +19,8 @@ _REST = (0.002, 0.02)
 # Standard errors of the gain below which the command shows no effect, and share of the command that friction and
 # position explain where it is too slow.
 _ERRORS, _SLOW = 3.0, 0.8
+# ... and how many times as many where the balance contains a resonance.
+_RESONANT = 4.0
 # ... and the share of the acceleration, beside friction, above which it is visible all the same, in one part only.
 _VISIBLE = 0.3
 # Share of the command that follows from speed, friction and position, above which the inertia makes less than three
@@ -111,8 +113,12 @@ def _slow(axis: Axis) -> list[Finding]:
     found = response(axis)
     if found is None:
         return []
-    plain = [one.share for one in responses(axis) if one.functions.power == PLAIN]
-    visible = abs(found.certainty) > _ERRORS or max(plain) > _VISIBLE
+    # With the higher derivatives of a resonance more terms may look like the command by chance.
+    visible = abs(found.certainty) > _RESONANT * _ERRORS
+    plain = [one for one in responses(axis) if one.functions.power == PLAIN]
+    if plain:
+        visible |= any(abs(one.certainty) > _ERRORS or one.share > _VISIBLE for one in plain)
+        found = max(plain, key=lambda one: abs(one.certainty))
     if visible and found.motion_share < _ALL:
         return []
     name = axis.command_name
