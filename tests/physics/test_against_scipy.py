@@ -6,6 +6,7 @@ from scipy.integrate import solve_ivp
 
 from idloop.physics import Model, load_model, simulate
 from idloop.physics.engine import Engine
+from idloop.physics.kernel import LEAST_SAMPLES
 
 TIME = np.arange(0.0, 5.0, 0.02)
 COMMAND = np.random.default_rng(3).uniform(-1.0, 1.0, len(TIME))
@@ -166,3 +167,22 @@ def test_long_exact_steps_agree_with_short_ones(name: str, at: str, values: dict
     hair = time + 4e-8 * np.arange(500) % 3.7e-6
     short = engine.simulate(None, hair, command, hair)
     np.testing.assert_allclose(even, short, atol=1e-3 * np.max(np.abs(short)))
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        [],
+        ["coulomb_friction@axis(level=0.1)"],
+        ["cogging@axis(amplitude=0.05, harmonic=3)", "quadratic_drag@axis(coefficient=0.1)"],
+    ],
+)
+def test_exact_steps_between_uneven_stamps_agree_with_runge_kutta_steps(effects):
+    """A body that is much faster than its uneven stamps; a record of few samples has no exact steps."""
+    model = load_model("axis").with_values({"axis.viscous_friction": 20.0}).with_effects(effects)
+    rng = np.random.default_rng(0)
+    time = np.cumsum(0.02 + 5e-4 * rng.standard_normal(LEAST_SAMPLES + 1))
+    command = np.repeat(rng.uniform(-4.0, 4.0, LEAST_SAMPLES), 10)[: len(time)]
+    exact = simulate(model, time, command, time).output[:-2]
+    steps = simulate(model, time[:-2], command[:-2], time[:-2]).output
+    np.testing.assert_allclose(exact, steps, atol=2e-5 * np.max(np.abs(steps)))

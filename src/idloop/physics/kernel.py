@@ -40,8 +40,9 @@ RUN_AWAY = 1e9
 EVENTS_PER_STEP = 64
 # Steps with a smaller relative difference share their matrices.
 SAME_STEP = 1e-6
-# Exact steps span the even step of a record, or a half, a quarter, an eighth of it.
-LEVELS = 4
+# Exact steps span the even step of a record, or a half, a quarter, an eighth of it; over an uneven step, the parts that
+# it has in the binary system.
+LEVELS, PARTS = 4, 12
 # Fewest samples of a record for the matrices.
 LEAST_SAMPLES = 64
 # Largest second difference of the forces over an exact step, relative to them: beyond it is a discontinuity.
@@ -98,7 +99,7 @@ class Flow(NamedTuple):
     """
 
     duration: Any  # (2,) [s], 0 where there is none
-    matrices: Any  # (2, LEVELS, 9 n, 2 n)
+    matrices: Any  # (2, PARTS, 9 n, 2 n)
     stage: Any  # (5, 2 n) buffer for the stages of a step
     force: Any  # (4, n)
 
@@ -779,25 +780,33 @@ def advance_exactly(
     axis: Axis, command: float, duration: float, state: Any, work: Any, flow: Flow, gaps: bool
 ) -> float:  # fmt: skip
     """Take exact steps while there is no event; return the time that they cover."""
-    slot = -1
+    slot, levels, longest = -1, LEVELS, duration
     for i in range(2):
         if abs(duration - flow.duration[i]) < SAME_STEP * flow.duration[i]:
             slot = i
+    if slot < 0 and flow.duration[0] > 0.0:
+        slot = 0 if flow.duration[0] >= flow.duration[1] else 1
+        levels, longest = PARTS, flow.duration[slot]
     if slot < 0 or gaps:  # contact is possible at any instant
         return 0.0
     n = axis.inertia.shape[0]
     rate = axis.constants[BEYOND]
     for i in range(n):
         rate = max(rate, axis.spatial_rate[i] * abs(state[FIRST + n + i]))
-    level, pieces = 0, 1
-    while level < LEVELS and pieces < rate * duration:
+    level, step = 0, longest
+    while level < levels and rate * step > 1.0:
         level += 1
-        pieces *= 2
-    if level == LEVELS or not 2.0 * pieces <= axis.constants[RATE] * duration:
-        return 0.0
+        step *= 0.5
     dry = axis.friction_hooks.shape[0] > 0
-    step, covered = duration / pieces, 0.0
-    while covered < (1.0 - SAME_STEP) * duration:
+    covered = 0.0
+    # A step without two Runge-Kutta steps in it gains nothing.
+    while level < levels and axis.constants[RATE] * step >= 2.0:
+        if step > (1.0 + SAME_STEP) * (duration - covered):
+            if duration - covered <= SAME_STEP * duration:
+                return duration
+            level += 1
+            step *= 0.5
+            continue
         if dry:
             choose_directions(axis, command, state, work)
             for i in range(n):
@@ -807,14 +816,11 @@ def advance_exactly(
             return covered
         if dry and not keeps_direction(axis, step, state, work, flow):
             level += 1
-            pieces *= 2
-            if level == LEVELS or not 2.0 * pieces <= axis.constants[RATE] * duration:
-                return covered
             step *= 0.5
             continue
         accept(axis, command, step, -1, state, work)
         covered += step
-    return duration
+    return covered
 
 
 @inner
@@ -1041,7 +1047,7 @@ def no_flow(bodies: int) -> Flow:
 
 @entry
 def chain_flow(axis: Axis, command_time: Any, time: Any) -> Flow:
-    """Flow over the even steps of a record, where there are any and the chain is faster than they are."""
+    """Flow over the steps of a record and their parts, where the chain is faster than they are."""
     n = axis.inertia.shape[0]
     none = no_flow(n)
     if time.shape[0] < LEAST_SAMPLES or np.max(axis.output_delay) > 0.0:
@@ -1057,7 +1063,7 @@ def chain_flow(axis: Axis, command_time: Any, time: Any) -> Flow:
         late = (command_time[0] + axis.constants[DELAY] - time[0]) % even
         if SAME_STEP * even < late < (1.0 - SAME_STEP) * even:
             duration[0], duration[1] = late, even - late
-    matrices = np.zeros((2, LEVELS, 9 * n, 2 * n))
+    matrices = np.zeros((2, PARTS, 9 * n, 2 * n))
     for slot in range(2):
         if duration[slot] > 0.0:
             exponentials(axis, duration[slot], matrices[slot])
@@ -1069,7 +1075,7 @@ def exponentials(axis: Axis, duration: float, matrices: Any) -> None:
     """Matrices of all levels: phi functions of the chain, by Taylor series of a small step and doubling."""
     n = axis.inertia.shape[0]
     unit, chain = np.eye(2 * n), axis.chain
-    halvings = LEVELS
+    halvings = PARTS
     largest = np.max(np.abs(chain).sum(axis=1))
     while largest * duration > 0.5 * 2.0**halvings and halvings < 40:
         halvings += 1
@@ -1085,14 +1091,14 @@ def exponentials(axis: Axis, duration: float, matrices: Any) -> None:
     for halving in range(halvings, -1, -1):
         # phi is that of duration / 2^halving
         step = duration / 2.0**halving
-        if halving < LEVELS:
+        if halving < PARTS:
             to = matrices[halving]
             to[: 2 * n] = phi[0].T
             for weight, place in ((phi[1] - 3.0 * phi[2] + 4.0 * phi[3], 5), (2.0 * phi[2] - 4.0 * phi[3], 6),
                                   (4.0 * phi[3] - phi[2], 7), (phi[1], 8)):  # fmt: skip
                 for i in range(n):
                     to[place * n + i] = step * weight[:, n + i] / axis.inertia[i]
-        if 1 <= halving <= LEVELS:
+        if 1 <= halving <= PARTS:
             to = matrices[halving - 1]
             to[2 * n : 4 * n] = phi[0].T
             for i in range(n):
