@@ -191,7 +191,7 @@ class _Refinement:
             return ladder
         # Predictions would take for noise what the balance leaves beyond its noise: they evaluate only what the balance
         # cannot show. Where they need no whitening they are the more sensitive view.
-        balanced = last.usable and any(fit.problem.orders)
+        balanced = last.reliable and any(fit.problem.orders)
         view = view.beside(ladder.model, balanced=balanced)
         if view.choices(ladder.model) == []:
             return ladder

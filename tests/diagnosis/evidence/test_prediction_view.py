@@ -8,8 +8,15 @@ import pytest
 from tests.diagnosis.conftest import RATE, record_of
 
 from idloop.diagnosis import refine
-from idloop.diagnosis.evidence.prediction_view import _may_become_significant, bound_reached
+from idloop.diagnosis.evidence import prediction_view
+from idloop.diagnosis.evidence.prediction_view import PredictionView, _may_become_significant, bound_reached
+from idloop.diagnosis.options import Options
+from idloop.diagnosis.screening.command_response import CommandResponse
 from idloop.diagnosis.screening.proposals import proposals
+from idloop.diagnosis.search import non_local_search
+from idloop.diagnosis.search.step import ADEQUATE
+from idloop.estimation.likelihood.estimation_problem import prepare_estimation
+from idloop.estimation.likelihood.refit import refit
 from idloop.physics import Model, load_model
 
 
@@ -75,3 +82,18 @@ def test_no_friction_takes_the_whole_drive_of_an_axis_that_is_only_driven(start:
     known = start.with_free(name for name in start.free if name != "drive.gain")
     found = refine(known, [record_of(machine, 3, command=command)], criterion="force")
     assert "load_dependent_friction@axis" not in found.added
+
+
+def test_beside_a_balance_the_motion_follows_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A noise model may have absorbed the command; the force balance has shown what the command does."""
+    model = load_model("axis")
+    estimation = prepare_estimation(model, [record_of(model, 5)], "prediction")
+    view = PredictionView(estimation, model, Options(effects=["sensor_delay", "coulomb_friction"]))
+    monkeypatch.setattr(prediction_view, "responds_to_command", lambda *_: False)
+    monkeypatch.setattr(non_local_search, "_restarted_near_nominal", lambda *_: [])
+    parent = refit(estimation, model)
+    alone = view.evaluate(parent)
+    balanced = view.beside(model, balanced=True).evaluate(parent)
+    assert alone.response is not CommandResponse.FOLLOWS
+    assert balanced.response is CommandResponse.FOLLOWS
+    assert balanced.verdict() == (ADEQUATE, ())

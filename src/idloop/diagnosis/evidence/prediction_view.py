@@ -175,7 +175,11 @@ class PredictionView(View[Refit]):
         screened = screen.all(proposed, self._part(0.15, 0.4, "screening"))
         bar = 2.0 * math.log(max(len(proposed), 1) / options.level)
         confirmed = self._confirmed(parent, screened, bar)
-        confirmed += non_local_searches(self.estimation, parent, self.start, effects, self.options.seed)
+        # A force balance shows that the motion follows the command, whatever the noise model has absorbed.
+        responds = self.force_model is not None or responds_to_command(self.estimation, parent)
+        confirmed += non_local_searches(
+            self.estimation, parent, self.start, effects, self.options.seed, responds=responds
+        )
         confirmed = _best_of_each(confirmed)
         evaluator = _Evaluator(parent)
         singles = evaluator([((one.proposal,), one.fit) for one in confirmed if one.gain >= LEAST_GAIN])
@@ -184,7 +188,6 @@ class PredictionView(View[Refit]):
             gate(parent.model, self.estimation, screened, bar), estimation=self.estimation,
             unseen=(self.estimation if self.held_out is None else self.held_out).records,
         )  # fmt: skip
-        responds = responds_to_command(self.estimation, parent)
         step = self._judged(step, responds)
         left = fitted_curves(screen, options.level)
         step = replace(step, residual_curves=tuple(PredictionCurve.evaluated(screen, left, evaluator.innovations)))

@@ -17,7 +17,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from idloop.diagnosis.screening.command_response import responds_to_command
 from idloop.diagnosis.screening.proposals import Proposal, proposals
 from idloop.diagnosis.screening.score_test import Screen, Screened
 from idloop.diagnosis.screening.typical_sizes import Sizes
@@ -47,17 +46,19 @@ _CONTINUED = 3
 
 
 def non_local_searches(
-    estimation: EstimationProblem, parent: Refit, start: Model, effects: Sequence[str] | None = None, seed: int = 0
-) -> list[Confirmed]:
+    estimation: EstimationProblem, parent: Refit, start: Model, effects: Sequence[str] | None = None, seed: int = 0,
+    *, responds: bool = True,
+) -> list[Confirmed]:  # fmt: skip
     """Fit effects without parameters, and others from near the nominal values where the fit is far from them.
 
-    Best first; `start` is the nominal model, as the user gave it.
+    So it is where the motion does not respond to the command. Best first; `start` is the nominal model, as the user
+    gave it.
     """
     found: list[Confirmed] = []
     for proposal in proposals(parent.model, effects, estimation.conditions):
         if not proposal.effect.parameters:
             found += _without_parameters(estimation, parent, proposal, start.values, seed)
-    if far_from_nominal(parent.model, start.values) or not responds_to_command(estimation, parent):
+    if far_from_nominal(parent.model, start.values) or not responds:
         found += _restarted_near_nominal(estimation, parent, start.values, effects, seed)
     return by_gain(found)
 
