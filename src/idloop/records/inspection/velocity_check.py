@@ -138,7 +138,9 @@ def velocity_slope(time: Floats, position: Floats, velocity: Floats) -> Slope | 
     if found.wrong or min(np.abs(off)) < 0.5 * _SCALE or off[0] * off[1] < 0.0:
         return found
     scale = _scale(series[:, some], np.interp(when[some], speed_time, speed), speed)
-    return scale if scale is not None and (scale.value - 1.0) * off[0] > 0.0 else found
+    # Beyond these bounds the slope alone would have shown it: the velocity follows no such filter.
+    likely = scale is not None and _LOWEST <= scale.value <= _HIGHEST and (scale.value - 1.0) * off[0] > 0.0
+    return scale if likely else found
 
 
 def _known(time: Floats, value: Floats) -> tuple[Floats, Floats]:
