@@ -137,7 +137,10 @@ def velocity_slope(time: Floats, position: Floats, velocity: Floats) -> Slope | 
     off = [one.value - 1.0 for one in (plain, freed)]
     if found.wrong or min(np.abs(off)) < 0.5 * _SCALE or off[0] * off[1] < 0.0:
         return found
-    scale = _scale(series[:, some], np.interp(when[some], speed_time, speed), speed)
+    # A velocity that was differenced by a fixed period between uneven stamps is larger over the longer ones.
+    between = np.diff(speed_time)
+    tolerance = 0.5 * float(np.var(between) / np.mean(between) ** 2)
+    scale = _scale(series[:, some], np.interp(when[some], speed_time, speed), speed, tolerance)
     # Beyond these bounds the slope alone would have shown it: the velocity follows no such filter.
     likely = scale is not None and _LOWEST <= scale.value <= _HIGHEST and (scale.value - 1.0) * off[0] > 0.0
     return scale if likely else found
@@ -205,7 +208,7 @@ def _slope(sums: Floats, least: float, noise: float) -> Slope | None:
     return Slope(float(value), error, unrelated, bool(outside or unrelated))
 
 
-def _scale(series: Floats, speed: Floats, recorded: Floats) -> Slope | None:
+def _scale(series: Floats, speed: Floats, recorded: Floats, tolerance: float) -> Slope | None:
     """Return the slope beside a delay where it is certainly not 1; None otherwise.
 
     `series` is that of `_increments`, `speed` (n,) the velocity at its instants, `recorded` the one at its own stamps.
@@ -232,7 +235,7 @@ def _scale(series: Floats, speed: Floats, recorded: Floats) -> Slope | None:
     error, _, value, off = max((one for one in found if one[0] <= enough), key=lambda one: one[1])
     # A velocity that is rounded towards zero is too small by half a step.
     rounding = _step(recorded) / max(float(np.sqrt(np.mean(recorded**2))), 1e-300)
-    return Slope(value, error, unrelated=False, wrong=True) if off > _SCALE + rounding else None
+    return Slope(value, error, unrelated=False, wrong=True) if off > _SCALE + rounding + tolerance else None
 
 
 def wrong_velocities(
