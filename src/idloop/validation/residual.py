@@ -63,7 +63,7 @@ class ResidualTest:
         return f"is {'independent of' if self.input_free else 'correlated with'} the {self.against}"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the verdicts as plain numbers for JSON."""
+        """Return the verdicts and both correlations as plain numbers for JSON."""
         return {
             "output": self.name,
             "white": bool(self.white),
@@ -72,6 +72,8 @@ class ResidualTest:
             "input_free": bool(self.input_free),
             "input_correlation_p": self.cross_p if self.decided else None,
             "against": self.against,
+            "autocorrelation": self.autocorrelation.tolist(),
+            "cross_correlation": self.cross_correlation.tolist(),
         }
 
     def plot(self, axes: Any = None) -> Any:

@@ -29,7 +29,20 @@ EXPONENTS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹−", "-0123456789-")
 NUMBER = r"[−-]?\d+(?:\.\d+)?(?:e[+-]?\d+)?"
 WITH_UNIT = re.compile(rf"({NUMBER})(?: · 10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+))?\s(%|s|Hz|rad|rad/s|m/s|m|N·m|N|V|A)(?![\w/·])")
 # Parts of the page whose numbers are measured values of the recording, not of the model.
-TEXTS = ("#fits", "#where-words", "#where-hint", "#error", "#candidates", "#steps", "#parameters", "#beware")
+TEXTS = (
+    "#fits", "#where-words", "#where-hint", "#error", "#stretches", "#residual-words", "#candidates",
+    "#steps", "#parameters", "#beware",
+)  # fmt: skip
+# Columns of the glyphs of a figure, as the browser has them.
+COLUMNS = """place => {
+  const root = Bokeh.documents[0].get_model_by_name(place), found = [];
+  for (const model of root.references()) {
+    if (model.type !== "ColumnDataSource") continue;
+    found.push(Object.fromEntries([...model.data instanceof Map ? model.data : Object.entries(model.data)].map(
+      ([name, column]) => [name, [...column].map((x) => (Number.isNaN(x) ? null : x))])));
+  }
+  return found;
+}"""
 
 
 STEP = 0.005
@@ -49,6 +62,9 @@ class Machine:
 MACHINES = (
     Machine("motor", "dc_motor", "dead_zone@input", "(width=0.4)", 3.0, ("dead_zone", "coulomb_friction")),
     Machine("axis", "axis", "coulomb_friction@axis", "(level=0.1)", 0.5, ("coulomb_friction", "quadratic_drag")),
+    Machine("drag", "axis", "quadratic_drag@axis", "(coefficient=0.3)", 0.5, ("coulomb_friction", "quadratic_drag")),
+    Machine("offset", "dc_motor", "input_offset@input", "(offset=0.5)", 3.0, ("input_offset", "dead_zone")),
+    Machine("joints", "torsion", "coulomb_friction@motor", "(level=0.05)", 2.0, ("coulomb_friction", "dead_zone")),
     Machine("screw", "emps", "coulomb_friction@axis", "(level=20)", 1.5, ("coulomb_friction", "dead_zone")),
 )
 
@@ -167,9 +183,41 @@ def check(site, page, said, unseen, folder, capsys):
         assert last["force"] == pytest.approx(one["force"]["relative_error"], rel=1e-6)
         head = page.inner_text("#fits [data-output='force'] .value")
         assert stands(head.split()[0], "", np.array([100.0 * last["force"]])), head
+    figures(page, one, climbed)
     # And no other number of the model stands anywhere.
     known = np.array(list(numbers_of([*said, compared, climbed])))
     for place in TEXTS:
         text = page.evaluate("place => document.querySelector(place).textContent", place)
         for number, power, unit in WITH_UNIT.findall(text):
             assert stands(number, power, known), (place, number, power, unit, text[:300])
+
+
+def figures(page, compared, climbed):
+    """The glyphs of where the model fails, of the residual tests and of the ladder are the numbers of the documents."""
+    error = page.input_value("#error")
+    variable = page.get_attribute("[data-variable][aria-checked='true']", "data-variable")
+    bins = compared["where"][error]["share"][variable]["bins"]
+    assert drawn(page, "where", "rms", [one["rms"] for one in bins])
+    tests = {one["output"]: one for one in compared["residual"]}
+    test = tests.get(error, compared["residual"][0])
+    said = page.inner_text("#residual-words")
+    assert test["output"] in said
+    assert ("is white" in said) == test["white"]
+    for name, known in (("autocorrelation", test["autocorrelation"]), ("cross", test["cross_correlation"])):
+        assert drawn(page, "residual", "y", known), name
+    for output in climbed["ladder"][-1]["validation"]["nrmse"]:
+        assert drawn(page, "ladder", "x", [step["validation"]["nrmse"][output] for step in climbed["ladder"]])
+
+
+def drawn(page, place, name, expected):
+    """Whether a figure of the page has a column of these numbers; figures follow the words within some ticks."""
+    known = np.array([np.nan if one is None else one for one in expected], dtype=float)
+    for _ in range(100):
+        for one in page.evaluate(COLUMNS, place):
+            column = np.array(
+                [np.nan if x is None or isinstance(x, str) else x for x in one.get(name, ())], dtype=float
+            )
+            if len(column) == len(known) and np.allclose(column, known, rtol=1e-6, equal_nan=True):
+                return True
+        page.wait_for_timeout(100)
+    return False
