@@ -25,6 +25,16 @@ NAMES = {
     "iq_setpoint": (("iq", "setpoint"), "", ""),
     "rps": (("rps",), "rev/s", ""),
     "theta_dot": (("theta", "dot"), "", ""),
+    "x_m": (("x",), "m", ""),
+    "stroke_in": (("stroke",), "in", ""),
+    "current_A": (("current",), "A", ""),
+    "motor_V": (("motor",), "V", ""),
+    # Input, motor and phase, but no inches, metres and amperes.
+    "current_in": (("current", "in"), "", ""),
+    "motor_in": (("motor", "in"), "", ""),
+    "theta_m": (("theta", "m"), "", ""),
+    "omega_m": (("omega", "m"), "", ""),
+    "voltage_A": (("voltage", "a"), "", ""),
 }
 
 

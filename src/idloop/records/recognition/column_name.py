@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
+from idloop.records.recognition.unit_behind_name import is_unit_behind
 from idloop.records.tables.base_units import known_unit
 
 # A unit behind a name: in brackets, or as in "speed in rpm" and "n / rpm".
@@ -80,6 +81,7 @@ def _unit_of_last_words(words: list[str]) -> tuple[str, list[str]]:
         for joint in ("/", "·", "per", ""):
             unit = known_unit(joint.join(last) if count > 1 else last[0])
             # A single letter is a unit in its own case only, and only behind a name.
-            if unit and (len("".join(last)) > 1 or (len(words) > 1 and unit == last[0])):
+            written = len("".join(last)) > 1 or (len(words) > 1 and unit == last[0])
+            if unit and written and is_unit_behind(unit, map(str.lower, words[:-count])):
                 return unit, words[:-count] or list(last)
     return "", words

@@ -1,0 +1,52 @@
+"""Whether the last letters of a name are a unit: ``x_m`` is in metres, ``theta_m`` is an angle of the motor."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+_VOLTAGES, _CURRENTS, _TIMES = {"V"}, {"A"}, {"s"}
+# Units of the quantities that words of a name state, among the units that mean other things behind a name as well.
+_UNITS_OF_WORDS: tuple[tuple[set[str], set[str]], ...] = (
+    ({"voltage", "volt", "volts", "vin", "vbus", "uq", "vq", "ud", "vd", "spannung"}, _VOLTAGES),
+    ({"current", "i", "iq", "id", "strom", "corriente", "courant", "corrente"}, _CURRENTS),
+    ({"force", "kraft", "tension"}, {"N"}),
+    ({"torque", "tau", "moment", "drehmoment", "couple"}, set()),
+    ({"u", "effort", "efforts", "stellgroesse", "stellgröße"}, {"V", "A", "N"}),
+    ({"pwm", "duty", "dutycycle", "motorpwm", "throttle", "pulse", "pulsewidth"}, _TIMES),
+    (
+        {
+            "theta", "phi", "alpha", "beta", "angle", "winkel", "angulo", "angolo", "omega", "w", "rpm", "erpm", "rps",
+            "qd", "dq", "qdot", "thetadot", "dtheta", "angvel", "drehzahl", "n", "tacho", "tachometer", "velocity",
+            "velocities", "vel", "speed", "geschwindigkeit", "velocidad", "vitesse", "velocita", "enc", "encoder",
+        },
+        set(),
+    ),
+    # A small v is a voltage or a velocity.
+    ({"v"}, _VOLTAGES),
+    (
+        {
+            "position", "positions", "pos", "x", "y", "z", "q", "lage", "weg", "posicion", "posizione", "displacement",
+            "distance", "stroke", "stage", "slide", "carriage", "height", "cart",
+        },
+        {"m", "in"},
+    ),
+)  # fmt: skip
+# Behind a name most often the way in, and a unit only where the name says that it is a length.
+_WAY_IN = "in"
+
+
+def is_unit_behind(suffix: str, words: Iterable[str]) -> bool:
+    """Whether a unit behind a name is one: a single letter, and ``in``, mean motor, measured, phase and input as well.
+
+    Parameters
+    ----------
+    suffix : str
+        As known units are written: ``m``, ``A``, ``rad/s``.
+    words : iterable of str
+        The rest of the name, in small letters.
+    """
+    if len(suffix) > 1 and suffix != _WAY_IN:
+        return True
+    rest = set(words)
+    said = [units for some, units in _UNITS_OF_WORDS if some & rest]
+    return any(suffix in units for units in said) if said else suffix != _WAY_IN
