@@ -23,6 +23,7 @@ Floats = NDArray[np.float64]
 
 # Sampling periods of servo axes [s]: units that give others are improbable.
 _SHORTEST, _LONGEST = 4e-5, 0.12
+_SLOWEST = 2.0  # that a log may have, of steady states or of a printed line per second
 # A date in each unit: between the years 2000 and 2100.
 _DATES = (9.5e8, 4.1e9)
 _RISING = 0.5  # share of the steps of a named time column that are not negative: it may start again often
@@ -245,6 +246,9 @@ def _units_of_time(value: Floats) -> tuple[tuple[str, ...], str]:
     fitting = [unit for unit, factor in SECONDS.items() if _SHORTEST <= step * factor <= _LONGEST]
     # Whole numbers count milliseconds or microseconds; a clock in seconds has decimals.
     fitting = [unit for unit in fitting if whole or unit in ("s", "ms")]
+    if whole:
+        # A slow log in a coarser unit is as possible, and none of these is written down.
+        fitting += [unit for unit, factor in SECONDS.items() if _LONGEST < step * factor <= _SLOWEST]
     if not fitting:
         return ("s",) if not whole else ("s", "ms"), "as usual"
     if not whole and fitting[0] == "s":
