@@ -316,3 +316,10 @@ def test_a_log_without_a_command_lists_its_columns():
 @pytest.mark.parametrize(("column", "measured"), [("iq_measured", True), ("current", False), ("torque cmd", False)])
 def test_a_measured_force_is_known_by_its_name(column, measured):
     assert measured_by_name(column) is measured
+
+
+def test_a_unit_that_is_written_and_not_known_is_shown():
+    _, found = _roles({"t": T, "u [V]": U, "speed (furlong/h)": SPEED})
+    assert any(
+        "the unit 'furlong/h' of the velocity is not known and taken as rad/s" in one for one in found.all_doubts()
+    )

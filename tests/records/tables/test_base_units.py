@@ -8,7 +8,7 @@ import pytest
 
 from idloop.errors import InputError
 from idloop.physics.units import FORCES, INPUT_UNITS
-from idloop.records.tables.base_units import base_unit
+from idloop.records.tables.base_units import base_unit, known_unit
 
 
 @pytest.mark.parametrize(
@@ -59,3 +59,8 @@ def test_others_are_refused_in_one_line(unit, field, said):
         base_unit(unit, field, "mapping x: joint_states position")
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["tr/min", "Tr/min", "giri/min", "U/min", "Umdr/min", "obr/min", "min⁻¹"])
+def test_revolutions_per_minute_in_several_languages(text):
+    assert known_unit(text) == "rpm"

@@ -72,6 +72,14 @@ def parse_column_name(name: str, unit: str = "") -> ColumnName:
     return ColumnName(tuple(word.lower() for word in plain), found, index or (numbers[-1] if numbers else ""), letter)
 
 
+def unknown_unit(name: str) -> str:
+    """Return what stands in brackets behind a name and is neither a known unit nor an index; empty without any."""
+    inside = [match[1].strip() for match in BRACKETS.finditer(name)]
+    if any(known_unit(text) or known_unit(text.upper()) for text in inside):
+        return ""
+    return next((text for text in reversed(inside) if text and not _INDEX.fullmatch(text)), "")
+
+
 def _unit_of_last_words(words: list[str]) -> tuple[str, list[str]]:
     """Unit in the last words of a name, as in ``speed_rad_s``, and the words before it."""
     for count in (3, 2, 1):

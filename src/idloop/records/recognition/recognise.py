@@ -18,7 +18,7 @@ from idloop.errors import InputError
 from idloop.records.formats.clock_names import known_clock_unit
 from idloop.records.formats.known_columns import recognise as known_drive
 from idloop.records.inspection.motion import white_noise
-from idloop.records.recognition.column_name import ColumnName, parse_column_name
+from idloop.records.recognition.column_name import ColumnName, parse_column_name, unknown_unit
 from idloop.records.recognition.guess import Given, Guess
 from idloop.records.recognition.roles import BY_UNIT, RoleByName, may_be_supply, role_by_name
 from idloop.records.recognition.signal_units import SlopeOf, find_decoding, find_wrap, motion_units, near_unit, slope_of
@@ -654,7 +654,7 @@ def _units(base: TimeBase, chosen: dict[str, Guess], columns: dict[str, _Column]
     elif speed is not None and not speed.unit:
         unit = "m/s" if linear else "rad/s"
         chosen["velocity"] = replace(speed, unit=unit).with_doubt(
-            f"the unit of the velocity is not written down and taken as {unit}: --velocity '{speed.column}=UNIT'"
+            f"{_without_unit(speed)} and taken as {unit}: --velocity '{speed.column}=UNIT'"
         )
     elif speed is not None and speed.unit == "counts":
         chosen["velocity"] = replace(speed, unit="rad/s").with_doubt(
@@ -675,13 +675,23 @@ def _command_unit(command: Guess) -> Guess:
     words, unit = set(parsed.words), _unit_by_words(parsed)
     if unit:
         return replace(command, unit=unit).with_doubt(
-            f"the unit of the command is not written down and taken as {unit}: --command '{command.column}=UNIT'"
+            f"{_without_unit(command)} and taken as {unit}: --command '{command.column}=UNIT'"
         )
     # A duty cycle has no unit, and of an unknown one only ratios of the parameters matter.
     duty = bool(words & {"pwm", "duty", "dutycycle", "throttle", "motorpwm"})
     text = "" if duty else f"the unit of the command is not known: --command '{command.column}=UNIT'"
     found = replace(command, unit="-")
     return found.with_doubt(text) if text else found
+
+
+def _without_unit(guess: Guess) -> str:
+    """Say that a unit is not written down, or that what is written is none that is known."""
+    written = unknown_unit(guess.column)
+    return (
+        f"the unit {written!r} of the {guess.role} is not known"
+        if written
+        else (f"the unit of the {guess.role} is not written down")
+    )
 
 
 def _pulse_width(command: Guess) -> Guess:
@@ -731,7 +741,7 @@ def _position_alone(place: Guess, value: Floats, *, linear: bool) -> Guess:
             return replace(place, unit=unit, reason=f"{place.reason}; starts again after a turn in {unit}")
     unit = "m" if linear else "rad"
     return replace(place, unit=unit).with_doubt(
-        f"the unit of the position is not written down and taken as {unit}: --position '{place.column}=UNIT'"
+        f"{_without_unit(place)} and taken as {unit}: --position '{place.column}=UNIT'"
     )
 
 
@@ -814,7 +824,7 @@ def _unrelated(base: TimeBase, chosen: dict[str, Guess], *, linear: bool) -> Tim
         one = chosen[role]
         if not one.unit or one.unit == "counts":
             chosen[role] = replace(one, unit=usual).with_doubt(
-                f"the unit of the {role} is not written down and taken as {usual}: --{role} '{one.column}=UNIT'"
+                f"{_without_unit(one)} and taken as {usual}: --{role} '{one.column}=UNIT'"
             )
     return base
 

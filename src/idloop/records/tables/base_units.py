@@ -85,6 +85,13 @@ _SPELLINGS = {
     "nanoseconds": "ns", "nanosec": "ns", "counts": "counts", "count": "counts", "ticks": "counts", "tick": "counts",
     "inc": "counts", "incs": "counts", "increments": "counts", "inkremente": "counts", "pulses": "counts",
     "qc": "counts",
+    # Revolutions per minute in other languages.
+    "tr/min": "rpm", "tr/mn": "rpm", "trs/min": "rpm", "tours/min": "rpm", "giri/min": "rpm", "g/min": "rpm",
+    "vueltas/min": "rpm", "rot/min": "rpm", "obr/min": "rpm", "ot/min": "rpm", "ot./min": "rpm",
+    "varv/min": "rpm", "omw/min": "rpm", "omdr/min": "rpm", "umdr/min": "rpm", "umdr./min": "rpm", "upm": "rpm",
+    "об/мин": "rpm", "d/dak": "rpm", "min⁻¹": "rpm", "min^-1": "rpm", "r.p.m.": "rpm", "revs/min": "rpm",
+    "turns/min": "rpm", "revolutions/min": "rpm", "rotations/min": "rpm", "tr/s": "rev/s", "tours/s": "rev/s",
+    "giri/s": "rev/s", "obr/s": "rev/s", "u/s": "rev/s",
     "lsb": "counts", "cnt": "counts", "cts": "counts",
 }  # fmt: skip
 # Units of time [s].
