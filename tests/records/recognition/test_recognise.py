@@ -323,3 +323,19 @@ def test_a_unit_that_is_written_and_not_known_is_shown():
     assert any(
         "the unit 'furlong/h' of the velocity is not known and taken as rad/s" in one for one in found.all_doubts()
     )
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_velocity_in_a_known_unit_says_the_size_of_a_count(sign):
+    columns = {"t [s]": T, "u [V]": U, "pos [inc]": np.round(ANGLE * 2000 / 2 / pi), "n [rpm]": sign * SPEED * 30 / pi}
+    _, found = _roles(columns)
+    assert found.of("position").options == {"scale": 2 * pi / 2000}
+    assert found.of("velocity").options == ({} if sign > 0 else {"scale": -1.0})
+    assert any("2000 counts per turn" in one and "'pos [inc]=counts/N'" in one for one in found.all_doubts())
+
+
+def test_a_linear_velocity_says_the_length_of_a_count():
+    columns = {"t [s]": T, "u [V]": U, "pos [inc]": np.round(ANGLE / 5e-6), "v [mm/s]": 1e3 * SPEED}
+    _, found = _roles(columns)
+    assert found.of("position").unit == "m"
+    assert found.of("position").options["scale"] == pytest.approx(5e-6, rel=1e-3)

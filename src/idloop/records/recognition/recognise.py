@@ -21,7 +21,15 @@ from idloop.records.inspection.motion import white_noise
 from idloop.records.recognition.column_name import ColumnName, parse_column_name, unknown_unit
 from idloop.records.recognition.guess import Given, Guess
 from idloop.records.recognition.roles import BY_UNIT, RoleByName, may_be_supply, role_by_name
-from idloop.records.recognition.signal_units import SlopeOf, find_decoding, find_wrap, motion_units, near_unit, slope_of
+from idloop.records.recognition.signal_units import (
+    SlopeOf,
+    find_decoding,
+    find_wrap,
+    motion_units,
+    near_unit,
+    slope_of,
+    usual_resolution,
+)
 from idloop.records.recognition.time_base import TimeBase, find_time_base
 from idloop.records.tables.base_units import SECONDS, base_unit, known_unit
 from idloop.records.tables.csv_layout import is_number
@@ -243,8 +251,12 @@ def recognise_table(
 def _of_a_sensor(columns: Iterable[_Column]) -> str:
     """How a motion that a sensor shows in volts is said; empty where nothing is in volts."""
     name = next((one.name for one in reversed(list(columns)) if one.parsed.unit in ("V", "mV")), "")
-    quoted = name if name.isidentifier() else f"`{name}`"
-    return f"; that of a sensor in volts as a formula, such as --position '{quoted} * 0.5=rad'" if name else ""
+    return f"; that of a sensor in volts as a formula, such as --position '{_quoted(name)} * 0.5=rad'" if name else ""
+
+
+def _quoted(name: str) -> str:
+    """Name of a column as a formula has it."""
+    return name if name.isidentifier() else f"`{name}`"
 
 
 def _time(table: Table, numbers: dict[str, Floats], given: Given | None, period: float | None) -> TimeBase:
@@ -633,8 +645,10 @@ def _units(base: TimeBase, chosen: dict[str, Guess], columns: dict[str, _Column]
         or (command is not None and command.unit in _LINEAR_FORCES)
         or bool(words & _LINEAR_WORDS)
     )
+    counted = None
     if place is not None and (place.unit == "counts" or (not place.unit and _is_count(place, columns))):
-        chosen["position"] = place = _counts(place, columns[place.column].value)
+        counted, place = place, _counts(place, columns[place.column].value)
+        chosen["position"] = place
     elif place is not None and not place.unit and not linear and _counts_many(columns[place.column].value):
         trial = dict(chosen)
         if speed is not None:
@@ -642,9 +656,12 @@ def _units(base: TimeBase, chosen: dict[str, Guess], columns: dict[str, _Column]
         # Degrees, where a velocity proves them, are no counts.
         if trial["position"].unit != "deg":
             why = f"{place.column!r} holds large whole numbers, probably counts of an encoder; "
-            chosen["position"] = place = _counts(place, columns[place.column].value, why)
+            counted, place = place, _counts(place, columns[place.column].value, why)
+            chosen["position"] = place
     if place is not None and speed is not None:
-        base = _related(base, chosen, columns, linear=linear, given=given)
+        # A wrap or the user says the size of a count before a velocity does.
+        counted = counted if "scale" not in place.options else None
+        base = _related(base, chosen, columns, linear=linear, given=given, counted=counted)
     elif place is not None and not place.unit:
         chosen["position"] = _position_alone(place, columns[place.column].value, linear=linear)
     elif speed is not None and not speed.unit and _IN_HERTZ.search(speed.column):
@@ -752,8 +769,12 @@ def _related(
     *,
     linear: bool,
     given: Map[str, Given],
+    counted: Guess | None = None,
 ) -> TimeBase:
-    """Set units of position and velocity by the slope of one against the other."""
+    """Set units of position and velocity by the slope of one against the other.
+
+    `counted` is a position in counts of a size that nothing else says, as it was before a size was assumed.
+    """
     place, speed = chosen["position"], chosen["velocity"]
     value, rate = columns[place.column].value, columns[speed.column].value
     if value.size != base.seconds.size or rate.size != base.seconds.size:
@@ -773,8 +794,14 @@ def _related(
     )
     if not found.agree:
         _unrelated(base, chosen, linear=linear)
-        if not speed_unit and (slope := slope_of(base.seconds[run], value[run] * scale, rate[run])) is not None:
+        slope = slope_of(base.seconds[run], value[run] * scale, rate[run] * speed.options.get("scale", 1.0))
+        if slope is not None and not speed_unit:
             chosen["velocity"] = _scaled_by_slope(chosen["velocity"], speed, chosen["position"].unit, slope.value)
+        elif slope is not None and counted:
+            factor = base_unit(speed.unit, "velocity", speed.column)[1]
+            # Over long windows the slope is exact, where it can be told there.
+            exact = found.slope if np.isfinite(found.slope) else slope.value * factor
+            chosen["position"], chosen["velocity"] = _count_by_slope(counted, speed, exact)
         return base
     times = f"it is the slope of the position in {found.position} and {found.velocity}"
     options = dict(speed.options)
@@ -817,6 +844,32 @@ def _scaled_by_slope(taken: Guess, speed: Guess, place: str, slope: float) -> Gu
         f"the unit of the velocity is not known; it is {slope:.4g} times the slope of the position and scaled so:"
         f" --velocity '{speed.column}=UNIT'"
     )
+
+
+def _count_by_slope(place: Guess, speed: Guess, slope: float) -> tuple[Guess, Guess]:
+    """Set the size of a count so that a velocity in a known unit, in rad/s or m/s `slope` per count, is their slope."""
+    unit, _ = base_unit(speed.unit, "velocity", speed.column)
+    size, options = abs(slope), dict(speed.options)
+    if slope < 0.0:
+        options["scale"] = -options.get("scale", 1.0)
+    turned = replace(speed, options=options)
+    if slope < 0.0:
+        turned = turned.with_doubt("position and velocity have opposite signs; that of the velocity is turned")
+    if unit != "rad/s":
+        size, unit = float(f"{size:.4g}"), unit.removesuffix("/s")
+        way = f"--position '{_quoted(place.column)} * {size:g}={unit}'"
+        said = f"a count of {size:g} {unit}"
+    else:
+        counts = usual_resolution(2.0 * pi / size)
+        size, unit = 2.0 * pi / counts, "rad"
+        way, said = f"--position '{place.column}=counts/N'", f"{counts:g} counts per turn"
+    found = replace(
+        place,
+        unit=unit,
+        options={**place.options, "scale": size},
+        reason=f"{place.reason}; with {said} the velocity is its slope",
+    )
+    return found.with_doubt(f"{said}: found by the velocity in {speed.unit}; if it is another, {way}"), turned
 
 
 def _unrelated(base: TimeBase, chosen: dict[str, Guess], *, linear: bool) -> TimeBase:

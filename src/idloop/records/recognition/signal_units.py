@@ -24,6 +24,7 @@ _RUNS_WITH, _ABOVE, _FEWEST, _WINDOWS = 0.97, 5.0, 50, 16
 # Ranges after which positions start again: a turn in each unit, encoders of 8 to 24 bits.
 _TURNS = {"rad": 2.0 * pi, "deg": 360.0, "rev": 1.0}
 _COUNTS = tuple(float(2**bits) for bits in range(8, 25))
+_SAME_COUNT = 0.003  # difference of a measured number of counts per turn and that of the encoder
 _LARGEST_STEP = 0.25  # of the range, but for a wrap
 
 
@@ -140,6 +141,13 @@ def near_unit(slope: float) -> bool:
     """Whether a velocity that is this many times the slope in rad or m may be in some unit, badly measured."""
     speeds = (base_unit(unit, "velocity", "")[1] for unit in (*_ROTARY_SPEEDS, *_LINEAR_SPEEDS))
     return any(1.0 / _BADLY < abs(slope) * factor < _BADLY for factor in speeds)
+
+
+def usual_resolution(counts: float) -> float:
+    """Return the counts per turn that an encoder has whose measured ones are given: a power of two, a round number."""
+    powers = [float(2**bits) for bits in range(1, 32)]
+    rounded = [float(f"{counts:.{digits}g}") for digits in (1, 2, 3)]
+    return next((one for one in (*powers, *rounded) if abs(one / counts - 1.0) < _SAME_COUNT), float(f"{counts:.4g}"))
 
 
 def _ratio(place: str, speed: str) -> float:
