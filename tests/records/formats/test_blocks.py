@@ -61,3 +61,12 @@ def test_bad_blocks(tmp_path, name):
     (tmp_path / "log.txt").write_text(first + second)
     with pytest.raises(InputError, match=words):
         read_table(tmp_path / "log.txt", "blocks")
+
+
+def test_blocks_of_many_rows_are_recognised(tmp_path):
+    rows = "".join(f"{2 * k},{0.001 * k:.3f}\n" for k in range(8000))
+    (tmp_path / "log.txt").write_text(f"voltage\n{rows}position\n{rows}")
+    assert form_of(tmp_path / "log.txt").kind == "blocks"
+    (tmp_path / "one.txt").write_text(f"voltage\n{rows}")
+    (tmp_path / "runs.txt").write_text(f"t,u\n{rows}t,u\n{rows}")
+    assert [form_of(tmp_path / name).kind for name in ("one.txt", "runs.txt")] == ["csv", "csv"]

@@ -32,7 +32,7 @@ def test_tests_in_the_order_of_their_time(tmp_path):
     time = table.numbers("time")
     start, stop = table.parts["slow-backward"]
     np.testing.assert_array_equal(np.flatnonzero((start <= time) & (time < stop)), np.arange(5, 10))
-    assert table.units == {"voltage": "V", "position": "Rotations", "velocity": "Rotations/s"}
+    assert table.units == {"time": "s", "voltage": "V", "position": "Rotations", "velocity": "Rotations/s"}
     assert table.clocks["voltage"] == "time"
 
 

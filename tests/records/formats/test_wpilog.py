@@ -36,7 +36,7 @@ def test_entries_with_their_stamps(tmp_path):
     for name, value in (("count", -3.0), ("on", 1.0), ("gain", 0.25)):
         np.testing.assert_array_equal(table.numbers(name), [value])
     np.testing.assert_array_equal(table.numbers("both[1]"), [2.0, 4.0])
-    assert table.units == {"voltage-arm-shooter": "V"}
+    assert table.units == {"voltage-arm-shooter": "V"} | dict.fromkeys(table.clocks.values(), "s")
     assert table.notes == ["entries that hold neither numbers nor texts are left out: blob"]
     assert table.raw("sysid-test-state-shooter")[0] == "quasistatic-forward"
 

@@ -8,7 +8,7 @@ import pytest
 from idloop.errors import InputError
 from idloop.records.recognition.guess import Given
 from idloop.records.recognition.recognise import numbers_of
-from idloop.records.recognition.time_base import find_time_base
+from idloop.records.recognition.time_base import base_of_clock, find_time_base
 from idloop.records.tables.table import Table
 from idloop.records.tables.table_files import read_table
 
@@ -129,3 +129,14 @@ def test_a_time_that_cannot_be_read_is_shown(tmp_path):
 def test_without_any_time_the_user_is_asked():
     with pytest.raises(InputError, match="--rate HZ or --period S"):
         _base({"u": np.sin(K), "y": np.cos(K)})
+
+
+def test_stamps_of_a_signal_without_a_unit_are_in_a_plausible_one():
+    table = Table("log.txt", {"u": K, "u.time": K, "y.time": 0.002 * K}, clocks={"u": "u.time"})
+    base = base_of_clock(table, "u.time", "", "")
+    assert (base.time.unit, base.doubt != "") == ("ms", True), "it may be 1 s as well"
+    assert base_of_clock(table, "y.time", "", "").doubt == ""
+    assert base_of_clock(table, "u.time", "us", "").time.unit == "us"
+    assert base_of_clock(table, "u.time", "us", "s").time.unit == "s"
+    with pytest.raises(InputError, match="not a unit of time"):
+        base_of_clock(table, "u.time", "", "rad")

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +20,7 @@ _SPLIT = re.compile(r"\s*[;,\t]\s*|\s+")
 _LONGEST_LINE = 1 << 16
 # Rows that a block has at least in the beginning of a file that is recognised as of this form.
 _LEAST_ROWS = 3
+_FIRST_LINES = 50
 
 
 @dataclass
@@ -75,7 +76,8 @@ def read_blocks(path: Path, _: Options) -> Table:
     return table
 
 
-def _blocks(lines: Iterable[str]) -> Iterator[_Block]:
+def _blocks(lines: Iterable[str], most: int | None = None) -> Iterator[_Block]:
+    """Yield the blocks; of `most` rows or more the first ones and the last one, where only their kind is asked for."""
     block = _Block()
     for line in lines:
         text = line.strip()
@@ -87,8 +89,10 @@ def _blocks(lines: Iterable[str]) -> Iterator[_Block]:
                 yield block
                 block = _Block()
             block.titles.append(_title(text))
-        else:
+        elif most is None or len(block.rows) < most:
             block.rows.append(row)
+        else:
+            block.rows[-1] = row
     yield block
 
 
@@ -118,11 +122,27 @@ def _header(title: str) -> str | None:
 def _is_blocks(head: bytes) -> bool:
     """Whether a text is two blocks or more, each with a title of its own and stamps that begin anew."""
     text = text_of(head)
-    if not text:
+    return bool(text) and _are_blocks(_blocks(text.splitlines()[:-1]), least=2)
+
+
+def _goes_on_as_blocks(path: Path) -> bool:
+    """Whether a first block that is longer than the beginning of the file is followed by a second one."""
+    if path.stat().st_size > MOST_TABLE // 8:
         return False
-    found = list(_blocks(text.splitlines()[:-1]))
-    whole = [block for block in found if block.rows]
-    if len(whole) < 2 or any(len(block.rows) < _LEAST_ROWS for block in whole[:-1]):
+    with path.open(encoding="utf-8-sig", errors="replace", newline=None) as stream:
+        lines = (line for line in iter(lambda: stream.readline(_LONGEST_LINE), ""))
+        # A table with a header, or of another width, is none: that the first rows show.
+        first = list(itertools.islice(lines, _FIRST_LINES))
+        if not _are_blocks(_blocks(first), least=1):
+            return False
+        # The last row of a block and the first of the next one tell them apart.
+        short = _blocks(itertools.chain(first, lines), most=2 * _LEAST_ROWS)
+        return _are_blocks(short, least=2)
+
+
+def _are_blocks(blocks: Iterable[_Block], least: int) -> bool:
+    whole = [block for block in blocks if block.rows]
+    if len(whole) < least or any(len(block.rows) < _LEAST_ROWS for block in whole[:-1]):
         return False
     names = [block.name for block in whole]
     if (
@@ -131,7 +151,7 @@ def _is_blocks(head: bytes) -> bool:
         or any({len(row) for row in block.rows} != {2} for block in whole)
     ):
         return False
-    return all(after.rows[0][0] <= before.rows[-1][0] for before, after in pairwise(whole))
+    return all(after.rows[0][0] <= before.rows[-1][0] for before, after in itertools.pairwise(whole))
 
 
 FORM = Form(
@@ -141,4 +161,5 @@ FORM = Form(
     "a title, then rows of a stamp and a value; columns by the titles, each with its own stamps in `title.time`",
     _is_blocks,
     read_blocks,
+    _goes_on_as_blocks,
 )

@@ -31,6 +31,9 @@ class Form:
         Whether the first bytes of a file (at most `HEAD`) are of this form.
     read : callable
         Reads a file; `InputError` for one that is damaged.
+    sniff_on : callable
+        Whether a file is of this form that its first bytes do not show yet; asked of files of text that no other form
+        claims.
     """
 
     kind: str
@@ -39,6 +42,7 @@ class Form:
     columns: str
     sniff: Callable[[bytes], bool]
     read: Callable[[Path, Options], Table]
+    sniff_on: Callable[[Path], bool] = lambda _: False
 
 
 def text_of(head: bytes) -> str:

@@ -73,6 +73,10 @@ def form_of(path: Path, kind: str | None = None) -> Form:
     for form in FORMS:
         if form.sniff(head):
             return form
+    if len(head) == HEAD and TEXT.sniff(head):
+        for form in FORMS:
+            if form.sniff_on(path):
+                return form
     if head.startswith(b"PK\x03\x04") and b"xl/" in head:
         raise InputError(f"{path}: {_WORKBOOK}")
     for begin, advice in _OTHERS:

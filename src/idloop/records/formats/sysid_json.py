@@ -59,7 +59,7 @@ def read_sysid_json(path: Path, _: Options) -> Table:
     table = Table(path, {name: whole[:, place] for place, name in enumerate(names)}, notes=notes)
     table.parts = {name: (float(tests[name][0, 0]), float(np.nextafter(tests[name][-1, 0], np.inf))) for name in order}
     table.clocks = dict.fromkeys(names[1:], names[0])
-    table.units = {name: "V" for name in names if name.endswith("voltage")}
+    table.units = {names[0]: "s"} | {name: "V" for name in names if name.endswith("voltage")}
     unit = content.get("units")
     if isinstance(unit, str):
         table.units |= {name: unit for name in names if name.endswith("position")}

@@ -222,6 +222,7 @@ class _Log:
             if not clock:
                 clock = f"{entry.name}.time"
                 table.columns[clock] = clocks[clock] = stamps
+                table.units[clock] = "s"
             elif not np.array_equal(clocks[clock], stamps):
                 shared.append(entry.name)
             table.clocks |= dict.fromkeys(columns, clock)

@@ -93,7 +93,7 @@ def bag_table(path: Path, readable: Callable[[BagField], bool] = lambda one: one
         name, clock = _name(one), f"{one.topic} stamps"
         table.columns[name] = stream.number(one.joint, one.field)
         table.columns.setdefault(clock, 1e-9 * (stamps[one.topic] - begin))
-        table.clocks[name] = clock
+        table.clocks[name], table.units[clock] = clock, "s"
         unit = one.unit or (_UNITS.get(one.field, "") if one.type == JOINT_STATE else "")
         if unit:
             table.units[name] = unit

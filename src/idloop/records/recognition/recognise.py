@@ -30,7 +30,7 @@ from idloop.records.recognition.signal_units import (
     slope_of,
     usual_resolution,
 )
-from idloop.records.recognition.time_base import TimeBase, find_time_base
+from idloop.records.recognition.time_base import TimeBase, base_of_clock, find_time_base
 from idloop.records.tables.base_units import SECONDS, base_unit, known_unit
 from idloop.records.tables.csv_layout import is_number
 from idloop.records.tables.expression import Expression
@@ -239,7 +239,11 @@ def recognise_table(
     guesses = tuple(chosen[role] for role in ROLES if role in chosen)
     used = {one.column for one in guesses} | {str(base.time.column)}
     clocks = {
-        one.column: Time(column=table.clocks[one.column], unit=_clock_unit(table, table.clocks[one.column]))
+        one.column: Time(
+            column=table.clocks[one.column],
+            # What no clock says holds for all of them.
+            unit=known_clock_unit(table.units.get(table.clocks[one.column], "")) or base.time.unit,
+        )
         for one in guesses
         if one.column in table.clocks and table.clocks[one.column] != base.time.column
     }
@@ -260,20 +264,14 @@ def _quoted(name: str) -> str:
 
 
 def _time(table: Table, numbers: dict[str, Floats], given: Given | None, period: float | None) -> TimeBase:
-    if table.clocks and given is None and period is None:
+    if table.clocks and period is None and (given is None or not given.column):
         # The motion's clock is the one that counts; of several the finest one.
         roles = {column: role_by_name(parse_column_name(column)).role for column in table.clocks if column in numbers}
         moving = [table.clocks[column] for column, role in roles.items() if role in MOTION]
         name = max(moving or table.clocks.values(), key=lambda clock: len(table.columns[clock]))
-        unit = _clock_unit(table, name)
-        seconds = table.numbers(name) * SECONDS[unit]
-        return TimeBase(Time(column=name, unit=unit), "the file has stamps for every signal", "", seconds, (unit,))
+        return base_of_clock(table, name, known_clock_unit(table.units.get(name, "")), given.unit if given else "")
     count = max((value.size for value in numbers.values()), default=0)
     return find_time_base(table, numbers, given, count, period)
-
-
-def _clock_unit(table: Table, clock: str) -> Any:
-    return known_clock_unit(table.units.get(clock, "")) or "s"
 
 
 def _of_known_drive(columns: dict[str, _Column], sources: Map[str, Map[str, str]]) -> None:

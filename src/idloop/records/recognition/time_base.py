@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 
 # Sampling periods of servo axes [s]: units that give others are improbable.
 _SHORTEST, _LONGEST = 4e-5, 0.12
-_SLOWEST = 2.0  # that a log may have, of steady states or of a printed line per second
+_SLOWEST = 1.5  # that a log may have, of steady states or of a printed line per second
 # A date in each unit: between the years 2000 and 2100.
 _DATES = (9.5e8, 4.1e9)
 _RISING = 0.5  # share of the steps of a named time column that are not negative: it may start again often
@@ -121,6 +121,35 @@ def find_time_base(
         f"{table.path}: no column is a time{unread}; name it with --time COLUMN, or say how often a row was taken:"
         " --rate HZ or --period S"
     )
+
+
+def base_of_clock(table: Table, name: str, said: str, given: str) -> TimeBase:
+    """Return the stamps of a column that the file itself gives to its signals.
+
+    Parameters
+    ----------
+    table : Table
+    name : str
+        Column of the stamps.
+    said, given : str
+        Unit that the file says, and that the user gives; empty without.
+
+    Raises
+    ------
+    InputError
+        What is given is no unit of time.
+    """
+    value, reason = table.numbers(name), "the file has stamps for every signal"
+    if given and known_unit(given) not in SECONDS:
+        raise InputError(f"{table.path}: --time ={given}: not a unit of time; known are {', '.join(SECONDS)}")
+    unit, doubt = known_unit(given) or said, ""
+    units: tuple[str, ...] = (unit,)
+    if not unit:
+        units, why = _units_of_time(value)
+        reason = f"{reason}; {units[0]} {why}"
+        doubt = "" if len(units) == 1 else _doubt("", units[0])
+    time = Time(column=name, unit=units[0])  # type: ignore[arg-type]
+    return TimeBase(time, reason, doubt, value * SECONDS[units[0]], units)
 
 
 def _role(table: Table, name: str) -> RoleByName:
