@@ -310,3 +310,73 @@ def test_what_to_run_next_can_be_run(record, tmp_path):
 def test_a_data_frame_is_answered_with_what_to_do():
     with pytest.raises(InputError, match="to_csv"):
         idloop.start(SimpleNamespace(columns=["t", "u"]))
+
+
+def test_records_of_two_machines_are_not_fitted_together(record, tmp_path):
+    c = _columns(record)
+    logs = [
+        _write(tmp_path / "one.csv", "t,torque,angle", c["t"], c["u"], c["q"]),
+        _write(tmp_path / "two.csv", "t,torque,angle", c["t"], c["u"], c["q"]),
+        _write(tmp_path / "odd.csv", "t,torque,angle", c["t"], 2.0 * c["u"], c["q"]),
+    ]
+    begun = idloop.start(logs, tmp_path / "begun")
+    assert begun.fit is None
+    assert [(one.kind, one.where) for one in begun.between] == [("other_gain", "odd")]
+    text = begun.summary()
+    # As the inspection of all says it.
+    assert f"warning: {begun.between[0].text}" in text
+    assert "not fitted: the records do not belong together: axis: the same command accelerates 0.5 times" in text
+    folder = tmp_path / "begun"
+    assert [shlex.split(line)[1:] for line in begun.commands] == [
+        ["inspect", *(str(folder / "bags" / name) for name in ("one", "two", "odd"))],
+        ["fit", str(folder / "model.yaml"), *(str(folder / "bags" / name) for name in ("one", "two"))],
+        ["fit", str(folder / "model.yaml"), str(folder / "bags" / "odd")],
+    ]
+    assert begun.to_dict()["between"][0]["kind"] == "other_gain"
+    model = idloop.load_model(folder / "model.yaml")
+    alone = idloop.fit(model, idloop.read_bags(begun.bags[:2], model))
+    assert alone.values["axis.inertia"] == pytest.approx(0.01, rel=0.05)
+
+
+def test_a_record_that_spoils_a_fit_is_to_be_left_out(record, tmp_path):
+    c = _columns(record)
+    logs = [
+        _write(tmp_path / "good.csv", "t,torque,angle", c["t"], c["u"], c["q"]),
+        _write(tmp_path / "abs.csv", "t,torque,angle", c["t"], np.abs(c["u"]), c["q"]),
+    ]
+    begun = idloop.start(logs, tmp_path / "begun")
+    assert begun.fit is None
+    assert begun.not_fitted.startswith("abs: ")
+    assert begun.not_fitted.endswith("; leave abs out, as the last command below does")
+    folder = tmp_path / "begun"
+    fit = ["idloop", "fit", str(folder / "model.yaml"), str(folder / "bags" / "good")]
+    assert shlex.split(begun.commands[-1]) == fit
+
+
+def test_every_record_has_its_line_also_where_nothing_is_fitted(record, tmp_path):
+    other = np.random.default_rng(0).permutation(record.input)
+    begun = idloop.start(_fitted(tmp_path / "log.csv", "t,voltage,q", record, u=other), tmp_path / "begun")
+    assert begun.fit is None
+    inspection = begun.inspections[0]
+    assert f"log: {inspection.grade}" in begun.summary()
+
+
+def test_values_that_leave_the_force_and_the_motion_unexplained_are_no_fit(record):
+    model = idloop.load_model("axis").with_free(["axis.viscous_friction"])
+    found = idloop.fit(model, record)
+    done = FirstFit(model, found)
+    one = found.train[0]
+    still = np.zeros_like(one.simulated)
+
+    def refused(simulated, relative):
+        changed = SimpleNamespace(
+            fit=one.fit, fit_ahead=one.fit_ahead, model=one.model, time=one.time, measured=one.measured,
+            simulated=simulated, force=SimpleNamespace(relative=relative),
+        )  # fmt: skip
+        return judged(replace(done, fit=replace(found, train=(changed,)))).why_not
+
+    # Play, for one, hides the force, but the motion follows.
+    assert refused(one.simulated, 3.0) == ""
+    assert refused(still, 0.6) == ""
+    assert "force error is 300 %" in refused(still, 3.0)
+    assert "off by more than twice" in refused(-4.0 * one.measured, 0.6)

@@ -12,14 +12,20 @@ import numpy as np
 from idloop.api.result import Progress
 from idloop.errors import InputError
 from idloop.spelling import joined_names
+from idloop.validation.words import force_text
 
 if TYPE_CHECKING:
     from idloop.api.fit import Fit
     from idloop.physics import Model
     from idloop.records import Record
+    from idloop.validation import Comparison
 
 
 _NOTHING = 1.0  # FIT of a prediction that is no better than a constant [%]
+# Share of the drive force that values which describe something explain, and FIT of a free run that shows that they do
+# where the force does not [%]; play, for one, hides the force but not the motion.
+_EXPLAINED, _FOLLOWS = 0.1, 20.0
+_ASTRAY = -100.0  # FIT of a velocity [%], which does not drift as a position does, that is off by twice its spread
 
 
 @dataclass(frozen=True)
@@ -72,6 +78,8 @@ class FirstFit:
         Of those that were given, the ones that are long enough for a fit.
     notes : tuple of str
         What was left out, and where records were cut.
+    apart : tuple of tuple of Path
+        Of those that cannot be fitted together, the ones that can.
     """
 
     model: Model
@@ -82,6 +90,7 @@ class FirstFit:
     incomplete: bool = False
     bags: tuple[Path, ...] = ()
     notes: tuple[str, ...] = ()
+    apart: tuple[tuple[Path, ...], ...] = ()
 
 
 def first_fit(
@@ -159,7 +168,44 @@ def judged(done: FirstFit) -> FirstFit:
             " diagnosis find what the model lacks"
         )
         return replace(refused, why_not=why, incomplete=True)
+    if why := _describes_nothing(found.train):
+        return replace(refused, why_not=f"{why}; let a diagnosis find what the model lacks", incomplete=True)
     return replace(done, reversed=bool(opposite_direction_warning(done.model, found.model)))
+
+
+def _describes_nothing(compared: Sequence[Comparison]) -> str:
+    """Why the values say nothing of any record; empty where they say something of one.
+
+    A few samples ahead the newest measurements predict what any model does, so only forces and free runs are asked.
+    """
+    velocities = [fit for one in compared for fit in _free_runs(one, "velocity")]
+    if velocities and max(velocities) < _ASTRAY:
+        return "the values describe nothing: the free run of the velocity is off by more than twice what it varies by"
+    forces = [one.force.relative for one in compared if one.force is not None]
+    # A position is the integral of the velocity and shows less of the values.
+    runs = velocities or [fit for one in compared for fit in _free_runs(one, "position")]
+    if len(forces) < len(compared) or min(forces) < 1.0 - _EXPLAINED or max(runs, default=-np.inf) > _FOLLOWS:
+        return ""
+    return (
+        "the values describe nothing: the free run does not follow the motion, and the force error is"
+        f" {force_text(min(forces), 3, ' %')}"
+    )
+
+
+def _free_runs(one: Comparison, field: str) -> list[float]:
+    """FIT of the free runs of a record [%]; of a position beside a straight line, which any constant speed gives."""
+    fits = []
+    for index, output in enumerate(one.model.outputs):
+        measured, modelled = one.measured[:, index], one.simulated[:, index]
+        known = np.isfinite(measured) & np.isfinite(modelled)
+        if output.field != field or not known.any():
+            continue
+        time, value = one.time[known], measured[known]
+        course = np.polynomial.Polynomial.fit(time, value, 1 if field == "position" else 0)(time)
+        spread = float(np.linalg.norm(value - course))
+        if spread > 0.0:
+            fits.append(100.0 * (1.0 - float(np.linalg.norm(value - modelled[known])) / spread))
+    return fits
 
 
 def _best(found: Fit) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import shutil
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,13 +14,15 @@ from idloop.api.log import Log, recognise
 from idloop.api.result import Progress, Result, ignore_progress, part
 from idloop.reporting.text.blocks import Block
 from idloop.reporting.text.first_fit import held_inertia, verdict
+from idloop.reporting.text.inspection import between_lines, recording_lines
+from idloop.spelling import joined_names
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from idloop.api.fit import Fit
     from idloop.physics import Model
-    from idloop.records import Record
+    from idloop.records import Finding, Record
     from idloop.records.inspection.inspection import Inspection
 
 __all__ = ["Log", "Start", "begin", "recognise", "start"]
@@ -42,6 +44,8 @@ class Start(Result):
     inspections : tuple of Inspection
     done : FirstFit
         The fit, or why there is none.
+    between : tuple of Finding
+        Faults between the records.
     """
 
     folder: Path
@@ -49,6 +53,7 @@ class Start(Result):
     bags: tuple[Path, ...]
     inspections: tuple[Inspection, ...]
     done: FirstFit
+    between: tuple[Finding, ...] = ()
 
     @property
     def model(self) -> Model:
@@ -86,10 +91,14 @@ class Start(Result):
             lines = [["diagnose", fitted, *bags], ["refine", fitted, *bags, "--output", str(self.folder / "refined")]]
         elif self.done.incomplete:
             lines = [["diagnose", str(self.folder / MODEL), *bags]]
+        elif self.done.apart:
+            # Faults between records show where they are inspected together.
+            lines = [["inspect", *bags]] if self.between else []
+            lines += [["fit", str(self.folder / MODEL), *map(str, group)] for group in self.done.apart]
         elif self.done.asked:
             lines = []
         else:
-            lines = [["inspect", bag] for bag in bags]
+            lines = [["inspect", *bags]] if self.between else [["inspect", bag] for bag in bags]
             if self.log.recognition.of("command") is not None:
                 lines.append(["fit", str(self.folder / MODEL), *bags])
         return [f"idloop {shlex.join(line)}" for line in lines]
@@ -102,7 +111,7 @@ class Start(Result):
 
     def outcome(self) -> Iterator[Block]:
         """Yield what came of the guesses: verdicts, fit, and what to run next."""
-        said = [*self._inspected(), *self.done.notes]
+        said = [*self.said(), *self.done.notes]
         yield from [*said, ""] if said else []
         if self.fit is not None:
             from idloop.reporting.text.comparison import measures_of
@@ -122,17 +131,12 @@ class Start(Result):
             yield "next:"
             yield from (f"  {command}" for command in commands)
 
-    def _inspected(self) -> Iterator[Block]:
-        """Yield the grade of each record; one that a refused fit contradicts is not repeated."""
-        from idloop.records.inspection.grade import NOT_USABLE, what
-
+    def said(self) -> Iterator[str]:
+        """Yield what the inspection found: grade and faults of each record, then the faults between them."""
         for one in self.inspections:
-            known = any(what(fault) in one.grade_reason for fault in one.faults)
-            if one.grade.startswith(NOT_USABLE) or self.fit is not None or not self.done.asked:
-                yield f"{one.path.name}: {one.grade}{'' if known else f': {one.grade_reason}'}"
-            elif one.faults:
-                yield f"{one.path.name}:"
-            yield from (f"{fault.level}: {fault.text}" for fault in one.faults)
+            yield from recording_lines(one)
+        if len(self.inspections) > 1:
+            yield from between_lines(self.between)
 
     def plot(self) -> Figure:
         """Draw the signals as they were recognised."""
@@ -160,6 +164,7 @@ class Start(Result):
             "model": str(self.folder / MODEL),
             "fitted": str(self.folder / FITTED) if self.fit is not None else None,
             "inspections": [one.to_dict() for one in self.inspections],
+            "between": [one.to_dict() for one in self.between],
             "fit": self.fit.to_dict() if self.fit is not None else None,
             "not_fitted": self.not_fitted,
             "verdict": self.verdict,
@@ -295,7 +300,7 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
     """Write, inspect and fit into a folder that is there."""
     from idloop import drawing
     from idloop.output_files import write_text
-    from idloop.records import inspect_bag
+    from idloop.records import compare_inspections, inspect_bag
     from idloop.records.inspection.grade import EVERYTHING, NOT_USABLE
     from idloop.records.inspection.measured_input import KIND as MEASURED
     from idloop.records.recognition.mapping_file import motion_of, text_of
@@ -321,18 +326,57 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
         measured=(command is not None and measured_by_name(command.column))
         or any(one.kind == MEASURED for inspection in inspections for one in inspection.findings),
     )
-    # A record whose fault spoils every fit would spoil the others' as well; one of no use may serve beside others.
-    spoilt = next((one for one in inspections if any(EVERYTHING in fault.spoils for fault in one.faults)), None)
+    between = tuple(compare_inspections(inspections))
     useless = len(inspections) == 1 and inspections[0].grade == f"{NOT_USABLE} {EVERYTHING}"
     if command is None:
         done = FirstFit(kind.model(), why_not="no command", asked=False)
-    elif spoilt is not None and fitted:
-        turned = any(fault.kind == _TURNED for fault in spoilt.faults)
-        done = FirstFit(kind.model(), why_not=f"{spoilt.path.name}: {spoilt.grade_reason}", reversed=turned)
+    elif fitted and (apart := _apart(bags, inspections, between)):
+        rough = kind.model()
+        if apart.groups:
+            rough = first_fit(kind, apart.groups[0], fitted=False, progress=progress).model
+        done = FirstFit(rough, why_not=apart.why, reversed=apart.turned, apart=apart.groups)
     else:
         refused = inspections[0].grade_reason if useless else ""
         done = first_fit(kind, bags, fitted=fitted, refused=refused, progress=part(progress, 0.4, 1.0))
     write_text(folder / MODEL, done.model.to_yaml())
     if done.fit is not None:
         write_text(folder / FITTED, done.fit.model.to_yaml())
-    return Start(folder, log, bags, inspections, done)
+    return Start(folder, log, bags, inspections, done, between)
+
+
+@dataclass(frozen=True)
+class _Apart:
+    """Why records cannot be fitted together, and which of them can.
+
+    Attributes
+    ----------
+    why : str
+    groups : tuple of tuple of Path
+    turned : bool
+        Whether the motion follows minus the command.
+    """
+
+    why: str
+    groups: tuple[tuple[Path, ...], ...] = ()
+    turned: bool = False
+
+
+def _apart(bags: Sequence[Path], inspections: Sequence[Inspection], between: Sequence[Finding]) -> _Apart | None:
+    """Return why a fit of all records together would mean nothing; None where it may mean something."""
+    from idloop.records.inspection.grade import EVERYTHING, what
+
+    # A record whose fault spoils every fit would spoil the others' as well; one of no use may serve beside others.
+    spoilt = [one for one in inspections if any(EVERYTHING in fault.spoils for fault in one.faults)]
+    if spoilt:
+        first, names = spoilt[0], {one.path.name for one in spoilt}
+        sound = tuple(bag for bag in bags if bag.name not in names)
+        cure = f"; leave {joined_names(sorted(names))} out, as the last command below does" if sound else ""
+        turned = any(fault.kind == _TURNED for fault in first.faults)
+        return _Apart(f"{first.path.name}: {first.grade_reason}{cure}", (sound,) if sound else (), turned)
+    spoiling = [one for one in between if one.spoils]
+    if spoiling:
+        odd = {one.where for one in spoiling}
+        alike = tuple(bag for bag in bags if bag.name not in odd)
+        groups = (*((alike,) if alike else ()), *((bag,) for bag in bags if bag.name in odd))
+        return _Apart(f"the records do not belong together: {what(spoiling[0])}; {spoiling[0].cure}", groups)
+    return None

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from idloop.records.inspection.grade import what
 from idloop.reporting.text.blocks import Block, Table, number
 
 if TYPE_CHECKING:
@@ -40,8 +41,7 @@ _MEASURED = ("measured", "topic", "min", "max", "step", "moves", "reversals")
 
 def inspection_blocks(inspection: Inspection) -> Iterator[Block]:
     """Yield the verdict, the faults, the tables and what the data can show."""
-    without = f", without {' and '.join(inspection.left_out)}" if inspection.left_out else ""
-    yield f"Verdict: {inspection.grade}{without}: {inspection.grade_reason}"
+    yield f"Verdict: {_graded(inspection)}: {inspection.grade_reason}"
     yield from _lines(inspection.faults)
     yield from _lines([one for one in inspection.findings if one.level != "warning"])
     if len(inspection.joints) > 1:
@@ -82,8 +82,25 @@ def comparison_blocks(inspections: Sequence[Inspection], between: Sequence[Findi
     for one in inspections:
         if one.faults:
             yield ""
-            yield f"{one.path.name}: {one.grade}"
-            yield from _lines(one.faults)
+            yield from recording_lines(one)
+
+
+def recording_lines(inspection: Inspection) -> Iterator[str]:
+    """Yield the grade of a recording, and its faults; the reason for the grade where no fault says it."""
+    known = any(what(fault) in inspection.grade_reason for fault in inspection.faults)
+    yield f"{inspection.path.name}: {_graded(inspection)}{'' if known else f': {inspection.grade_reason}'}"
+    yield from _lines(inspection.faults)
+
+
+def between_lines(between: Sequence[Finding]) -> Iterator[str]:
+    """Yield the faults between recordings; nothing where there are none."""
+    yield from _lines(between)
+
+
+def _graded(inspection: Inspection) -> str:
+    """The grade, and which signals fits leave out."""
+    without = f", without {' and '.join(inspection.left_out)}" if inspection.left_out else ""
+    return f"{inspection.grade}{without}"
 
 
 def _lines(findings: Sequence[Finding]) -> Iterator[str]:
