@@ -54,6 +54,13 @@ NAMES |= {
         (",", ["X", "CH1", "Start", "Increment"]),
     ),
 }
+NAMES |= {
+    "notes filled up with empty cells": (
+        "Run of 12 March;;;\nTest bench 3;;;\nTime [ms];Torque [Nm];Angle [deg];Speed [1/min]\n0;1;2;3\n2;1;2;3\n",
+        (";", ["Time [ms]", "Torque [Nm]", "Angle [deg]", "Speed [1/min]"]),
+    ),
+    "a first column without a name above units": (",t,u\n-,s,V\n0,0.0,1\n1,0.1,2\n", (",", ["", "t", "u"])),
+}
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -177,6 +177,9 @@ def _header_rows(lines: Sequence[str], rows: Sequence[Row], first: int, width: i
         block.insert(0, row)
         if numbers and channels:
             break
+    # A spreadsheet fills up lines above a table with empty cells; a header names every column, or all but the first.
+    whole = (k for k, row in enumerate(block) if all(map(str.strip, row[1:used])) and not _are_units(row))
+    block = block[next(whole, 0) :]
     if not block:
         return []
     # The lowest row that is none of units; of a file that begins with the header, all rows below are units or types.
