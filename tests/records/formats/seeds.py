@@ -83,6 +83,13 @@ def _codesys():
     return text.encode()
 
 
+def _twincat():
+    names, periods, units = (";".join(f"{key};{value}" for value in values) for key, values in (
+        ("Name", SIGNALS), ("SampleTime[ms]", [2] * len(SIGNALS)), ("Unit", ["Nm"] * len(SIGNALS))))  # fmt: skip
+    rows = (";".join(f"{2 * k};{value:.6g}" for value in row) for k, row in enumerate(ROWS))
+    return "\n".join(["Name;Bench", names, periods, units, *rows]).encode()
+
+
 def _lvm():
     rows = "\n".join("\t".join(f"{v:.6g}" for v in row) for row in ROWS)
     return (
@@ -146,6 +153,7 @@ def seeds() -> dict[str, tuple[str, list[bytes]]]:
         "wpilog": (".wpilog", [_wpilog()]),
         "codesys": (".trace.csv", [_codesys()]),
         "lvm": (".lvm", [_lvm()]),
+        "twincat": (".csv", [_twincat()]),
         "sysid": (".json", [json.dumps(tests | {"units": "Rotations"}).encode()]),
         "jsonl": (".jsonl", ["\n".join(map(json.dumps, samples)).encode()]),
         "json": (".json", [json.dumps(samples).encode(), json.dumps(series).encode()]),

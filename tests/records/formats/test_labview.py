@@ -28,6 +28,12 @@ def test_delimiters_and_decimal_signs(tmp_path, delimiter, word, decimal):
     assert found.units == {"X_Value": "s"}
 
 
+def test_units_of_the_channels(tmp_path):
+    table = TABLE.replace("X_Dimension", "Y_Unit_Label{0}Volts{0}deg\nX_Dimension") + ROWS
+    (tmp_path / "a.lvm").write_text((HEAD + table).format("\t", "Tab", "."))
+    assert read_table(tmp_path / "a.lvm").units == {"X_Value": "s", "u": "Volts", "q": "deg"}
+
+
 BAD = {
     "no table": (HEAD.format("\t", "Tab", "."), "no table below its head"),
     "several segments": ((HEAD + TABLE + ROWS + TABLE + ROWS).format("\t", "Tab", "."), "it holds 2 segments"),

@@ -11,6 +11,7 @@ from idloop.records.formats.form import Form, Options, text_of
 from idloop.records.formats.text_table import read_text_table
 from idloop.records.tables.table import Table
 
+_UNITS = "Y_Unit_Label"
 _BEGIN, _END = "LabVIEW Measurement", "***End_of_Header***"
 # Lines of the head of the file and of that of its table.
 _MOST_LINES = 1_000
@@ -65,8 +66,16 @@ def read_labview(path: Path, options: Options) -> Table:
     clock = "X_Value"
     if clock in table.columns and _TIME.search("\n".join(head)):
         table.units[clock] = "s"
-        table.clocks = dict.fromkeys((name for name in table.columns if name not in (clock, "Comment")), clock)
+        channels = [name for name in table.columns if name not in (clock, "Comment")]
+        table.units |= {name: unit for name, unit in zip(channels, _units(head, delimiter), strict=False) if unit}
+        table.clocks = dict.fromkeys(channels, clock)
     return table
+
+
+def _units(head: list[str], delimiter: str) -> list[str]:
+    """Units of the channels, in their order."""
+    rows = (line.split(delimiter) for line in head)
+    return next(([cell.strip() for cell in row[1:]] for row in rows if row[0].strip() == _UNITS), [])
 
 
 FORM = Form(

@@ -18,6 +18,7 @@ from idloop.records.formats import (
     sysid_json,
     text_table,
     torch_file,
+    twincat,
     wpilog,
 )
 from idloop.records.formats.form import Form
@@ -26,7 +27,8 @@ from idloop.spelling import did_you_mean, listed
 # In the order in which a file is held against them: what begins with a sign of its own first.
 FORMS: tuple[Form, ...] = (
     mat.FORM, hdf5.FORM, arrow.PARQUET, arrow.FEATHER, numpy_arrays.FORM, numpy_arrays.ONE, torch_file.FORM,
-    wpilog.FORM, codesys.FORM, labview.FORM, sysid_json.FORM, json_file.LINES, json_file.FORM, blocks.FORM, labels.FORM,
+    wpilog.FORM, codesys.FORM, labview.FORM, twincat.FORM, sysid_json.FORM, json_file.LINES, json_file.FORM,
+    blocks.FORM, labels.FORM,
 )  # fmt: skip
 # What almost any text may be, so that a suffix says more.
 TEXT = text_table.FORM

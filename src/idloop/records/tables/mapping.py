@@ -246,8 +246,8 @@ class Mapping(Signals):
     cite: str = ""
     format: (
         Literal[
-            "csv", "mat", "hdf5", "parquet", "feather", "npz", "npy", "torch", "wpilog", "codesys", "lvm", "sysid",
-            "jsonl", "json", "blocks", "labels", "bag",
+            "csv", "mat", "hdf5", "parquet", "feather", "npz", "npy", "torch", "wpilog", "codesys", "lvm", "twincat",
+            "sysid", "jsonl", "json", "blocks", "labels", "bag",
         ]
         | None
     ) = None  # fmt: skip
