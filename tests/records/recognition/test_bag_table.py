@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
+from tests.records.bags.test_control_messages import STATES, states, store_of
 
 import idloop
 from idloop.errors import InputError
 from idloop.records.recognition.bag_table import bag_table
 from idloop.records.recognition.recognise import recognise_table
+from idloop.records.recognition.roles import measured_by_name
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 
@@ -97,3 +99,12 @@ def test_a_bag_without_numbers_is_one_line(tmp_path):
         writer.write(topic, 1, STORE.serialize_cdr(Text("hello"), Text.__msgtype__))
     with pytest.raises(InputError, match="no topic carries numbers"):
         bag_table(tmp_path / "talk")
+
+
+def test_states_of_the_hardware_are_measured(tmp_path, write_messages):
+    store = store_of()
+    messages = [(k, states(store, k, [("a", {"position": k / 8, "effort": np.sin(k)})])) for k in range(30)]
+    path = write_messages(tmp_path / "bag", [("/dynamic_joint_states", STATES, messages)], "MCAP", store)
+    columns = ["/dynamic_joint_states a position measured", "/dynamic_joint_states a effort measured"]
+    assert list(bag_table(path).fields) == columns
+    assert [measured_by_name(name) for name in columns] == [False, True]

@@ -19,6 +19,8 @@ from idloop.records.tables.table import Table
 
 # Units of sensor_msgs/JointState as REP 103 has them; the effort is that of the drive, whatever it measures.
 _UNITS = {"position": "rad", "velocity": "rad/s"}
+# What ros2_control publishes of the hardware, beside what its controllers send there.
+_STATES = {JOINT_STATE, "control_msgs/msg/DynamicJointState"}
 # Words of topics on which a JointState was sent and not measured.
 _SENT = {"command", "commands", "cmd", "reference", "goal", "target", "desired", "excitation"}
 _MOST = 200
@@ -102,7 +104,7 @@ def bag_table(path: Path, readable: Callable[[BagField], bool] = lambda one: one
 
 
 def _name(one: BagField) -> str:
-    """Name of a column by topic, joint and field; what a JointState carries beside commands was measured."""
+    """Name of a column by topic, joint and field; states of joints beside commands were measured."""
     name = " ".join(part for part in (one.topic, one.joint, one.field) if part)
-    measured = one.type == JOINT_STATE and not _SENT & set(re.split(r"[/_]", one.topic))
+    measured = one.type in _STATES and not _SENT & set(re.split(r"[/_]", one.topic))
     return f"{name} measured" if measured else name
