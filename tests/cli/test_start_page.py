@@ -5,13 +5,14 @@ from __future__ import annotations
 import contextlib
 import http.client
 import json
+import shlex
 import threading
 
 import numpy as np
 import pytest
 
 import idloop
-from idloop.cli import _start_page
+from idloop.cli import _start_page, main
 from idloop.errors import InputError
 
 
@@ -45,9 +46,7 @@ def test_the_document_says_what_is_missing_and_what_was_found(log, tmp_path, mon
 
 def test_what_is_not_fitted_says_where_it_was_written_and_why(log, tmp_path):
     given = {"rate": "100", "position": "angle=deg", "command": "-torque=N·m"}
-    with pytest.raises(InputError, match="not fitted") as refused:
-        _start_page.start_of([log], given, lambda name: tmp_path / name)
-    text = str(refused.value)
+    text = _start_page.refused(_start_page.start_of([log], given, lambda name: tmp_path / name))
     assert text.startswith(f"written to {tmp_path / 'drive_log'}, but not fitted: ")
     assert text.endswith("; choose torque as the command")
     assert "--" not in text
@@ -59,8 +58,9 @@ def test_what_is_no_log_is_one_line(tmp_path):
         _start_page.document_of([tmp_path / "a.xlsx"], {})
 
 
-@pytest.mark.slow
-def test_a_dropped_log_becomes_the_workbench_of_a_fitted_model(browser, log, tmp_path, monkeypatch):
+@pytest.fixture
+def served(browser, tmp_path, monkeypatch):
+    """The page in a browser, which must not complain, and the address of the page."""
     monkeypatch.chdir(tmp_path)
     ended, ready, address = threading.Event(), threading.Event(), []
 
@@ -85,34 +85,91 @@ def test_a_dropped_log_becomes_the_workbench_of_a_fitted_model(browser, log, tmp
     try:
         assert ready.wait(30.0)
         page.goto(address[0])
-        page.set_input_files("#files", log)
-        page.get_by_text("no column is a time").wait_for()
-        page.fill("#rate", "100")
-        page.select_option("select[aria-label='column of the position']", "angle")
-        page.fill("input[aria-label='unit of the position']", "deg")
-        page.click("#again")
-        page.get_by_role("button", name="Fit and open the workbench").wait_for()
-        assert page.locator("#picture").is_visible()
-        assert "taken as N·m" in page.inner_text("#doubts")
-        assert page.inner_text("#folder") == str(tmp_path / "drive_log")
-        # A change is shown before it is fitted; a refused one leaves the table to be corrected.
-        page.fill("input[aria-label='unit of the position']", "miles")
-        assert page.locator("#begin-panel").is_hidden()
-        page.click("#again")
-        page.get_by_text("unknown unit 'miles'").wait_for()
-        page.fill("input[aria-label='unit of the position']", "deg")
-        page.click("#again")
-        page.get_by_role("button", name="Fit and open the workbench").wait_for()
-        page.click("#begin")
-        page.wait_for_url(lambda url: url != address[0], timeout=120_000)
-        page.get_by_text("Where the model fails").first.wait_for(timeout=60_000)
+        yield page, address[0]
         assert errors == []
-        fitted = idloop.load_model(tmp_path / "drive_log" / "fitted.yaml")
-        assert fitted.values["axis.inertia"] == pytest.approx(0.01, rel=0.05)
     finally:
         page.close()
         ended.set()
         server.join(timeout=60.0)
+
+
+@pytest.mark.slow
+def test_a_dropped_log_becomes_the_workbench_of_a_fitted_model(served, log, tmp_path):
+    page, address = served
+    page.set_input_files("#files", log)
+    page.get_by_text("no column is a time").wait_for()
+    page.fill("#rate", "100")
+    page.select_option("select[aria-label='column of the position']", "angle")
+    page.fill("input[aria-label='unit of the position']", "deg")
+    page.click("#again")
+    page.get_by_role("button", name="Fit and open the workbench").wait_for()
+    assert page.locator("#picture").is_visible()
+    assert "taken as N·m" in page.inner_text("#doubts")
+    assert page.inner_text("#folder") == str(tmp_path / "drive_log")
+    # A change is shown before it is fitted; a refused one leaves the table to be corrected.
+    page.fill("input[aria-label='unit of the position']", "miles")
+    assert page.locator("#begin-panel").is_hidden()
+    page.click("#again")
+    page.get_by_text("unknown unit 'miles'").wait_for()
+    page.fill("input[aria-label='unit of the position']", "deg")
+    page.click("#again")
+    page.get_by_role("button", name="Fit and open the workbench").wait_for()
+    page.click("#begin")
+    page.wait_for_url(lambda url: url != address, timeout=120_000)
+    page.get_by_text("Where the model fails").first.wait_for(timeout=60_000)
+    fitted = idloop.load_model(tmp_path / "drive_log" / "fitted.yaml")
+    assert fitted.values["axis.inertia"] == pytest.approx(0.01, rel=0.05)
+
+
+@pytest.fixture(scope="module")
+def faulty(tmp_path_factory):
+    """A log with a velocity that is 1.15 times too large, and one of the same motion under twice the command."""
+    signal = idloop.excitation("multilevel", sample_time=0.01, duration=10.0, amplitude=0.5, seed=3)
+    record = idloop.simulate(idloop.load_model("axis"), signal, seed=3)
+    q, w = record.output.T
+    folder = tmp_path_factory.mktemp("faulty")
+    for name, gain, scale in (("scaled", 1.0, 1.15), ("plain", 1.0, 1.0), ("twice", 2.0, 1.0)):
+        columns = np.column_stack([record.time, gain * record.input, q, scale * w])
+        np.savetxt(folder / f"{name}.csv", columns, delimiter=",", header="t,torque,angle,speed", comments="")
+    return folder
+
+
+def _begun(page, *files):
+    page.set_input_files("#files", files)
+    page.get_by_role("button", name="Fit and open the workbench").wait_for()
+    page.click("#begin")
+
+
+def _items(page):
+    page.locator("#inspected li").first.wait_for(timeout=120_000)
+    # Numbers and their units are kept together on the page.
+    return [" ".join(text.split()) for text in page.locator("#inspected li").all_inner_texts()]
+
+
+@pytest.mark.slow
+def test_the_workbench_says_what_the_inspection_found_and_names_the_file_that_is_there(
+    served, faulty, tmp_path, capsys
+):
+    page, address = served
+    _begun(page, faulty / "scaled.csv")
+    page.wait_for_url(lambda url: url != address, timeout=120_000)
+    items = _items(page)
+    shell = list(idloop.start(faulty / "scaled.csv", tmp_path / "shell").said())
+    assert items == [" ".join(text.split()) for text in shell]
+    assert items[0] == "scaled: usable with care, without axis.velocity"
+    page.locator("#commands code").first.wait_for()
+    commands = page.locator("#commands code").all_inner_texts()
+    assert all(" scaled/fitted.yaml scaled/bags/scaled" in text for text in commands)
+    assert main.run(shlex.split(commands[0])[1:]) == 0
+    capsys.readouterr()
+
+
+@pytest.mark.slow
+def test_what_is_not_fitted_shows_what_the_inspection_found(served, faulty):
+    page, _ = served
+    _begun(page, faulty / "plain.csv", faulty / "twice.csv")
+    assert any("the same command accelerates" in text for text in _items(page))
+    page.get_by_text("but not fitted: the records do not belong together").wait_for()
 
 
 def test_a_refusal_stands_on_the_page_alone(tmp_path, capfd):
@@ -121,7 +178,7 @@ def test_a_refusal_stands_on_the_page_alone(tmp_path, capfd):
     def recognise(files, given):
         raise InputError(f"{files[0]}: no column\n is a time")
 
-    site = StartSite(Steps(recognise, lambda files, given: ""))
+    site = StartSite(Steps(recognise, lambda files, given: {}))
     try:
         with contextlib.closing(http.client.HTTPConnection(site.host, timeout=10)) as connection:
             for path, body in (("/file?name=a.csv&first=yes", b"t,u"), ("/recognise", b"{}")):
@@ -144,7 +201,7 @@ def test_other_sites_and_unkeyed_requests_are_refused(tmp_path):
             answer.read()
             return answer.status
 
-    site = StartSite(Steps(lambda files, given: {}, lambda files, given: ""))
+    site = StartSite(Steps(lambda files, given: {}, lambda files, given: {}))
     upload = "/file?name=../../a.csv&first=yes"
     try:
         assert ask("GET", "/") == 200

@@ -66,6 +66,11 @@ class Start(Result):
         return self.done.fit
 
     @property
+    def fitted_file(self) -> Path | None:
+        """File of the fitted model; None where there is none."""
+        return None if self.fit is None else self.folder / FITTED
+
+    @property
     def not_fitted(self) -> str:
         """Why there is no fit."""
         return self.done.why_not
@@ -87,7 +92,7 @@ class Start(Result):
         """What to run next; nothing where the recording itself must be made again."""
         bags = list(map(str, self.done.bags or self.bags))
         if self.fit is not None:
-            fitted = str(self.folder / FITTED)
+            fitted = str(self.fitted_file)
             lines = [["diagnose", fitted, *bags], ["refine", fitted, *bags, "--output", str(self.folder / "refined")]]
         elif self.done.incomplete:
             lines = [["diagnose", str(self.folder / MODEL), *bags]]
@@ -162,7 +167,7 @@ class Start(Result):
             "doubts": self.log.doubts,
             "bags": list(map(str, self.bags)),
             "model": str(self.folder / MODEL),
-            "fitted": str(self.folder / FITTED) if self.fit is not None else None,
+            "fitted": None if self.fitted_file is None else str(self.fitted_file),
             "inspections": [one.to_dict() for one in self.inspections],
             "between": [one.to_dict() for one in self.between],
             "fit": self.fit.to_dict() if self.fit is not None else None,

@@ -70,20 +70,23 @@ def document_of(files: list[Path], given: Mapping[str, str]) -> dict[str, Any]:
 
 
 def start_of(files: list[Path], given: Mapping[str, str], output: Callable[[str], Path]) -> Start:
-    """Write, inspect and fit; InputError where there is no fit."""
+    """Write, inspect and fit; what is refused is said in the words of the page."""
     from idloop.api.start import begin
 
     try:
         log = _recognise(files, given)
-        begun = begin(log, output(log.name))
+        return begin(log, output(log.name))
     except InputError as error:
         raise InputError(_refusal(error, files)) from None
-    if begun.fit is None:
-        turn = f"; choose {log.turned_column} as the command" if begun.done.reversed and log.turned_column else ""
-        raise InputError(
-            f"written to {begun.folder.absolute()}, but not fitted: {_OPTION.sub('', begun.not_fitted)}{turn}"
-        )
-    return begun
+
+
+def refused(begun: Start) -> str:
+    """Why there is no fit, in the words of the page; empty where there is one."""
+    if begun.fit is not None:
+        return ""
+    turned = begun.log.turned_column if begun.done.reversed else ""
+    turn = f"; choose {turned} as the command" if turned else ""
+    return f"written to {begun.folder.absolute()}, but not fitted: {_OPTION.sub('', begun.not_fitted)}{turn}"
 
 
 def serve(port: int, tell: Callable[[str], None]) -> None:
@@ -104,14 +107,22 @@ def serve(port: int, tell: Callable[[str], None]) -> None:
 
     opened: list[tuple[Site, OfflineSource]] = []
 
-    def begin(files: list[Path], given: Mapping[str, str]) -> str:
+    def begin(files: list[Path], given: Mapping[str, str]) -> dict[str, Any]:
         begun = start_of(files, given, _free_folder)
-        assert begun.fit is not None  # noqa: S101  (else there is an error)
         say(f"written: {begun.folder.absolute()}")
-        source = OfflineSource(begun.fit.model, Study(tuple(begun.records)), paths=(begun.bags, ()))
+        inspected = [*begun.said(), *begun.done.notes]
+        if begun.fit is None:
+            return {"address": "", "inspected": inspected, "refused": refused(begun)}
+        source = OfflineSource(
+            begun.fit.model,
+            Study(tuple(begun.records)),
+            paths=(begun.done.bags, ()),
+            model_file=begun.fitted_file,
+            inspected=inspected,
+        )
         site = Site(source, Place())
         opened.append((site, source))
-        return site.address
+        return {"address": site.address, "inspected": inspected, "refused": ""}
 
     page = StartSite(Steps(document_of, begin), port)
     try:

@@ -17,7 +17,8 @@ from idloop.reporting import breakdowns
 from idloop.reporting.figures.evidence import Decided
 from idloop.reporting.terms import unbroken
 from idloop.reporting.workbench import state_json
-from idloop.reporting.workbench.state import Evidence, Missing, Snapshot, TrustedEstimate
+from idloop.reporting.workbench.files import commands
+from idloop.reporting.workbench.state import Evidence, Missing, Snapshot, TrustedEstimate, model_version
 from idloop.validation.variables import VARIABLES
 
 
@@ -200,3 +201,12 @@ def test_the_evidence_and_what_may_be_trusted_is_said_in_words_and_numbers():
     (estimate,) = found["estimates"]
     assert not estimate["trusted"]
     assert "dead zone @ input" in estimate["why"]
+
+
+def test_commands_name_the_file_that_holds_the_model_of_the_page():
+    model = load_model("dc_motor")
+    snapshot = Snapshot(model=model, bags=("bags/run",), model_file=("my run/fitted.yaml", model_version(model)))
+    assert commands(snapshot)[0] == "idloop compare 'my run/fitted.yaml' bags/run"
+    # What the page has changed is in the file that it offers.
+    changed = replace(snapshot, model=model.with_effects(["coulomb_friction@motor(level=2.0)"]))
+    assert commands(changed)[0] == "idloop compare model.yaml bags/run"

@@ -12,6 +12,7 @@ async function post(path, body) {
 
 async function attempt(work, text) {
   at("message").textContent = text;
+  showInspected([]);
   for (const button of document.querySelectorAll("button")) button.disabled = true;
   try {
     await work();
@@ -66,6 +67,19 @@ function edited() {
   return said;
 }
 
+function list(id, texts) {
+  at(id).replaceChildren(...texts.map((text) => {
+    const item = document.createElement("li");
+    item.textContent = text;
+    return item;
+  }));
+}
+
+function showInspected(texts) {
+  list("inspected", texts);
+  at("inspected-panel").hidden = !texts.length;
+}
+
 function show(found) {
   const table = at("signals");
   table.replaceChildren();
@@ -92,13 +106,8 @@ function show(found) {
     row.insertCell().append(unit);
     row.insertCell().textContent = signal.reason;
   }
-  for (const [id, texts] of [["notes", found.notes], ["doubts", found.doubts]]) {
-    at(id).replaceChildren(...texts.map((text) => {
-      const item = document.createElement("li");
-      item.textContent = text;
-      return item;
-    }));
-  }
+  list("notes", found.notes);
+  list("doubts", found.doubts);
   at("picture").hidden = !found.picture;
   if (found.picture) at("picture").src = found.picture;
   at("folder").textContent = found.folder;
@@ -118,5 +127,8 @@ for (const id of ["signals", "rate"]) at(id).addEventListener("input", () => { a
 at("again").addEventListener("click", () => attempt(() => recognise(edited()), "reading"));
 at("begin").addEventListener("click", () => attempt(async () => {
   const next = await post("begin", JSON.stringify(accepted));
-  location.assign(next.address);
+  // With a fit the workbench shows it.
+  if (next.address) location.assign(next.address);
+  showInspected(next.inspected);
+  if (next.refused) throw new Error(next.refused);
 }, "importing, inspecting and fitting"));

@@ -38,11 +38,12 @@ class Steps:
     recognise : callable
         Given the files and what the user says of each signal, returns the document of the page.
     begin : callable
-        Given the same, writes, fits, and returns the address of the workbench.
+        Given the same, writes and fits. Returns the address of the workbench, what the inspection found (sentences),
+        and why there is no fit.
     """
 
     recognise: Callable[[list[Path], Mapping[str, str]], dict[str, Any]]
-    begin: Callable[[list[Path], Mapping[str, str]], str]
+    begin: Callable[[list[Path], Mapping[str, str]], dict[str, Any]]
 
 
 def plain_names(text: str, files: list[Path]) -> str:
@@ -201,6 +202,6 @@ class StepHandler(_Handler):
             files = list(self.site.files)
             if step == "recognise":
                 return self.site.steps.recognise(files, given)
-            return {"address": self.site.steps.begin(files, given)}
+            return self.site.steps.begin(files, given)
         finally:
             self.site.busy.release()

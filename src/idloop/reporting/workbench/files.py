@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from idloop.errors import InputError
 from idloop.json_values import to_json
+from idloop.reporting.workbench.state import model_version
 
 if TYPE_CHECKING:
     from idloop.diagnosis import Ladder
@@ -82,9 +83,16 @@ def commands(snapshot: Snapshot) -> list[str]:
     if not fitted:
         return []
     judged = f" --validate {unseen}" if unseen else ""
+    model = shlex.quote(named_model(snapshot))
     chosen = "".join(f" {shlex.quote(word)}" for word in snapshot.options)
     return [
-        *(f"idloop compare {MODEL} {shlex.quote(path)}" for path in (*snapshot.validate, *snapshot.bags)),
-        f"idloop diagnose {MODEL} {fitted}{chosen}",
-        f"idloop refine {MODEL} {fitted}{judged}{chosen} --output RUN",
+        *(f"idloop compare {model} {shlex.quote(path)}" for path in (*snapshot.validate, *snapshot.bags)),
+        f"idloop diagnose {model} {fitted}{chosen}",
+        f"idloop refine {model} {fitted}{judged}{chosen} --output RUN",
     ]
+
+
+def named_model(snapshot: Snapshot) -> str:
+    """File with the model of the page: one that is there, or the one that is offered."""
+    path, version = snapshot.model_file
+    return path if path and snapshot.model is not None and model_version(snapshot.model) == version else MODEL

@@ -12,7 +12,7 @@ from idloop.reporting.workbench.assessment import assess
 from idloop.reporting.workbench.coordinator import Coordinator
 from idloop.reporting.workbench.files import content
 from idloop.reporting.workbench.signals import Signals
-from idloop.reporting.workbench.state import OK, Missing, Note, Snapshot, State
+from idloop.reporting.workbench.state import OK, Missing, Note, Snapshot, State, model_version
 from idloop.reporting.workbench.steps import Found, Study, add, find_missing, suggest
 
 if TYPE_CHECKING:
@@ -36,6 +36,10 @@ class OfflineSource:
         Called with the ladder after every step.
     paths : (sequence of Path, sequence of Path), optional
         Of the recordings that are fitted, and of those that no fit sees.
+    model_file : Path, optional
+        That holds the model.
+    inspected : sequence of str
+        What the inspection says of the recordings that are fitted.
     """
 
     def __init__(
@@ -45,6 +49,9 @@ class OfflineSource:
         ladder: Ladder | None = None,
         keep: Keep | None = None,
         paths: tuple[Sequence[Path], Sequence[Path]] = ((), ()),
+        *,
+        model_file: Path | None = None,
+        inspected: Sequence[str] = (),
     ) -> None:
         self._model = model if ladder is None else ladder.model
         self._study = study
@@ -68,6 +75,8 @@ class OfflineSource:
                 bags=tuple(map(str, paths[0])),
                 validate=tuple(map(str, paths[1])),
                 options=study.options,
+                model_file=("", "") if model_file is None else (str(model_file), model_version(self._model)),
+                inspected=tuple(inspected),
             )
         )
         self._coordinator = Coordinator(self.state)

@@ -209,6 +209,10 @@ class Snapshot:
         Paths of the recordings that are fitted, and of those that no fit sees; empty where nobody has said.
     options : tuple of str
         Words of the command line for how they are judged.
+    model_file : (str, str)
+        A file that is there and the version of the model in it, as `model_version` gives it; empty where there is none.
+    inspected : tuple of str
+        What the inspection says of the recordings that are fitted.
     """
 
     version: int = 0
@@ -236,6 +240,8 @@ class Snapshot:
     bags: tuple[str, ...] = ()
     validate: tuple[str, ...] = ()
     options: tuple[str, ...] = ()
+    model_file: tuple[str, str] = ("", "")
+    inspected: tuple[str, ...] = ()
 
     @property
     def effects(self) -> tuple[str, ...]:

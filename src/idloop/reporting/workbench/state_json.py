@@ -27,7 +27,7 @@ from idloop.reporting.terms import (
 )
 from idloop.reporting.text.parameters import parameter_text
 from idloop.reporting.verdicts import CRITERIA, basis, conclusion, confounding_effects, explained_of, scope_text
-from idloop.reporting.workbench.files import commands, offered
+from idloop.reporting.workbench.files import MODEL, commands, named_model, offered
 from idloop.reporting.workbench.state import model_version
 from idloop.validation.characteristic import no_picture
 from idloop.validation.where import DRIVE_FORCE
@@ -78,6 +78,8 @@ def page_state(snapshot: Snapshot, signals: Signals) -> dict[str, Any]:
         "equations": [] if snapshot.model is None else _equations(snapshot.model, snapshot.ladder),
         "files": offered(snapshot),
         "commands": commands(snapshot),
+        "downloaded": named_model(snapshot) == MODEL,
+        "inspected": list(snapshot.inspected),
         "outputs": [{"name": n, "unit": u} for n, u in zip(signals.names, signals.units, strict=True)],
         "input": {"name": signals.input_name, "unit": signals.input_unit},
         "followed": signals.followed,

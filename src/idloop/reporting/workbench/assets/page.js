@@ -417,6 +417,9 @@
     say("version", s.version);
     render("commands", s.commands, () => s.commands.map((text) => make("code", {}, text)));
     $("commands-block").hidden = !s.commands.length;
+    say("commands-hint", s.downloaded ? "The same on the command line, beside the downloaded model.yaml:" : "The same on the command line:");
+    render("inspected", s.inspected, () => s.inspected.map((text) => make("li", {}, text)));
+    $("inspected-panel").hidden = !s.inspected.length;
     for (const one of document.querySelectorAll("[data-file]")) one.hidden = !s.files.includes(one.dataset.file);
   }
 
