@@ -13,6 +13,7 @@ from idloop.documents import MOST_DEPTH, MOST_TABLE
 from idloop.errors import InputError
 from idloop.records.formats.form import Form, Options
 from idloop.records.formats.hdf5 import HDF5_SIGNATURE
+from idloop.records.formats.iddata import series_of_iddata
 from idloop.records.formats.isolated import read_isolated
 from idloop.records.formats.mat_hdf5 import read_mat_hdf5
 from idloop.records.formats.mat_objects import Objects, Reference
@@ -40,7 +41,10 @@ def read_mat(path: Path, _: Options) -> Table:
         tree, objects = read_isolated(path, "MATLAB 7.3", lambda: read_mat_hdf5(path))
     else:
         tree, objects = _load(path)
-    table = table_of_tree(path, tree)
+    found = {name: series for name, value in tree.items() if (series := series_of_iddata(value)) is not None}
+    table = table_of_tree(path, {**tree, **{name: columns for name, (columns, _) in found.items()}})
+    # Windows of several experiments hold for the stamps of one set of data.
+    table.parts = next(iter(found.values()))[1] if len(found) == 1 else {}
     if objects:
         text = f"{objects[0]!r} is an object that only MATLAB reads; save what it holds as plain arrays"
         if not table.columns:
@@ -148,7 +152,7 @@ FORM = Form(
     "MATLAB, versions 4 to 7.3",
     "arrays; those in structures are `log.u`, in structure arrays `log[0].u` (counted from 0), the columns of a matrix"
     " `log.y[0]`, `log.y[1]`; signals of Simulink by their labels, with the `time` of their structure;"
-    " of the objects `timetable`, `table` and `timeseries` their columns",
+    " of the objects `timetable`, `table`, `timeseries` and `iddata` their columns",
     lambda head: head.startswith(b"MATLAB "),
     read_mat,
 )
