@@ -57,6 +57,9 @@ def test_json_is_one_document(log, tmp_path, capsys):
     [
         (["--command", "i_set"], "--rate HZ or --period S"),
         (["--rate", "100", "--period", "0.01"], "--rate and --period say the same"),
+        (["--rate", "inf", "--command", "i_set"], "above zero and finite"),
+        (["--rate", "nan", "--command", "i_set"], "above zero and finite"),
+        (["--delimiter", ";;"], "--delimiter ';;' is not one character"),
         (["--rate", "100", "--position", "angle=miles"], "unknown unit 'miles'"),
         (["--rate", "100", "--command", "current"], "no column 'current' for the command"),
     ],
@@ -136,3 +139,12 @@ def test_on_a_terminal_q_stops_before_anything_is_written(log, tmp_path, capsys,
     answers("q")
     assert _run(capsys, log, "--output", tmp_path / "a")[0] == 0
     assert not (tmp_path / "a").exists()
+
+
+@pytest.mark.parametrize("said", ["tab", "\\t", "\t"])
+def test_a_tab_between_the_cells_can_be_said(tmp_path, capsys, said):
+    rows = "".join(f"{0.01 * k:.2f}\t{(-1) ** (k // 40)}\t{0.1 * k:.1f}\n" for k in range(200))
+    (tmp_path / "log.tsv").write_text(f"t [s]\tu [V]\tq [rad]\n{rows}")
+    code, out, _ = _run(capsys, tmp_path / "log.tsv", "--delimiter", said, "--output", tmp_path / "a", "--no-fit")
+    assert code == 0
+    assert "u [V]" in out

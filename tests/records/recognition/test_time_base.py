@@ -140,3 +140,9 @@ def test_stamps_of_a_signal_without_a_unit_are_in_a_plausible_one():
     assert base_of_clock(table, "u.time", "us", "s").time.unit == "s"
     with pytest.raises(InputError, match="not a unit of time"):
         base_of_clock(table, "u.time", "", "rad")
+
+
+@pytest.mark.parametrize("period", [0.0, -1.0, np.inf, np.nan])
+def test_a_period_that_is_none_is_refused(period):
+    with pytest.raises(InputError, match="above zero and finite"):
+        _base({"u": np.sin(K)}, period=period)

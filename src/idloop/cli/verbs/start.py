@@ -34,6 +34,7 @@ Examples:
   idloop start drive.csv encoder.csv --output my_axis    # one signal per file
 """
 RATE = "rate"
+_DELIMITERS = {"tab": "\t", "\\t": "\t", "space": " ", "blank": " "}
 _ACCEPTS, _REFUSES = ("", "y", "yes"), ("n", "no")
 _PROMPT = "Enter to go on, SIGNAL=COLUMN[=UNIT] to change one (rate=HZ where there is no time), q to stop"
 
@@ -44,7 +45,12 @@ _PROMPT = "Enter to go on, SIGNAL=COLUMN[=UNIT] to change one (rate=HZ where the
 @click.option("--rate", type=click.FloatRange(0, min_open=True), metavar="HZ", help="Rows per second without a time.")
 @click.option("--period", type=click.FloatRange(0, min_open=True), metavar="S", help="Seconds per row without a time.")
 @click.option("--joint", default="axis", show_default=True, metavar="NAME", help="Name to write for the joint.")
-@click.option("--delimiter", metavar="C", help="Character between the cells of a text file.")
+@click.option(
+    "--delimiter",
+    metavar="C",
+    callback=lambda _context, _option, text: _delimiter(text),
+    help="Character between the cells of a text file, such as ';'; 'tab' for a tab, ' ' for any white space.",
+)
 @click.option("--decimal", type=click.Choice([".", ","]), help="Decimal sign of a text file.")
 @click.option("--skip-rows", type=click.IntRange(0), metavar="N", help="Lines above the header of a text file.")
 @click.option("--no-header", is_flag=True, help="The first line of a text file is data.")
@@ -92,21 +98,33 @@ def command(
         from idloop.api.log import recognise
 
         found = recognise(files, given, period=period, csv=csv)
-    from idloop.api.start import begin
+    from idloop.api.start import begin, free_folder
 
+    if not (asked or as_json):
+        # What was recognised is seen also where what follows is refused.
+        free_folder(found, output)
+        print_blocks(found.blocks())
+        click.echo()
     with progress("starting") as update:
         begun = begin(found, output, csv=csv, joint=joint, fitted=not no_fit, progress=update)
     if as_json:
         print_json(begun.to_dict())
     else:
-        # On a terminal the guesses stand there already.
-        print_blocks(begun.outcome() if asked else begun.blocks())
+        print_blocks(begun.outcome())
     if begun.fit is None and begun.done.asked:
         raise click.exceptions.Exit(1)
 
 
 for name, text in reversed(SIGNALS.items()):
     command = click.option(f"--{name}", metavar="COLUMN[=UNIT]", help=text)(command)
+
+
+def _delimiter(text: str | None) -> str | None:
+    """Return the character that is meant; a shell passes on no tab that is typed."""
+    found = _DELIMITERS.get(text.lower(), text) if text is not None else None
+    if found is not None and (len(found) != 1 or found in '"\r\n'):
+        raise InputError(f"--delimiter {text!r} is not one character; give one such as ';', or 'tab' for a tab")
+    return found
 
 
 def _on_terminal() -> bool:

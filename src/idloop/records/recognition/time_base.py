@@ -95,6 +95,11 @@ def find_time_base(
         No column is a time, and nothing says the period.
     """
     if period is not None:
+        if not (np.isfinite(period) and period > 0.0):
+            raise InputError(
+                f"a row every {period:g} s is none; give the rows per second with --rate HZ or the seconds per row with"
+                " --period S, above zero and finite"
+            )
         doubt = _disagreement(table, numbers, period)
         return TimeBase(Time(period=period), "as given", doubt, np.arange(count, dtype=np.float64) * period)
     if given is not None and given.column:
