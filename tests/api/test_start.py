@@ -380,3 +380,35 @@ def test_values_that_leave_the_force_and_the_motion_unexplained_are_no_fit(recor
     assert refused(still, 0.6) == ""
     assert "force error is 300 %" in refused(still, 3.0)
     assert "off by more than twice" in refused(-4.0 * one.measured, 0.6)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"position": "q=rpm"}, "^position=rpm: rpm is not a unit of a position"),
+        ({"position": "u", "command": "u"}, "^the position and the command are both to be 'u'"),
+        ({"time": "u"}, "'u' is no time: from row to row it rises"),
+        ({"time": "still"}, "'still' is no time"),
+    ],
+)
+def test_what_is_given_and_cannot_be_is_one_line(record, tmp_path, given, message):
+    c = _columns(record)
+    log = _write(tmp_path / "log.csv", "t,u,q,still", c["t"], c["u"], c["q"], 0.0 * c["t"])
+    with pytest.raises(InputError, match=message) as refused:
+        recognise(log, given)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_joint_without_a_name_is_refused_in_the_words_of_the_option(record, tmp_path):
+    log = _fitted(tmp_path / "log.csv", "t,torque,q", record)
+    with pytest.raises(InputError, match="--joint"):
+        idloop.start(log, tmp_path / "begun", joint="")
+
+
+def test_a_column_that_never_changes_says_so(record, tmp_path):
+    c = _columns(record)
+    log = _write(tmp_path / "log.csv", "t,torque,angle,velocity", c["t"], c["u"], c["q"], 0.0 * c["t"] + 0.3)
+    found = recognise(log)
+    assert found.recognition.of("velocity") is None
+    assert found.unused == ["not used: velocity (never changes)"]
+    assert "not used: velocity (never changes)" in list(found.blocks())

@@ -148,3 +148,17 @@ def test_a_tab_between_the_cells_can_be_said(tmp_path, capsys, said):
     code, out, _ = _run(capsys, tmp_path / "log.tsv", "--delimiter", said, "--output", tmp_path / "a", "--no-fit")
     assert code == 0
     assert "u [V]" in out
+
+
+def test_what_was_recognised_stands_before_a_later_refusal(tmp_path, capsys):
+    t = np.arange(300) * 0.01
+    angle = np.sin(t)
+    angle[7] = np.inf
+    columns = np.column_stack([t, np.cos(t), angle])
+    np.savetxt(tmp_path / "log.csv", columns, delimiter=",", header="t,torque,angle", comments="")
+    code, out, err = _run(capsys, tmp_path / "log.csv", "--output", tmp_path / "a")
+    assert code == 2
+    assert "by its name (angle)" in out
+    assert "column 'angle' is infinite in row 7" in err
+    assert err.count("\n") == 1
+    assert not (tmp_path / "a").exists()

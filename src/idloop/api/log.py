@@ -10,6 +10,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from idloop.errors import InputError
 from idloop.reporting.text.blocks import Block, Table
 from idloop.spelling import joined_names, listed
@@ -22,6 +24,8 @@ if TYPE_CHECKING:
 
 _TURNED = re.compile(r"-(\w+|`[^`]*`)")
 _SHORTEST_NAME = 2  # letters that several names must have in common to give one
+# A time starts again at each run, and may stand where stamps are rounded.
+_MOST_FALLS, _FEWEST_RISES = 0.1, 0.05
 _OVERLAP = 0.5  # share of the shorter file that two files of one run have at least in common
 # What one file shows holds for the others: values that start again, and negative ones logged as unsigned.
 _OF_ALL = ("wrap", "decode")
@@ -95,6 +99,18 @@ class Log:
         return [name for name in self.recognition.other if _is_empty(self.recognition.table, name)]
 
     @property
+    def unused(self) -> list[str]:
+        """Lines with the columns that are no signal; of one that never changes that is why."""
+        table, empty = self.recognition.table, self.empty
+        unused = [
+            f"{name} (never changes)" if _is_constant(table, name) else name
+            for name in self.recognition.other
+            if name not in empty
+        ]
+        lines = {"not used": unused, "empty": empty}
+        return [f"{title}: {listed(names, 12)}" for title, names in lines.items() if names]
+
+    @property
     def doubts(self) -> list[str]:
         """Everything uncertain."""
         return [*self.recognition.all_doubts(), *self.between]
@@ -126,11 +142,7 @@ class Log:
         rows = [("time", str(found.base.time.column or "-"), _time_unit(found), found.base.reason)]
         rows += [(one.role, one.column or _constant(one.options), one.unit or "?", one.reason) for one in found.guesses]
         yield Table.of(("signal", "column", "unit", "why"), rows)
-        empty = self.empty
-        if unused := [name for name in found.other if name not in empty]:
-            yield f"not used: {listed(unused, 12)}"
-        if empty:
-            yield f"empty: {listed(empty, 12)}"
+        yield from self.unused
         for doubt in self.doubts:
             yield f"check: {doubt}"
 
@@ -175,6 +187,9 @@ def recognise(
     options = {"skip_text": True, **(csv or {})}
     tables = [read_table(path, options=options) for path in paths]
     said = _given(given or {}, [name for table in tables for name in table.columns])
+    if "time" in said:
+        for table in tables:
+            _check_time(table, said["time"].column)
     if any(set(one.columns) != set(tables[0].columns) for one in tables):
         return _joined(paths, tables, said, period)
     found = _alike([recognise_table(table, said, period=period) for table in tables])
@@ -200,7 +215,38 @@ def _given(given: Mapping[str, str], columns: list[str]) -> dict[str, Given]:
     from idloop.records.recognition.guess import Given
 
     check_signals(given)
-    return {role: Given.parse(text, columns) for role, text in given.items()}
+    said = {role: Given.parse(text, columns) for role, text in given.items()}
+    named: dict[str, str] = {}
+    for role, one in said.items():
+        if one.column in columns and (other := named.setdefault(one.column, role)) != role:
+            raise InputError(f"the {other} and the {role} are both to be {one.column!r}; give each a column of its own")
+        _check_unit(role, one.unit)
+    return said
+
+
+def _check_unit(role: str, unit: str) -> None:
+    """Refuse the unit of another quantity; what is no known unit is read elsewhere, such as counts per turn."""
+    from idloop.records.recognition.recognise import base_field
+    from idloop.records.tables.base_units import SECONDS, base_unit, known_unit
+
+    if role != "time" and known_unit(unit) not in ("", "counts", *SECONDS):
+        base_unit(known_unit(unit), base_field(role), f"{role}={unit}")
+
+
+def _check_time(table: Columns, column: str) -> None:
+    """Refuse a given time that falls as often as a signal does, or stands still."""
+    if column not in table.columns:
+        return
+    try:
+        change = np.diff(table.numbers(column))
+    except InputError:
+        return  # a clock time, in words
+    rises, falls = int(np.count_nonzero(change > 0.0)), int(np.count_nonzero(change < 0.0))
+    if falls > _MOST_FALLS * rises or rises < _FEWEST_RISES * change.size:
+        raise InputError(
+            f"{table.path}: {column!r} is no time: from row to row it rises {rises} times and falls {falls} times, of"
+            f" {change.size}"
+        )
 
 
 # ---------------------------------------------------------------- several files
@@ -349,13 +395,20 @@ def _records_in(found: Recognition) -> Iterator[str]:
 
 
 def _is_empty(table: Columns, name: str) -> bool:
-    import numpy as np
-
     try:
         values = table.numbers(name)
     except InputError:
         return False
     return bool(np.isnan(values).all())
+
+
+def _is_constant(table: Columns, name: str) -> bool:
+    try:
+        values = table.numbers(name)
+    except InputError:
+        return False
+    known = values[np.isfinite(values)]
+    return bool(known.size) and float(np.ptp(known)) == 0.0
 
 
 def _plain_name(path: Path) -> str:

@@ -9,9 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from idloop.api.first_fit import FirstFit, FirstModel, first_fit
 from idloop.api.log import Log, recognise
 from idloop.api.result import Progress, Result, ignore_progress, part
+from idloop.errors import InputError
 from idloop.reporting.text.blocks import Block
 from idloop.reporting.text.first_fit import held_inertia, verdict
 from idloop.reporting.text.inspection import between_lines, recording_lines
@@ -265,6 +268,9 @@ def begin(
     InputError
         The folder is there, or what was recognised cannot be imported.
     """
+    if not joint.strip():
+        raise InputError("the joint has no name; give one, such as --joint motor")
+    _check_finite(log)
     folder = free_folder(log, output)
     mapping = _mapping(log, joint, csv)
     folder.mkdir(parents=True)
@@ -287,6 +293,18 @@ def free_folder(log: Log, output: str | Path | None = None) -> Path:
     from idloop.output_files import probe_folder
 
     return probe_folder(Path(output) if output is not None else Path(log.name), "--output", new=True, parents=True)
+
+
+def _check_finite(log: Log) -> None:
+    """Refuse an infinite value of what would be imported, by its column in the file."""
+    for found in log.recognitions:
+        for name in {guess.column for guess in found.guesses} & set(found.table.columns):
+            rows = np.flatnonzero(np.isinf(found.table.numbers(name)))
+            if rows.size:
+                raise InputError(
+                    f"{found.table.path}: column {name!r} is infinite in row {rows[0]}; correct the cell, or leave it"
+                    " empty where nothing was measured"
+                )
 
 
 def _mapping(log: Log, joint: str, csv: Mapping[str, Any] | None) -> Any:

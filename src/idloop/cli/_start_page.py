@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 from idloop.cli._common import log as say
 from idloop.errors import InputError
-from idloop.spelling import listed
 
 if TYPE_CHECKING:
     from idloop.api.log import Log
@@ -62,7 +61,7 @@ def document_of(files: list[Path], given: Mapping[str, str]) -> dict[str, Any]:
         "columns": list(found.table.columns),
         "turned": log.turned_column,
         "doubts": [_OPTION.sub("", doubt) for doubt in log.doubts],
-        "notes": [*log.notes, *([f"empty: {listed(log.empty)}"] if log.empty else [])],
+        "notes": [*log.notes, *log.unused],
         "picture": _picture(log),
         "folder": str(_free_folder(log.name).absolute()),
         "missing": "",
