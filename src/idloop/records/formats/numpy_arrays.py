@@ -39,7 +39,7 @@ def read_npy_table(path: Path, _: Options) -> Table:
             header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
             shape, _fortran, kind = header(stream)
             stated = math.prod(shape) * max(kind.itemsize, 1)
-            if stated <= MOST_TABLE:
+            if stated <= MOST_TABLE and not kind.hasobject:
                 stream.seek(0)
                 array = np.lib.format.read_array(stream, allow_pickle=False)
     except OSError as error:
@@ -47,6 +47,11 @@ def read_npy_table(path: Path, _: Options) -> Table:
     except Exception as error:  # noqa: BLE001 - the header is a text that is evaluated
         text = " ".join(str(error).split())[:120] or type(error).__name__
         raise InputError(f"{path}: not a readable NPY file ({text}); check the copy of the file") from None
+    if kind.hasobject:
+        raise InputError(
+            f"{path}: it holds pickled objects of Python, which are never opened; save plain arrays:"
+            " numpy.savez('log.npz', t=t, u=u, y=y)"
+        )
     if stated > MOST_TABLE:
         raise InputError(
             f"{path}: it takes {stated / 2**30:.3g} GiB, more than {MOST_TABLE / 2**30:.3g}; keep fewer rows"
