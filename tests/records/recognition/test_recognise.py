@@ -339,3 +339,12 @@ def test_a_linear_velocity_says_the_length_of_a_count():
     _, found = _roles(columns)
     assert found.of("position").unit == "m"
     assert found.of("position").options["scale"] == pytest.approx(5e-6, rel=1e-3)
+
+
+def test_a_set_point_that_is_held_is_one_and_zeros_are_none():
+    columns = {"t [s]": T, "u [V]": U, "speed [rpm]": SPEED, "target_speed": 200.0 + 0 * T}
+    roles, _ = _roles(columns)
+    assert roles["reference velocity"] == ("target_speed", "rpm")
+    roles, found = _roles(columns | {"target_speed": 0 * T})
+    assert "reference velocity" not in roles
+    assert found.other == ("target_speed",)

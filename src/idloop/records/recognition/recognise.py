@@ -420,8 +420,11 @@ def _by_name(role: str, columns: dict[str, _Column], chosen: dict[str, Guess], g
     taken = {one.column for one in chosen.values()} | {one.column for one in given.values()}
     free = [one for one in columns.values() if one.name not in taken and one.by_name.role == role]
     moving = [one for one in free if one.moves]
-    if role in ("velocity", "reference", "reference velocity", "effort"):
+    if role in ("velocity", "effort"):
         free = moving
+    elif role in ("reference", "reference velocity"):
+        # A set-point may be held; one at zero throughout was not in use.
+        free = moving or [one for one in free if np.nan_to_num(one.value).any()]
     if not free:
         return None
     best = max(moving or free, key=lambda one: one.by_name.rank)
