@@ -35,6 +35,7 @@ from idloop.records.tables.base_units import SECONDS, base_unit, known_unit
 from idloop.records.tables.csv_layout import is_number
 from idloop.records.tables.expression import Expression
 from idloop.records.tables.mapping import Time
+from idloop.records.tables.stamps import bad_stamps, in_order, note_bad_stamps
 from idloop.records.tables.table import Table
 from idloop.spelling import did_you_mean, listed
 
@@ -202,7 +203,7 @@ def recognise_table(
     given = dict(given or {})
     numbers = numbers_of(table)
     doubts: list[str] = []
-    base = _time(table, numbers, given.get("time"), period)
+    base = _without_bad_stamps(table, _time(table, numbers, given.get("time"), period))
     columns = {}
     for name, value in numbers.items():
         parsed = parse_column_name(name, table.units.get(name, ""))
@@ -272,6 +273,15 @@ def _time(table: Table, numbers: dict[str, Floats], given: Given | None, period:
         return base_of_clock(table, name, known_clock_unit(table.units.get(name, "")), given.unit if given else "")
     count = max((value.size for value in numbers.values()), default=0)
     return find_time_base(table, numbers, given, count, period)
+
+
+def _without_bad_stamps(table: Table, base: TimeBase) -> TimeBase:
+    """Take the stamp before it for one that is wrong, so that no record ends there; an import leaves its row out."""
+    bad = bad_stamps(base.seconds)
+    if not bad.any():
+        return base
+    table.notes.append(note_bad_stamps(np.flatnonzero(bad) + table.first_row))
+    return replace(base, seconds=in_order(base.seconds, bad))
 
 
 def _of_known_drive(columns: dict[str, _Column], sources: Map[str, Map[str, str]]) -> None:

@@ -104,9 +104,9 @@ def import_bag(
         read = signals_from_bag(source, mapping, signals)
     else:
         table = _table(source, mapping, signals)
+        read = signals_from_table(table, mapping, signals)
         findings += [Finding("how_it_is_written", f"{source.name}: {note}") for note in table.notes]
         attributes = {name: table.attributes[name] for name in mapping.attributes if name in table.attributes}
-        read = signals_from_table(table, mapping, signals)
     _check(source, read)
     streams = _streams(read)
     channels = {signal.name: signal.unit for signal in read}

@@ -22,6 +22,7 @@ from idloop.records.tables.base_units import SECONDS, base_unit
 from idloop.records.tables.csv_layout import is_number
 from idloop.records.tables.expression import Expression
 from idloop.records.tables.mapping import Channel, Mapping, Signals, SignBit, Time
+from idloop.records.tables.stamps import bad_stamps, in_order, note_bad_stamps
 from idloop.records.tables.table import Table
 from idloop.records.unwrapping import unwrap
 
@@ -74,6 +75,7 @@ def signals_from_table(table: Table, mapping: Mapping, signals: Signals) -> list
     # What has no column, such as a constant command, has the stamps of the first that has one.
     first = next(time for *_, time, value in raw if value.ndim)
     stamps: dict[Time, Stamps] = {}
+    bad: dict[Time, NDArray[np.bool_]] = {}
     for time in dict.fromkeys(first if not value.ndim else time for *_, time, value in raw):
         if time is None or time.stamps is not None:
             raise InputError(
@@ -84,12 +86,14 @@ def signals_from_table(table: Table, mapping: Mapping, signals: Signals) -> list
         if min(lengths.values()) < count:
             text = ", ".join(f"{name}: {length}" for name, length in lengths.items())
             raise InputError(f"{table.path}: columns of unequal length ({text}); choose columns of one record")
-        stamps[time] = _time(table, time, count, rows)
+        stamps[time], bad[time] = _time(table, time, count, rows)
     found = []
     shift = _shift(list(stamps.values()))
     for topic, field, channel, time, value in raw:
-        stamp = stamps[first if not value.ndim or time is None else time]  # type: ignore[index]
+        own = first if not value.ndim or time is None else time
+        stamp = stamps[own]  # type: ignore[index]
         kept = _within(stamp, signals, held=channel.time is not None and topic not in ("joint_states", CONDITIONS))
+        kept &= ~bad[own]  # type: ignore[index]
         both = (stamp[kept] + shift,) * 2
         values = np.broadcast_to(value, stamp.shape)[kept]
         found.append(_make_signal(topic, field, channel, values, both, mapping, channel.joint or signals.joint or ""))
@@ -263,8 +267,8 @@ def _convert(value: Floats, table: Table | None, channel: Channel, rows: slice =
     return value + channel.offset
 
 
-def _time(table: Table, time: Time, count: int, rows: slice) -> Stamps:
-    """Stamps of the selected rows as the file counts them [ns]."""
+def _time(table: Table, time: Time, count: int, rows: slice) -> tuple[Stamps, NDArray[np.bool_]]:
+    """Stamps of the selected rows as the file counts them [ns], and which rows are left out for theirs."""
     first = rows.start + table.first_row
     if time.column is None:
         period = time.period if time.period is not None else 1.0 / (time.rate or 1.0)
@@ -273,7 +277,8 @@ def _time(table: Table, time: Time, count: int, rows: slice) -> Stamps:
                 f"{table.path}: time: {count} rows at every {period:g} s last longer than any recording;"
                 f" correct the {'period' if time.rate is None else 'rate'}"
             )
-        return np.asarray(np.round(np.arange(first, first + count) * period * 1e9).astype(np.int64))
+        stamp = np.asarray(np.round(np.arange(first, first + count) * period * 1e9).astype(np.int64))
+        return stamp, np.zeros(count, dtype=bool)
     if time.unit == "iso8601":
         cells = table.raw(time.column)[rows]
         stamp = _as_stamps(
@@ -298,6 +303,10 @@ def _time(table: Table, time: Time, count: int, rows: slice) -> Stamps:
             f"{table.path}: time column {time.column!r} has {stamp.size} rows, the others {count}; choose columns"
             " of one record"
         )
+    wrong = bad_stamps(stamp)
+    if wrong.any():
+        table.notes.append(note_bad_stamps(np.flatnonzero(wrong) + first))
+        stamp = in_order(stamp, wrong)
     back = np.flatnonzero(np.diff(stamp) < 0)
     if back.size:
         raise InputError(
@@ -306,7 +315,7 @@ def _time(table: Table, time: Time, count: int, rows: slice) -> Stamps:
         )
     if stamp.size and time.unit == "iso8601" and stamp[0] < 0:
         raise InputError(f"{table.path}: time column {time.column!r} begins before 1970; stamps begin there")
-    return stamp
+    return stamp, wrong
 
 
 def _shift(stamps: list[Stamps]) -> int:

@@ -1,0 +1,59 @@
+"""Single stamps that are wrong among thousands that are not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.spelling import listed
+
+# Usual steps that the stamps beside a wrong one may lie apart, and the share of rows that may be wrong: beyond it the
+# column is no time that one can trust.
+_APART, _MOST = 10.0, 0.01
+
+
+def bad_stamps(stamp: NDArray[Any]) -> NDArray[np.bool_]:
+    """Find the rows whose stamp stands out of order between two that follow each other.
+
+    Where a time starts again, what follows is below what was before as well, and no single row stands out.
+
+    Parameters
+    ----------
+    stamp : array, shape (n,)
+        Of any unit; NaN where there is none.
+
+    Returns
+    -------
+    array, shape (n,)
+        None of them where they are too many.
+    """
+    found = np.zeros(stamp.size, dtype=bool)
+    step = np.diff(stamp)
+    forward = step[step > 0]
+    if forward.size < 3:
+        return found
+    limit = _APART * float(np.median(forward))
+    for row in np.flatnonzero(step < 0) + 1:
+        # Either the row is too early, or the one before it is too late.
+        for wrong in (row, row - 1):
+            if 0 < wrong < stamp.size - 1 and 0 <= stamp[wrong + 1] - stamp[wrong - 1] <= limit:
+                found[wrong] = not found[wrong - 1]
+                break
+    return found if found.sum() <= _MOST * stamp.size else np.zeros(stamp.size, dtype=bool)
+
+
+def in_order(stamp: NDArray[Any], bad: NDArray[np.bool_]) -> NDArray[Any]:
+    """Return the stamps with each bad one as the one before it, so that the rows stay in order."""
+    place = np.arange(stamp.size)
+    return np.asarray(stamp[np.maximum.accumulate(np.where(bad, 0, place))])
+
+
+def note_bad_stamps(rows: Sequence[int] | NDArray[np.int64]) -> str:
+    """Say which rows are left out, counted from 0."""
+    places = listed([str(row) for row in rows], 6)
+    if len(rows) == 1:
+        return f"row {places} is left out: its stamp stands out of order between those beside it"
+    return f"rows {places} are left out: their stamps stand out of order between those beside them"
