@@ -412,3 +412,12 @@ def test_a_column_that_never_changes_says_so(record, tmp_path):
     assert found.recognition.of("velocity") is None
     assert found.unused == ["not used: velocity (never changes)"]
     assert "not used: velocity (never changes)" in list(found.blocks())
+
+
+def test_a_set_point_of_the_position_is_not_fitted_as_a_force(record, tmp_path):
+    c = _columns(record)
+    log = _write(tmp_path / "log.csv", "t,command,angle", c["t"][:-4], c["q"][4:], c["q"][:-4])
+    begun = idloop.start(log, tmp_path / "begun")
+    assert begun.fit is None
+    assert begun.not_fitted.startswith("log: axis.effort is a set-point of the position")
+    assert "record the current or the torque" in begun.summary()

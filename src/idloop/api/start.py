@@ -386,20 +386,28 @@ class _Apart:
 
 def _apart(bags: Sequence[Path], inspections: Sequence[Inspection], between: Sequence[Finding]) -> _Apart | None:
     """Return why a fit of all records together would mean nothing; None where it may mean something."""
+    from idloop.records.inspection.faults.inner_loop import is_of_position
     from idloop.records.inspection.grade import EVERYTHING, what
 
     # A record whose fault spoils every fit would spoil the others' as well; one of no use may serve beside others.
-    spoilt = [one for one in inspections if any(EVERYTHING in fault.spoils for fault in one.faults)]
-    if spoilt:
-        first, names = spoilt[0], {one.path.name for one in spoilt}
+    # A set-point of the position makes a motion that no force explains.
+    spoiling = {
+        one.path.name: [fault for fault in one.faults if EVERYTHING in fault.spoils or is_of_position(fault)]
+        for one in inspections
+    }
+    if names := [name for name, faults in spoiling.items() if faults]:
+        faults = spoiling[names[0]]
         sound = tuple(bag for bag in bags if bag.name not in names)
-        cure = f"; leave {joined_names(sorted(names))} out, as the last command below does" if sound else ""
-        turned = any(fault.kind == _TURNED for fault in first.faults)
-        return _Apart(f"{first.path.name}: {first.grade_reason}{cure}", (sound,) if sound else (), turned)
-    spoiling = [one for one in between if one.spoils]
-    if spoiling:
-        odd = {one.where for one in spoiling}
+        # The cure of the fault stands beside the fault.
+        cure = f"; leave {joined_names(names)} out, as the last command below does" if sound else ""
+        turned = any(fault.kind == _TURNED for fault in faults)
+        return _Apart(f"{names[0]}: {what(faults[0])}{cure}", (sound,) if sound else (), turned)
+    apart = [one for one in between if one.spoils]
+    if apart:
+        odd = {one.where for one in apart}
         alike = tuple(bag for bag in bags if bag.name not in odd)
         groups = (*((alike,) if alike else ()), *((bag,) for bag in bags if bag.name in odd))
-        return _Apart(f"the records do not belong together: {what(spoiling[0])}; {spoiling[0].cure}", groups)
+        return _Apart(
+            f"the records do not belong together: {what(apart[0])}; the commands below fit them apart", groups
+        )
     return None

@@ -7,7 +7,10 @@ import numpy as np
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis, Floats
 from idloop.records.inspection.faults.fault import fault
+from idloop.records.inspection.response import PLAIN, Response, regress, responses
 
+KIND = "inner_loop"
+_OF_POSITION = "set-point of the position"
 # The motion follows a set-point with this gain, and this share of its power.
 _GAIN, _FOLLOWS = 0.03, 0.97
 _POSITION, _VELOCITY = (
@@ -15,6 +18,11 @@ _POSITION, _VELOCITY = (
     ("rad/s", "rpm", "deg/s", "rev/s", "m/s", "mm/s"),
 )
 _LAGS = 24
+# In the balance of a position loop the position has this factor, to this accuracy, explains this share of the command
+# beside what moves the axis, and leaves so little of it.
+_FACTOR, _EXACT, _OWN, _WHOLE = 0.02, 0.01, 0.9, 0.98
+_NO_FORCE = ("", "-")
+_WITH_POSITION = 4  # columns beside the command: speed, its sign, constant, position
 
 
 def check(axis: Axis) -> list[Finding]:
@@ -32,14 +40,20 @@ def check(axis: Axis) -> list[Finding]:
         gain, share = _follows(grid.command, value)
         if abs(gain - 1.0) < _GAIN and share > _FOLLOWS:
             found.append((signal, gain, share))
+    loop = None if found or unit not in _NO_FORCE else _position_loop(axis)
     by_unit = "position" if unit in _POSITION else "velocity" if unit in _VELOCITY else ""
     by_field = field if field in ("position", "velocity") and not unit else ""
-    if not (found or by_unit or by_field):
+    if not (found or loop or by_unit or by_field):
         return []
+    if loop is not None:
+        found = [("position", *loop)]
     signal, gain, share = found[0] if found else (by_unit or by_field, np.nan, np.nan)
     name = axis.command_name
     why = (
-        f"{axis.name(signal)} follows it with a gain of {gain:.3f} ({100 * share:.1f} % of its power)"
+        f"beside speed, friction and acceleration {axis.name(signal)} is in it with a factor of {gain:.3f}, as in a"
+        f" loop ({100 * share:.1f} % of its power)"
+        if loop
+        else f"{axis.name(signal)} follows it with a gain of {gain:.3f} ({100 * share:.1f} % of its power)"
         if found
         else f"it is given in {unit}"
         if by_unit
@@ -47,7 +61,7 @@ def check(axis: Axis) -> list[Finding]:
     )
     return [
         fault(
-            "inner_loop",
+            KIND,
             name,
             f"{name} is a set-point of the {signal}: {why}; a controller inside the drive makes the force",
             "record the current or the torque of the drive as the command, or model the loop of the drive",
@@ -55,6 +69,40 @@ def check(axis: Axis) -> list[Finding]:
             spoils=("inertia and friction",),
         )
     ]
+
+
+def is_of_position(finding: Finding) -> bool:
+    """Whether a finding says that the command is a set-point of the position."""
+    return finding.kind == KIND and _OF_POSITION in finding.text
+
+
+def _position_loop(axis: Axis) -> tuple[float, float] | None:
+    """Factor of the position in the command, and the share that its balance explains, where a loop makes the force.
+
+    A controller whose force is ``stiffness (command - position) - damping speed`` makes the command the position plus
+    what is proportional to speed, friction and acceleration, however softly the motion follows it. The command of a
+    force holds no position, or as much of it as there is of a spring.
+    """
+    found: tuple[float, float, float] | None = None
+    for one in responses(axis):
+        if one.functions.power != PLAIN or one.others.shape[1] < _WITH_POSITION:
+            continue
+        factor, error, share, own = _balance(one)
+        if error < _EXACT and abs(factor - 1.0) < _FACTOR and own > _OWN and share > _WHOLE:
+            found = min(found or (error, factor, share), (error, factor, share))
+    return None if found is None else found[1:]
+
+
+def _balance(one: Response) -> tuple[float, float, float, float]:
+    """Factor of the position in the command, its error, the share explained, and the share that the position adds."""
+    command = one.command[one.known]
+    speed, friction, constant, place = one.others[one.known][:, :_WITH_POSITION].T
+    moves = np.column_stack([speed, friction, one.acceleration[one.known], constant])
+    values, errors, left = regress(command, np.column_stack([place, moves]))
+    alone = regress(command, moves)[2]
+    power = float(np.var(command))
+    share, own = (1.0 - left / whole if whole > 0.0 else 0.0 for whole in (power, alone))
+    return float(values[0]), float(errors[0]), share, own
 
 
 def _follows(command: Floats, value: Floats) -> tuple[float, float]:

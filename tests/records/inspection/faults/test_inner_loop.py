@@ -1,0 +1,53 @@
+"""A command that a loop in the drive follows is no force, however softly the motion follows it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from idloop.records.inspection.faults.inner_loop import check, is_of_position
+
+
+def _looped(make_axis, stiffness, damping, unit):
+    """Let a position loop with friction and overshoot follow slow sines."""
+    time = np.arange(4000) / 200.0
+    set_point = np.sin(2.1 * time) + 0.6 * np.sin(5.3 * time + 1.0) + 0.3 * np.sin(9.7 * time)
+    p = v = 0.0
+    position, velocity = np.empty(time.size), np.empty(time.size)
+    for k, wanted in enumerate(set_point):
+        position[k], velocity[k] = p, v
+        for _ in range(10):
+            force = stiffness * (wanted - p) - damping * v
+            v += 5e-4 * (50.0 * force - 5.0 * v - 2.0 * np.tanh(v / 0.01))
+            p += 5e-4 * v
+    position += 2e-4 * np.random.default_rng(0).normal(size=time.size)
+    axis = make_axis(count=time.size, command=set_point)
+    return replace(axis, position=position, velocity=velocity, units={**axis.units, "j.effort": unit})
+
+
+@pytest.mark.parametrize(("stiffness", "damping"), [(3.0, 0.1), (20.0, 0.2)])
+def test_a_set_point_that_is_overshot_or_followed_softly_is_none_of_a_force(make_axis, stiffness, damping):
+    (found,) = check(_looped(make_axis, stiffness, damping, "-"))
+    assert is_of_position(found)
+    assert found.evidence["gain"] == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_force_is_no_set_point(make_axis):
+    assert check(replace(make_axis(), units={})) == []
+
+
+@pytest.mark.parametrize("spring", [20.0, 80.0])
+def test_a_spring_is_no_loop(make_axis, spring):
+    time = np.arange(4000) / 200.0
+    command = np.sin(2.1 * time) + 0.6 * np.sin(5.3 * time + 1.0) + 0.3 * np.sin(9.7 * time)
+    p = v = 0.0
+    position, velocity = np.empty(time.size), np.empty(time.size)
+    for k, force in enumerate(command):
+        position[k], velocity[k] = p, v
+        for _ in range(10):
+            v += 5e-4 * (50.0 * force - 5.0 * v - spring * p)
+            p += 5e-4 * v
+    axis = make_axis(count=time.size, command=command)
+    assert check(replace(axis, position=position, velocity=velocity, units={})) == []
