@@ -111,6 +111,17 @@ def test_text_between_the_rows_is_left_out_where_asked(tmp_path):
     ]
 
 
+def test_rows_that_were_cut_off_are_no_lines_of_text(tmp_path):
+    table = _read(tmp_path, "t,u,y\n0,1,1\n1,2,2\n2,3\n3,4,4\nstall\n4,5,5,5,5\n5,6,6\n6,7", skip_text=True)
+    np.testing.assert_array_equal(table.columns["t"], [0, 1, 3, 5])
+    assert table.notes == [
+        "1 line of text between the rows is left out, before row 3",
+        "2 rows of another number of cells are left out, before row 2, 3",
+        "the last row is left out: the file ends within it",
+    ]
+    assert table.skipped
+
+
 @pytest.mark.parametrize(("rows", "values"), [(slice(0, 2), [1, 2]), (slice(3, 4), [3])])
 def test_rows_outside_of_the_chosen_ones_are_not_looked_at(tmp_path, rows, values):
     np.testing.assert_array_equal(_read(tmp_path, SERIAL, rows).columns["u"], values)

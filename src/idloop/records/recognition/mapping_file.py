@@ -11,7 +11,7 @@ from ruamel.yaml.scalarstring import LiteralScalarString
 
 from idloop.records.recognition.guess import Guess
 from idloop.records.recognition.recognise import MOTION, Recognition
-from idloop.records.tables.csv_file import BETWEEN
+from idloop.records.tables.csv_file import SKIPPED
 from idloop.records.tables.mapping import SCHEMA, Time
 from idloop.records.tables.table import Table
 
@@ -33,7 +33,7 @@ def mapping_of(found: Recognition, name: str, joint: str, *, files: tuple[str, .
         mapping["files"] = list(files)
     if _skips_text(found.table):
         mapping["csv"] = CommentedMap({"skip_text": True})
-        note = next(one for one in found.table.notes if BETWEEN in one)
+        note = next(one for one in found.table.notes if any(words in one for words in SKIPPED))
         mapping.yaml_add_eol_comment(_one_line(note), "csv")
     if not found.sources or found.base.time.stamps is not None:
         mapping["time"] = _time(found.base.time)
@@ -67,7 +67,7 @@ def text_of(mapping: CommentedMap) -> str:
 
 
 def _skips_text(table: Table) -> bool:
-    return table.csv is not None and bool(table.csv.text_rows)
+    return table.csv is not None and table.csv.skipped
 
 
 def _time(time: Time) -> dict[str, Any]:

@@ -31,8 +31,11 @@ _FIRST_LINES = 400
 _SEP = re.compile(r'"?sep=(.)"?\s*', re.IGNORECASE)
 # Cells that are converted at once, and bytes of a file that are decoded at once.
 _CELLS, _BLOCK = 500_000, 1 << 24
-# What a note says of lines that were left out.
+# What notes say of lines that were left out: texts, and rows that were cut off or run together.
 BETWEEN = "of text between the rows"
+CUT = "of another number of cells"
+ENDS = "the file ends within it"
+SKIPPED = (BETWEEN, CUT, ENDS)
 # Bytes of a cell as a text.
 _TEXT_CELL = 64
 
@@ -53,8 +56,10 @@ class CsvTable:
         Numbers in such a row: what a column holds once.
     preamble : list of str
         Lines above the header.
-    text_rows : list of int
-        Rows before which lines without data were left out.
+    text_rows, cut_rows : list of int
+        Rows before which lines without data, and rows of numbers with more or fewer cells, were left out.
+    ends_within : bool
+        Whether the last of these rows is the last line of the file.
     """
 
     columns: dict[str, Any] = field(default_factory=dict)
@@ -63,6 +68,13 @@ class CsvTable:
     attributes: dict[str, float | str] = field(default_factory=dict)
     preamble: list[str] = field(default_factory=list)
     text_rows: list[int] = field(default_factory=list)
+    cut_rows: list[int] = field(default_factory=list)
+    ends_within: bool = False
+
+    @property
+    def skipped(self) -> bool:
+        """Whether lines between the rows were left out."""
+        return bool(self.text_rows or self.cut_rows)
 
 
 def read_csv(path: Path, options: dict[str, Any], rows: slice = slice(0, None)) -> CsvTable:
@@ -166,6 +178,12 @@ def _note_layout(found: CsvTable, layout: Layout, names: Sequence[str]) -> None:
         places = listed(list(map(str, dict.fromkeys(found.text_rows))), 6)
         rows = found.text_rows
         found.notes.append(f"{_lines(rows)} {BETWEEN} {_are(rows)} left out, before row {places}")
+    if cut := found.cut_rows[: -1 if found.ends_within else None]:
+        places = listed(list(map(str, dict.fromkeys(cut))), 6)
+        many = "1 row" if len(cut) == 1 else f"{len(cut)} rows"
+        found.notes.append(f"{many} {CUT} {_are(cut)} left out, before row {places}")
+    if found.ends_within:
+        found.notes.append(f"the last row is left out: {ENDS}")
 
 
 def _lines(some: Sequence[object]) -> str:
@@ -180,9 +198,13 @@ def _only_data(rows: Iterable[Row], width: int, found: CsvTable) -> Iterator[Row
     """Yield the rows of numbers, and note where others were left out."""
     number = 0
     for row in rows:
+        found.ends_within = False
         if is_data(row, width):
             number += 1
             yield row
+        elif all(map(is_number, filter(None, map(str.strip, row)))):
+            found.cut_rows.append(number)
+            found.ends_within = len(row) < width
         else:
             found.text_rows.append(number)
 
