@@ -65,11 +65,18 @@ def _near(axis: Axis, signal: str, value: Floats, after: NDArray[np.int64]) -> t
     rows = isolated(values, axis.resolution[signal], even)
     # A value that is repeated lies off as well, and so does the answer of a fast axis to a jump of its command.
     rows = rows[(values[rows] != values[rows - 1]) & (~np.isin(known[rows], after) | _far(values, rows))]
+    rows = rows[~_on_the_way(values, rows)]
     if signal == "velocity" and axis.place is not None and axis.trusts_velocity:
         rows = rows[~_moved(axis.place[known], time, values, rows)]
     if rows.size > _MOST * values.size:
         return _none()
     return time[rows], np.abs(values[rows] - 0.5 * (values[rows - 1] + values[rows + 1]))
+
+
+def _on_the_way(value: Floats, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Whether samples lie between the ones beside them: read late or early within the interval, a true value."""
+    before, after = value[rows] - value[rows - 1], value[rows + 1] - value[rows]
+    return np.asarray(before * after > 0.0)
 
 
 def _far(value: Floats, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
