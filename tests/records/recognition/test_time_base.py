@@ -146,3 +146,29 @@ def test_stamps_of_a_signal_without_a_unit_are_in_a_plausible_one():
 def test_a_period_that_is_none_is_refused(period):
     with pytest.raises(InputError, match="above zero and finite"):
         _base({"u": np.sin(K)}, period=period)
+
+
+def test_a_nameless_time_that_starts_again_divides_the_runs():
+    time = np.concatenate([0.01 * K[:90] + 7e-5, 0.01 * K[:70] + 2e-2, 0.01 * K[:40]])
+    base = _base({"0": np.sign(np.sin(K)), "1": time + 2e-3 * np.sin(K) ** 2, "2": np.cos(0.1 * K)})
+    assert base.time.column == "1"
+    assert base.doubt
+    assert [(one.start, one.stop) for one in base.runs] == [(0, 90), (90, 160), (160, 200)]
+
+
+NONE = {
+    "one row": ({"t": [0.0], "u": [1.0]}, "only 1 row of data"),
+    "two rows": ({"t": [0.0, 0.1], "u": [1.0, 2.0]}, "only 2 rows of data"),
+    "backwards": ({"t": -K, "u": np.sin(K)}, "'t' runs backwards: turn the order of the rows"),
+    "backwards without a name": ({"0": -K, "1": np.sin(K)}, "'0' runs backwards"),
+    "a time that stands": ({"t": 0 * K, "u": np.sin(K)}, "'t' is 0 in every row"),
+    "no order": ({"t": np.mod(-K, 3.0), "u": np.sin(K)}, "'t' falls from row to row as often as it rises"),
+    "none": ({"u": np.sin(K), "y": np.cos(K)}, r"no column is a time; .* \(columns are u, y\)"),
+}
+
+
+@pytest.mark.parametrize("name", NONE)
+def test_why_no_column_is_a_time_is_said(name):
+    columns, words = NONE[name]
+    with pytest.raises(InputError, match=words):
+        _base(columns)

@@ -18,6 +18,7 @@ from idloop.records.recognition.roles import RoleByName, role_by_name
 from idloop.records.tables.base_units import SECONDS, known_unit
 from idloop.records.tables.mapping import Time
 from idloop.records.tables.table import Table
+from idloop.spelling import listed
 
 Floats = NDArray[np.float64]
 
@@ -34,8 +35,10 @@ _PERIOD = re.compile(
     r"(?P<number>\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)\s*(?P<behind>[µa-zA-Z]+)?",
     re.IGNORECASE,
 )
-_FEWEST_ROWS = 10
+_FEWEST_ROWS, _FEWEST_STAMPS = 10, 3
+_NEAR = 0.05  # of its range, in which a time starts again
 _SAME = 0.02  # difference of two periods that agree
+_BACKWARDS = "runs backwards: turn the order of the rows"
 _WAYS = "numbers nor times such as 10:03:29.5 or 2025-11-12T10:03:29.5"
 # Columns of oscilloscopes whose one value is the sampling period [s].
 _INCREMENTS = {"increment", "xincrement", "x increment", "sample interval", "delta_x"}
@@ -104,6 +107,12 @@ def find_time_base(
         return TimeBase(Time(period=period), "as given", doubt, np.arange(count, dtype=np.float64) * period)
     if given is not None and given.column:
         return _of_column(table, numbers, given.column, given.unit, "as given")
+    rows = max((len(column) for column in table.columns.values()), default=0)
+    if rows < _FEWEST_STAMPS:
+        raise InputError(
+            f"{table.path}: only {rows} {'row' if rows == 1 else 'rows'} of data; check that the recording was saved"
+            " whole"
+        )
     unit = given.unit if given is not None else ""
     if name := _named(table, numbers):
         reason = role_by_name(parse_column_name(name, table.units.get(name, ""))).reason
@@ -114,18 +123,37 @@ def find_time_base(
     steady = [name for name, value in numbers.items() if _is_clock(value)] or [
         name for name, value in numbers.items() if value.size > _FEWEST_ROWS and (np.diff(value) > 0).all()
     ]
-    if steady:
-        base = _of_column(table, numbers, steady[0], unit, "it rises from row to row")
-        return TimeBase(
-            base.time, base.reason, base.doubt or _doubt(steady[0], base.time.unit), base.seconds, base.units
+    again = [] if steady else [name for name, value in numbers.items() if _starts_again(value)]
+    for name in (*steady, *again):
+        base = _of_column(
+            table, numbers, name, unit, "it rises from row to row" + (", and starts again" if again else "")
         )
-    said = next((name for name in table.columns if name not in numbers and _role(table, name).role == "time"), None)
-    cell = "" if said is None else next((str(cell) for cell in table.raw(said) if str(cell).strip()), "")
-    unread = f" ({said!r} is {cell[:40]!r}, neither {_WAYS})" if cell else ""
+        return TimeBase(base.time, base.reason, base.doubt or _doubt(name, base.time.unit), base.seconds, base.units)
     raise InputError(
-        f"{table.path}: no column is a time{unread}; name it with --time COLUMN, or say how often a row was taken:"
-        " --rate HZ or --period S"
+        f"{table.path}: no column is a time{_why_not(table, numbers)}; name it with --time COLUMN, or say how often a"
+        f" row was taken: --rate HZ or --period S (columns are {listed(table.columns, 20)})"
     )
+
+
+def _why_not(table: Table, numbers: dict[str, Floats]) -> str:
+    """Say what keeps columns that could be a time from being one; empty where none could."""
+    said = []
+    for name in table.columns:
+        if _role(table, name).role != "time":
+            said += [f"{name!r} {_BACKWARDS}"] if name in numbers and _is_clock(-numbers[name]) else []
+            continue
+        if name not in numbers:
+            cell = next((str(cell) for cell in table.raw(name) if str(cell).strip()), "")
+            said += [f"{name!r} is {cell[:40]!r}, neither {_WAYS}"] if cell else [f"{name!r} is empty"]
+            continue
+        value = numbers[name][np.isfinite(numbers[name])]
+        if float(np.ptp(value)) == 0.0:
+            said.append(f"{name!r} is {value[0]:g} in every row")
+        elif (np.diff(value) <= 0.0).all():
+            said.append(f"{name!r} {_BACKWARDS}")
+        else:
+            said.append(f"{name!r} falls from row to row as often as it rises")
+    return f" ({'; '.join(said[:3])})" if said else ""
 
 
 def base_of_clock(table: Table, name: str, said: str, given: str) -> TimeBase:
@@ -224,6 +252,20 @@ def _is_clock(value: Floats) -> bool:
         and np.isfinite(step).all()
         and np.median(step) > 0
         and np.mean(np.abs(step / np.median(step) - 1.0) < 0.5) > _EVEN
+    )
+
+
+def _starts_again(value: Floats) -> bool:
+    """Whether a column rises throughout but for falls back to where it began."""
+    step = np.diff(value)
+    if value.size <= _FEWEST_ROWS or not np.isfinite(step).all():
+        return False
+    low = float(value.min())
+    begins = value[1:][step < 0]
+    return bool(
+        begins.size
+        and np.mean(step > 0) > _EVEN
+        and (np.array([value[0], *begins]) - low).max() < _NEAR * float(np.ptp(value))
     )
 
 
