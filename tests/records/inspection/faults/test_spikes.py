@@ -12,7 +12,7 @@ from idloop.records.inspection.faults.spikes import check
 def _coasting(make_axis):
     """Let an axis turn fast, by a step that is large beside its noise from sample to sample."""
     axis = make_axis()
-    place = 30.0 * axis.time + 0.4 * np.sin(axis.time)
+    place = 30.0 * axis.time + 5.0 * np.sin(5.0 * axis.time)
     place += 1e-4 * np.random.default_rng(0).normal(size=place.size)
     return replace(axis, position=place, velocity=None), place
 
@@ -20,7 +20,7 @@ def _coasting(make_axis):
 def test_a_sample_that_was_read_late_is_no_bad_reading(make_axis):
     axis, place = _coasting(make_axis)
     late = place.copy()
-    late[1015] += 0.7 * (place[1016] - place[1015])
+    late[1005] += 0.7 * (place[1006] - place[1005])
     assert check(replace(axis, position=late)) == []
 
 
@@ -28,6 +28,6 @@ def test_a_reading_that_comes_back_is_a_bad_one(make_axis):
     axis, place = _coasting(make_axis)
     for off in (1.5, -1.5):
         bad = place.copy()
-        bad[1015] += off * (place[1016] - place[1015])
+        bad[1005] += off * (place[1006] - place[1005])
         (found,) = check(replace(axis, position=bad))
         assert (found.kind, found.count) == ("spikes", 1)
