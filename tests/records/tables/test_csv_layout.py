@@ -142,3 +142,12 @@ def test_numbers_beyond_the_rows_hold_for_all_of_them(tmp_path):
 def test_the_delimiter_that_a_spreadsheet_writes(tmp_path):
     table = _read(tmp_path, "sep=;\nt;u\n0;1,5\n1;2,5\n")
     np.testing.assert_array_equal(table.columns["u"], [1.5, 2.5])
+
+
+def test_units_in_a_line_above_the_header(tmp_path):
+    head = "Model,M1\n{}Sample Interval,0.002\nVertical Units,V,A\nTIME,CH1,CH2\n"
+    rows = "0,1,2\n1,2,3\n2,3,4\n"
+    assert _read(tmp_path, head.format("Horizontal Units,s\n") + rows).units == {"CH1": "V", "CH2": "A"}
+    one = head.format("Horizontal Units,s\n").replace(",V,A", ",V").replace(",CH2", "")
+    assert _read(tmp_path, one + "0,1\n1,2\n2,3\n").units == {"CH1": "V"}
+    assert _read(tmp_path, head.format("").replace(",V,A", ",V,division") + rows).units == {}

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from idloop.documents import MOST_COLUMNS, MOST_TABLE
 from idloop.errors import InputError
+from idloop.records.tables.base_units import SECONDS, known_unit
 from idloop.records.tables.csv_layout import DECIMAL_COMMA, GROUPED, Layout, Row, find_layout, is_data, is_number
 from idloop.spelling import listed
 
@@ -29,6 +30,7 @@ _COMMENT = ("#", "%")
 _FIRST_LINES = 400
 # A delimiter that Excel writes into the first line.
 _SEP = re.compile(r'"?sep=(.)"?\s*', re.IGNORECASE)
+_UNITS = re.compile(r"\bunits?\b", re.IGNORECASE)
 # Cells that are converted at once, and bytes of a file that are decoded at once.
 _CELLS, _BLOCK = 500_000, 1 << 24
 # What notes say of lines that were left out: texts, and rows that were cut off or run together.
@@ -168,11 +170,12 @@ def _note_layout(found: CsvTable, layout: Layout, names: Sequence[str]) -> None:
     if found.preamble:
         where = "header" if layout.names else "rows"
         found.notes.append(f"{_lines(found.preamble)} above the {where} {_are(found.preamble)} left out")
+    found.units = _units_above(found.preamble, layout.delimiter, names)
     if layout.units:
         cells = [cell.strip() for row in layout.units for cell in row if cell.strip()]
         found.notes.append(f"the row below the header is read as units and left out: {listed(cells, 12)}")
         below = [(name, cell.strip()) for row in layout.units for name, cell in zip(names, row, strict=False)]
-        found.units = {name: cell for name, cell in below if not is_number(cell)}
+        found.units |= {name: cell for name, cell in below if not is_number(cell)}
         found.attributes = {name: float(cell.replace(",", ".")) for name, cell in below if is_number(cell)}
     if found.text_rows:
         places = listed(list(map(str, dict.fromkeys(found.text_rows))), 6)
@@ -184,6 +187,19 @@ def _note_layout(found: CsvTable, layout: Layout, names: Sequence[str]) -> None:
         found.notes.append(f"{many} {CUT} {_are(cut)} left out, before row {places}")
     if found.ends_within:
         found.notes.append(f"the last row is left out: {ENDS}")
+
+
+def _units_above(lines: Sequence[str], delimiter: str, names: Sequence[str]) -> dict[str, str]:
+    """Units that a line above the header states of all columns but the first, as in ``Vertical Units,V,V``."""
+    for line in lines:
+        key, *cells = [cell.strip() for cell in line.split(delimiter)]
+        while cells and not cells[-1]:
+            cells.pop()
+        units = [known_unit(cell) for cell in cells]
+        stated = _UNITS.search(key) and len(cells) == len(names) - 1
+        if stated and all(units) and not set(units) & SECONDS.keys():
+            return dict(zip(names[1:], cells, strict=True))
+    return {}
 
 
 def _lines(some: Sequence[object]) -> str:
