@@ -83,6 +83,20 @@ def test_files_with_different_columns_are_joined_by_time(record, tmp_path):
     assert begun.fit.values["axis.inertia"] == pytest.approx(0.01, rel=0.05)
 
 
+def test_files_without_a_header_whose_names_are_those_of_signals_are_one_record(record, tmp_path):
+    c = _columns(record)
+    logs = [tmp_path / "run1_pos.t", tmp_path / "run1_tau.t"]
+    for log, values in zip(logs, (c["q"], c["u"]), strict=True):
+        np.savetxt(log, np.column_stack([c["t"], values]), fmt="%.7g")
+    found = recognise(logs)
+    assert found.joined
+    assert [(one.role, one.column) for one in found.recognition.guesses] == [
+        ("command", "run1_tau.1"), ("position", "run1_pos.1")
+    ]  # fmt: skip
+    other = recognise(logs, {"time": "=ms"}).recognition
+    assert [other.base.time.unit, *(one.unit for one in other.clocks.values())] == ["ms", "ms"]
+
+
 def test_runs_in_one_file_become_records_and_text_between_is_left_out(record, tmp_path):
     c = _columns(record)
     rows = [f"{int(1e3 * t)},{u:.7g},{q:.7g}" for t, u, q in zip(c["t"], c["u"], c["q"], strict=True)]

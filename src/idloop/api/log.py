@@ -190,7 +190,7 @@ def recognise(
     if "time" in said:
         for table in tables:
             _check_time(table, said["time"].column)
-    if any(set(one.columns) != set(tables[0].columns) for one in tables):
+    if any(set(one.columns) != set(tables[0].columns) for one in tables) or _are_signals(tables):
         return _joined(paths, tables, said, period)
     found = _alike([recognise_table(table, said, period=period) for table in tables])
     return Log(paths, tuple(found), between=tuple(_read_otherwise(found)))
@@ -299,7 +299,7 @@ def _described(found: Recognition, role: str) -> str:
 def _joined(paths: tuple[Path, ...], tables: list[Columns], said: dict[str, Given], period: float | None) -> Log:
     """Recognise several files as one record."""
     from idloop.records.recognition.recognise import numbers_of, recognise_table
-    from idloop.records.recognition.time_base import find_time_base
+    from idloop.records.recognition.time_base import doubt_of_unit, find_time_base
     from idloop.records.tables.joined import joined_tables
 
     if len({path.parent.resolve() for path in paths}) > 1:
@@ -308,16 +308,37 @@ def _joined(paths: tuple[Path, ...], tables: list[Columns], said: dict[str, Give
         )
     between = _complete(tables)
     bases = {}
+    # A unit holds for the stamps of every file; a column of the joined ones is none of a file.
+    clock = said["time"] if "time" in said and not said["time"].column else None
     for table in tables:
         numbers = numbers_of(table)
         count = max((value.size for value in numbers.values()), default=0)
-        bases[table.path.name] = base = find_time_base(table, numbers, None, count, period)
+        bases[table.path.name] = base = find_time_base(table, numbers, clock, count, period)
         if base.time.column is not None and not table.clocks:
-            clock = str(base.time.column)
-            table.units[clock] = base.time.unit
-            table.clocks = {name: clock for name in table.columns if name != clock}
+            stamps = str(base.time.column)
+            table.units[stamps] = base.time.unit
+            table.clocks = {name: stamps for name in table.columns if name != stamps}
     found = recognise_table(joined_tables(paths[0].parent, tables), said)
-    return Log(paths, (found,), joined=True, between=(*between, *_apart(bases)))
+    unsure = next((base for base in bases.values() if len(base.units) > 1), None)
+    doubts = [] if unsure is None else [doubt_of_unit("", unsure.units[0])]
+    return Log(paths, (found,), joined=True, between=(*between, *doubts, *_apart(bases)))
+
+
+def _are_signals(tables: list[Columns]) -> bool:
+    """Whether files with the same columns are the signals of one record: a time and a value that only the file names.
+
+    The names of the files must be those of a command and a motion, as in ``torque.t`` and ``position.t``.
+    """
+    from idloop.records.recognition.column_name import parse_column_name
+    from idloop.records.recognition.recognise import MOTION
+    from idloop.records.recognition.roles import role_by_name
+
+    if len(tables) < 2 or any(len(table.columns) != 2 for table in tables):
+        return False
+    inside = {role_by_name(parse_column_name(name)).role for name in tables[0].columns}
+    roles = [role_by_name(parse_column_name(table.path.stem)).role for table in tables]
+    named = bool({"command", "effort"} & set(roles) and set(roles) & set(MOTION)) and len(set(roles)) == len(roles)
+    return named and not inside & {"command", "effort", *MOTION}
 
 
 def _complete(tables: list[Columns]) -> list[str]:

@@ -128,7 +128,9 @@ def find_time_base(
         base = _of_column(
             table, numbers, name, unit, "it rises from row to row" + (", and starts again" if again else "")
         )
-        return TimeBase(base.time, base.reason, base.doubt or _doubt(name, base.time.unit), base.seconds, base.units)
+        return TimeBase(
+            base.time, base.reason, base.doubt or doubt_of_unit(name, base.time.unit), base.seconds, base.units
+        )
     raise InputError(
         f"{table.path}: no column is a time{_why_not(table, numbers)}; name it with --time COLUMN, or say how often a"
         f" row was taken: --rate HZ or --period S (columns are {listed(table.columns, 20)})"
@@ -180,7 +182,7 @@ def base_of_clock(table: Table, name: str, said: str, given: str) -> TimeBase:
     if not unit:
         units, why = _units_of_time(value)
         reason = f"{reason}; {units[0]} {why}"
-        doubt = "" if len(units) == 1 else _doubt("", units[0])
+        doubt = "" if len(units) == 1 else doubt_of_unit("", units[0])
     time = Time(column=name, unit=units[0])  # type: ignore[arg-type]
     return TimeBase(time, reason, doubt, value * SECONDS[units[0]], units)
 
@@ -294,7 +296,7 @@ def _of_column(table: Table, numbers: dict[str, Floats], name: str, unit: str, r
         why, doubt = "as given" if unit else "by its name", ""
     else:
         units, why = _units_of_time(value)
-        doubt = _doubt(name, units[0]) if len(units) > 1 else ""
+        doubt = doubt_of_unit(name, units[0]) if len(units) > 1 else ""
     doubt = doubt or _stands_still(name, value)
     time = Time(column=name, unit=units[0])  # type: ignore[arg-type]
     return TimeBase(time, f"{reason}; {units[0]} {why}", doubt, value * SECONDS[units[0]], units)
@@ -307,7 +309,8 @@ def _stands_still(name: str, value: Floats) -> str:
     return f"{name!r} is the same in most rows and the row before: say how often a row was taken, --rate HZ"
 
 
-def _doubt(name: str, unit: str) -> str:
+def doubt_of_unit(name: str, unit: str) -> str:
+    """Doubt about a unit of time that nothing says; without a name of the column for all stamps."""
     return f"the unit of time is not written down and taken as {unit}: if it is not, --time '{name}=UNIT'"
 
 

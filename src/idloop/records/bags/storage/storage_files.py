@@ -70,7 +70,7 @@ def storage_files(path: Path) -> list[Path]:
         return files
     if storage_suffix(path) is None and file_format(path) is None:
         raise InputError(
-            f"{path}: not a bag (.mcap, .db3, .bag or a rosbag2 directory); tables come in through `idloop import`"
+            f"{path}: not a bag (.mcap, .db3, .bag or a rosbag2 directory); tables come in through `idloop start`"
         )
     return [path]
 
