@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import tracemalloc
 import zipfile
 
@@ -307,3 +308,11 @@ def test_two_columns_of_one_name_among_ten_thousand_are_found_at_once(tmp_path):
     names = [f"c{k}" for k in range(9_999)]
     with pytest.raises(InputError, match="'c9998' occurs twice"):
         read_table(_csv(tmp_path / "a.csv", ",".join([*names, "c9998"]) + "\n" + "1," * 9_999 + "1\n"))
+
+
+def test_what_is_no_regular_file_is_named(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(InputError, match="pipe: no regular file"):
+        read_table(tmp_path / "pipe")
+    with pytest.raises(InputError, match="a directory; name the file"):
+        read_table(tmp_path)

@@ -229,7 +229,7 @@ def recognise_table(
     _output(columns, chosen, given)
     _by_data(base, columns, chosen, given)
     _set_point(columns, chosen, given)
-    _no_command(table, chosen, given, doubts)
+    _no_command(table, base, chosen, given, doubts)
     if not any(role in chosen for role in MOTION):
         raise InputError(
             f"{table.path}: no column is a position or a velocity; name one with --position or --velocity (columns are"
@@ -589,7 +589,9 @@ def _roughness(value: Floats) -> float:
     return float(np.std(np.diff(known))) / span if span > 0.0 else 0.0
 
 
-def _no_command(table: Table, chosen: dict[str, Guess], given: Map[str, Given], doubts: list[str]) -> None:
+def _no_command(
+    table: Table, base: TimeBase, chosen: dict[str, Guess], given: Map[str, Given], doubts: list[str]
+) -> None:
     """Find a command where no column is one: in the name of the file, or a measured force; else refuse."""
     if "command" in chosen or given.get("command", Given()).column == NONE:
         if "command" not in chosen:
@@ -615,13 +617,16 @@ def _no_command(table: Table, chosen: dict[str, Guess], given: Map[str, Given], 
     else:
         reference = chosen.get("reference") or chosen.get("reference velocity")
         loop = (
-            f" ({reference.column!r} is a set-point: record the current, torque or voltage of the drive as well)"
+            f" ({reference.column!r} is a set-point by its name: record the current, torque or voltage of the drive as"
+            f" well; if it is one of these, --command '{reference.column}=UNIT')"
             if reference is not None
             else ""
         )
+        stamps = {base.time.column, *table.clocks.values()}
+        free = [name for name in table.columns if name not in stamps]
         raise InputError(
             f"{table.path}: no column is a command (force, torque, current, voltage, duty cycle){loop}; name one of"
-            f" {listed(table.columns, 20)} with --command COLUMN, give a constant with --command VALUE=UNIT, or leave"
+            f" {listed(free, 20)} with --command COLUMN, give a constant with --command VALUE=UNIT, or leave"
             " it out with --command none"
         )
 

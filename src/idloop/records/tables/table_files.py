@@ -34,6 +34,9 @@ def read_table(path: Path, kind: str | None = None, options: Mapping[str, Any] |
     InputError
         Missing or unreadable file, unknown form, no rows.
     """
+    if path.exists() and not path.is_file():
+        what = "a directory" if path.is_dir() else "no regular file"
+        raise InputError(f"{path}: {what}; name the file that holds the data")
     if not path.is_file():
         near = [entry.name for entry in path.parent.iterdir()] if path.parent.is_dir() else []
         raise InputError(f"{path}: no such file{did_you_mean(path.name, near) or '; check the path'}")
