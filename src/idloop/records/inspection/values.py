@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,6 +11,8 @@ from idloop.records.finding import Finding
 
 # Larger values, and smaller motions than its inverse, are no measurement: their products leave the range of a double.
 LARGEST = 1e50
+# Share of the readings of a measurement that are lost, from which on fits feel it.
+_MANY_LOST = 0.01
 # Coarsest step of a double in a motion, as a share of it.
 COARSEST = 1e-4
 
@@ -45,7 +49,7 @@ def missing_values(
     where : str
         Topic or column.
     command : bool
-        A command is held over its gaps, which may be wrong; a measurement is not.
+        A command is held over its gaps, which may be wrong; a measurement is not, and only misses what is lost.
 
     Returns
     -------
@@ -64,4 +68,18 @@ def missing_values(
     # Before its first value a command is unknown, not held.
     if command and lost[-1] >= lost.size:
         text += "; the command before is assumed to hold there: correct the log if the drive received another one"
-    return [Finding("not_measured", text, int(lost.size), where, "warning" if command else "note")]
+    share = _lost_share(np.flatnonzero(~np.isnan(value)))
+    if not command and share > _MANY_LOST:
+        text += f": {100.0 * share:.2g} % of its readings are lost"
+    level: Literal["note", "warning"] = "warning" if command or share > _MANY_LOST else "note"
+    return [Finding("not_measured", text, int(lost.size), where, level)]
+
+
+def _lost_share(rows: NDArray[np.int64]) -> float:
+    """Share of the readings between the first and the last that are lost; a sensor slower than the log loses none."""
+    if rows.size < 3:
+        return 0.0
+    steps = np.diff(rows)
+    usual = float(np.median(steps))
+    lost = float(np.sum(np.maximum(np.round(steps / usual) - 1.0, 0.0)))
+    return lost / (lost + rows.size)
