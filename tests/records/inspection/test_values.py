@@ -17,8 +17,8 @@ def _said(rows, *, command=False):
     return found
 
 
-def test_many_lost_readings_are_a_warning_with_their_share():
-    rows = np.random.default_rng(0).permutation(STAMP.size)[:300]
+@pytest.mark.parametrize("rows", [np.random.default_rng(0).permutation(STAMP.size)[:300], np.arange(1, 900, 3)])
+def test_many_lost_readings_are_a_warning_with_their_share(rows):
     found = _said(rows)
     assert found.level == "warning"
     assert "300 of 900 values are missing" in found.text

@@ -80,6 +80,7 @@ def _lost_share(rows: NDArray[np.int64]) -> float:
     if rows.size < 3:
         return 0.0
     steps = np.diff(rows)
-    usual = float(np.median(steps))
+    # Where every third is lost, half of the steps are longer.
+    usual = float(np.percentile(steps, 25.0, method="lower"))
     lost = float(np.sum(np.maximum(np.round(steps / usual) - 1.0, 0.0)))
     return lost / (lost + rows.size)
