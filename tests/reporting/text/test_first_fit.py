@@ -10,9 +10,10 @@ from idloop.records.finding import Finding
 from idloop.reporting.text.first_fit import held_inertia, verdict
 
 
-def _rows(**fits):
+def _rows(force=None, **fits):
     return [
-        ("fitted", SimpleNamespace(fit={"a.q": fit}, record=SimpleNamespace(name=name))) for name, fit in fits.items()
+        ("fitted", SimpleNamespace(fit={"a.q": fit}, record=SimpleNamespace(name=name), force=force))
+        for name, fit in fits.items()
     ]
 
 
@@ -27,6 +28,14 @@ def test_a_good_fit_of_a_sound_recording():
         text
         == "the model describes what was recorded (FIT of the free run 96.9 % or more); the recording shows no fault"
     )
+
+
+def test_a_free_run_that_follows_without_the_force_is_no_model_of_it():
+    play = SimpleNamespace(relative=0.885, trusted=True)
+    text = verdict([_inspection("run")], _rows(play, run=99.5))
+    assert text.startswith("the free run follows the motion (FIT 99.5 % or more), but the force error is up to 88.5 %:")
+    for force in (SimpleNamespace(relative=0.885, trusted=False), SimpleNamespace(relative=0.05, trusted=True)):
+        assert verdict([_inspection("run")], _rows(force, run=99.5)).startswith("the model describes")
 
 
 def test_a_fault_counts_where_no_record_is_without_it():

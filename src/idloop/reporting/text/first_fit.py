@@ -9,7 +9,7 @@ from idloop.records.inspection.grade import EVERYTHING, NOT_USABLE
 from idloop.reporting.text.blocks import Block
 from idloop.reporting.text.comparison import worst_output
 from idloop.spelling import joined_names, listed
-from idloop.validation.words import fit_text
+from idloop.validation.words import fit_text, force_text
 
 if TYPE_CHECKING:
     from idloop.physics import Model
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from idloop.validation import Comparison
 
 _GAIN = "drive.gain"
+_FORCE = 0.1  # force error above which a model lacks something, however well its free run follows
 
 
 def verdict(inspections: Sequence[Inspection], rows: Sequence[tuple[str, Comparison]]) -> str:
@@ -31,11 +32,21 @@ def verdict(inspections: Sequence[Inspection], rows: Sequence[tuple[str, Compari
     worst = worst_output(rows)
     if worst is None:
         model = "no free run could be judged"
+    elif worst.good and (forces := [force for _, one in rows if (force := _force_left(one)) > _FORCE]):
+        model = (
+            f"the free run follows the motion (FIT {fit_text(worst.fit, 4, ' %')} or more), but the force error is"
+            f" up to {force_text(max(forces), 3, ' %')}: a diagnosis looks for the physical effect that the model lacks"
+        )
     elif worst.good:
         model = f"the model describes what was recorded (FIT of the free run {fit_text(worst.fit, 4, ' %')} or more)"
     else:
         model = f"{worst.text}: a diagnosis looks for the physical effect that the model lacks"
     return f"{model}; {_recordings(inspections)}"
+
+
+def _force_left(one: Comparison) -> float:
+    """Force error of a record that sensor noise does not explain; 0 where there is none."""
+    return one.force.relative if one.force is not None and one.force.trusted else 0.0
 
 
 def _recordings(inspections: Sequence[Inspection]) -> str:
