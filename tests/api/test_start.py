@@ -435,3 +435,23 @@ def test_a_set_point_of_the_position_is_not_fitted_as_a_force(record, tmp_path):
     assert begun.fit is None
     assert begun.not_fitted.startswith("log: axis.effort is a set-point of the position")
     assert "record the current or the torque" in begun.summary()
+
+
+def test_a_cure_in_the_mapping_is_followed_by_the_file_and_the_command(record, tmp_path):
+    from idloop.cli import main
+
+    c = _columns(record)
+    log = _write(tmp_path / "log.csv", "t,torque,angle,speed", c["t"], c["u"], c["q"], 1.15 * c["w"])
+    begun = idloop.start(log, tmp_path / "begun", {"velocity": "speed=rad/s"})
+    mapping = tmp_path / "begun" / "mapping.yaml"
+    assert begun.inspections[0].left_out == ("axis.velocity",)
+    (line,) = [line for line in begun.summary().splitlines() if line.startswith("the mapping is ")]
+    assert line.startswith(f"the mapping is {mapping}: change it there, then idloop import --map ")
+    text = mapping.read_text()
+    mapping.write_text(text.replace("column: speed,", "column: speed, scale: 0.8696,"))
+    assert mapping.read_text() != text
+    assert main.run(shlex.split(line.partition(", then idloop ")[2])) == 0
+    assert idloop.records.inspect_bag(tmp_path / "begun" / "bags" / "log_changed").left_out == ()
+    # Without such a cure the mapping is one of the files that were written.
+    sound = idloop.start(_fitted(tmp_path / "sound.csv", "t,torque,q", record), tmp_path / "sound", fitted=False)
+    assert "change it there" not in sound.summary()

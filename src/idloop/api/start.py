@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 __all__ = ["Log", "Start", "begin", "recognise", "start"]
 
 MAPPING, MODEL, FITTED, PICTURE, BAGS = "mapping.yaml", "model.yaml", "fitted.yaml", "log.png", "bags"
+_OF_MAPPING = ("mapping", "`rows:`")  # words of a cure that is a key of the mapping
 _TURNED = "turned_command"  # the fault whose cure is an option
 
 
@@ -134,10 +135,18 @@ class Start(Result):
         if self.done.reversed and (flag := self.log.turned_command):
             yield f"run again with {flag} and another --output"
         yield ""
+        if any(word in line for word in _OF_MAPPING for line in said):
+            yield f"the mapping is {self.folder / MAPPING}: change it there, then {self._import_again()}"
         yield f"written: {self.folder}/ ({MAPPING}, {MODEL}, {BAGS}, {PICTURE}{', ' + FITTED if self.fit else ''})"
         if commands := self.commands:
             yield "next:"
             yield from (f"  {command}" for command in commands)
+
+    def _import_again(self) -> str:
+        """The command that imports the first record by the mapping that was written, beside its bag."""
+        name, (source, window) = next(iter(self.log.runs.items()))
+        words = ["idloop", "import", "--map", str(self.folder / MAPPING), *(["--part", name] if window else [])]
+        return shlex.join([*words, str(source), str(self.folder / BAGS / f"{name}_changed")])
 
     def said(self) -> Iterator[str]:
         """Yield what the inspection found: grade and faults of each record, then the faults between them."""
