@@ -348,3 +348,15 @@ def test_a_set_point_that_is_held_is_one_and_zeros_are_none():
     roles, found = _roles(columns | {"target_speed": 0 * T})
     assert "reference velocity" not in roles
     assert found.other == ("target_speed",)
+
+
+def test_without_names_what_is_constant_in_each_run_is_the_command():
+    runs = [(level, T[:600], level * (T[:600] - 0.2 * (1.0 - np.exp(-5.0 * T[:600])))) for level in (-2.0, 1.0, 3.0)]
+    columns = {
+        "0": np.concatenate([np.full(time.size, level) for level, time, _ in runs]),
+        "1": np.concatenate([time for _, time, _ in runs]),
+        "2": np.concatenate([angle for *_, angle in runs]),
+    }
+    roles, found = _roles(columns, given={"time": Given("1")})
+    assert roles == {"command": ("0", "-"), "position": ("2", "rad")}
+    assert len(found.rows) == 3

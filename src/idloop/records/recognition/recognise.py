@@ -480,6 +480,17 @@ def _by_data(base: TimeBase, columns: dict[str, _Column], chosen: dict[str, Gues
     if not free or len(free) > 3:
         return
     free.sort(key=lambda one: _roughness(one.value))
+    if "command" not in chosen and "command" in wanted and (level := _level_of_runs(base, free)) is not None:
+        free.remove(level)
+        chosen["command"] = Guess(
+            "command",
+            level.name,
+            level.parsed.unit,
+            "it is constant in each run",
+            f"no name says what {level.name!r} is, it is taken as the command: --command COLUMN",
+        )
+    if not free:
+        return
     if lacks_motion and "position" in wanted:
         smoothest = free.pop(0)
         if free and _same(smoothest.value, free[0].value):
@@ -507,6 +518,18 @@ def _by_data(base: TimeBase, columns: dict[str, _Column], chosen: dict[str, Gues
             "it jumps most of the columns that are left",
             f"no name says what {roughest.name!r} is, it is taken as the command: --command COLUMN",
         )
+
+
+def _level_of_runs(base: TimeBase, free: list[_Column]) -> _Column | None:
+    """Return the one column that is constant in each of several runs; None where there is none, or several."""
+    if len(base.runs) < 2:
+        return None
+    found = [
+        one
+        for one in free
+        if one.value.size == base.seconds.size and all(float(np.ptp(one.value[run])) == 0.0 for run in base.runs)
+    ]
+    return found[0] if len(found) == 1 else None
 
 
 def _velocity_by_slope(
