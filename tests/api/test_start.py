@@ -455,3 +455,18 @@ def test_a_cure_in_the_mapping_is_followed_by_the_file_and_the_command(record, t
     # Without such a cure the mapping is one of the files that were written.
     sound = idloop.start(_fitted(tmp_path / "sound.csv", "t,torque,q", record), tmp_path / "sound", fitted=False)
     assert "change it there" not in sound.summary()
+
+
+def test_a_record_with_a_dead_sensor_is_to_be_left_out(record, tmp_path):
+    c = _columns(record)
+    half = c["t"].size // 2
+    logs = [
+        _write(tmp_path / "good.csv", "t,torque,angle,speed", *(c[k][:half] for k in "tuqw")),
+        _write(tmp_path / "dead.csv", "t,torque,angle,speed", *(c[k][half:] for k in "tu"), 0.0 * c["q"][half:] + 1.2,
+               c["w"][half:]),
+    ]  # fmt: skip
+    begun = idloop.start(logs, tmp_path / "begun")
+    assert begun.fit is None
+    assert "dead: axis.position stays at 1.2 while" in begun.not_fitted
+    assert begun.not_fitted.endswith("; leave dead out, as the last command below does")
+    assert begun.commands[-1].endswith(f"fit {tmp_path}/begun/model.yaml {tmp_path}/begun/bags/good")

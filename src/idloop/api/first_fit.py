@@ -117,13 +117,39 @@ def first_fit(
         model = kind.model(read_bags(long, model, fitted=False))
         if not fitted:
             return FirstFit(model, why_not="not asked for", asked=False, bags=long, notes=notes)
-        records = read_bags(long, model)  # refuses what no fit can use
+        try:
+            records = read_bags(long, model)  # refuses what no fit can use
+        except InputError as error:
+            if not (sound := _sound(long, model, str(error))):
+                raise
+            return FirstFit(model, why_not=f"{error}{left_out(long, sound)}", apart=(sound,), notes=notes)
         if refused:
             return FirstFit(model, why_not=refused, bags=long, notes=notes)
         found = fit(model, records, progress=progress)
     except InputError as error:
         return FirstFit(model, why_not=str(error), asked=fitted)
     return judged(FirstFit(model, found, bags=long, notes=notes))
+
+
+def left_out(bags: Sequence[Path], sound: Sequence[Path]) -> str:
+    """The cure of bags that stand in the way of the sound ones; empty where there are no sound ones."""
+    names = [bag.name for bag in bags if bag not in sound]
+    return f"; leave {joined_names(names)} out, as the last command below does" if sound else ""
+
+
+def _sound(bags: Sequence[Path], model: Model, why: str) -> tuple[Path, ...]:
+    """The bags that can be read together without those that are refused alone for the same reason; none if none is."""
+    from idloop.api.data import read_bags
+
+    def refused(some: Sequence[Path]) -> str:
+        try:
+            read_bags(some, model)
+        except InputError as error:
+            return str(error)
+        return ""
+
+    sound = tuple(bag for bag in bags if refused([bag]) != why)
+    return sound if 0 < len(sound) < len(bags) and not refused(sound) else ()
 
 
 def _long_enough(bags: Sequence[Path], model: Model) -> tuple[tuple[Path, ...], tuple[str, ...]]:

@@ -11,14 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from idloop.api.first_fit import FirstFit, FirstModel, first_fit
+from idloop.api.first_fit import FirstFit, FirstModel, first_fit, left_out
 from idloop.api.log import Log, recognise
 from idloop.api.result import Progress, Result, ignore_progress, part
 from idloop.errors import InputError
 from idloop.reporting.text.blocks import Block
 from idloop.reporting.text.first_fit import held_inertia, verdict
 from idloop.reporting.text.inspection import between_lines, recording_lines
-from idloop.spelling import joined_names
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -407,10 +406,8 @@ def _apart(bags: Sequence[Path], inspections: Sequence[Inspection], between: Seq
     if names := [name for name, faults in spoiling.items() if faults]:
         faults = spoiling[names[0]]
         sound = tuple(bag for bag in bags if bag.name not in names)
-        # The cure of the fault stands beside the fault.
-        cure = f"; leave {joined_names(names)} out, as the last command below does" if sound else ""
         turned = any(fault.kind == _TURNED for fault in faults)
-        return _Apart(f"{names[0]}: {what(faults[0])}{cure}", (sound,) if sound else (), turned)
+        return _Apart(f"{names[0]}: {what(faults[0])}{left_out(bags, sound)}", (sound,) if sound else (), turned)
     apart = [one for one in between if one.spoils]
     if apart:
         odd = {one.where for one in apart}
