@@ -32,7 +32,7 @@ BAGS = {
     "missing bag, name misspelt": (lambda make, tmp: make().with_name("mad0"), ("mad0", "did you mean 'made0'")),
     "directory without a bag": (lambda make, tmp: tmp, ("without a bag", "metadata.yaml")),
     "empty file": (lambda make, tmp: _written(tmp / "a.mcap", b""), ("a.mcap", "empty (0 bytes)")),
-    "no bag at all": (lambda make, tmp: _written(tmp / "a.csv", b"1,2"), ("a.csv", "idloop import")),
+    "no bag at all": (lambda make, tmp: _written(tmp / "a.csv", b"1,2"), ("a.csv", "idloop start")),
     "cut bag of ROS 1": (
         lambda make, tmp: _written(tmp / "a.bag", b"#ROSBAG V2.0"),
         ("a.bag", "cannot be read", "idloop recover"),

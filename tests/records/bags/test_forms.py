@@ -241,9 +241,3 @@ def test_fewer_messages_than_announced_are_said(record: Any, tmp_path: Path) -> 
     findings = read_streams(bag)["/joint_states"].findings
     assert [(one.kind, one.level) for one in findings] == [("fewer_messages", "warning")]
     assert "40 of 42 messages" in findings[0].text
-
-
-def test_a_table_is_no_bag_and_the_verb_that_reads_it_is_named(tmp_path):
-    (tmp_path / "log.csv").write_text("t,u,q\n0,1,2\n1,2,3\n")
-    with pytest.raises(InputError, match="tables come in through `idloop start`"):
-        Bag(tmp_path / "log.csv")
