@@ -435,6 +435,8 @@ def test_a_set_point_of_the_position_is_not_fitted_as_a_force(record, tmp_path):
     assert begun.fit is None
     assert begun.not_fitted.startswith("log: axis.effort is a set-point of the position")
     assert "record the current or the torque" in begun.summary()
+    # The faults name the command by its topic.
+    assert "axis.effort is the command, 'command' of the log" in begun.summary().splitlines()
 
 
 def test_a_cure_in_the_mapping_is_followed_by_the_file_and_the_command(record, tmp_path):

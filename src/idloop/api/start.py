@@ -141,6 +141,14 @@ class Start(Result):
             yield "next:"
             yield from (f"  {command}" for command in commands)
 
+    def _names(self, lines: Sequence[str]) -> Iterator[str]:
+        """Yield which column is meant, where lines name the command by its topic."""
+        column = command.column if (command := self.log.recognition.of("command")) is not None else ""
+        names = {axis.command_name for one in self.inspections for axis in one.axes if axis.command_name}
+        for name in sorted(names):
+            if column and any(name in line for line in lines):
+                yield f"{name} is the command, {column!r} of the log"
+
     def _import_again(self) -> str:
         """The command that imports the first record by the mapping that was written, beside its bag."""
         name, (source, window) = next(iter(self.log.runs.items()))
@@ -149,10 +157,10 @@ class Start(Result):
 
     def said(self) -> Iterator[str]:
         """Yield what the inspection found: grade and faults of each record, then the faults between them."""
-        for one in self.inspections:
-            yield from recording_lines(one)
-        if len(self.inspections) > 1:
-            yield from between_lines(self.between)
+        lines = [line for one in self.inspections for line in recording_lines(one)]
+        lines += between_lines(self.between)
+        yield from self._names(lines)
+        yield from lines
 
     def plot(self) -> Figure:
         """Draw the signals as they were recognised."""

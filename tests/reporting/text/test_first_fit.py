@@ -67,3 +67,4 @@ def test_the_inertia_is_held_where_the_command_is_no_force():
     text = str(list(held_inertia(idloop.load_model("dc_motor"))))
     assert "motor.inertia is held at" in text
     assert "a command in V is no force" in text
+    assert "are larger by the same factor" in text

@@ -74,6 +74,7 @@ def held_inertia(model: Model) -> Iterator[Block]:
         one = model.parameter(name)
         if name not in model.free:
             yield (
-                f"{name} is held at {one.value:g} {one.unit}: {command} is no force, so only ratios to the"
-                f" inertia are known. With J times that inertia, {free} are J times as large"
+                f"{name} is held at {one.value:g} {one.unit}: {command} is no force, so the data show"
+                f" only ratios to the inertia. If it is larger by a factor, {free}"
+                f" {'is' if len(model.free) == 1 else 'are'} larger by the same factor"
             )
