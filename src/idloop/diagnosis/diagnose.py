@@ -82,7 +82,10 @@ def diagnose(
     found = _by_force(model, records, criterion, options) if criterion in ("auto", FORCE) else None
     if found is None:
         estimation = diagnosis_problem(model, records, kind)
-        found = diagnosis_of(PredictionView(estimation, model, options).evaluate(refit(estimation, model)))
+        view = PredictionView(estimation, model, options)
+        step = view.evaluate(refit(estimation, model))
+        timed = view.with_timing(step) if step.tied else None
+        found = diagnosis_of(step if timed is None else timed[0].evaluate(timed[1]))
     options.report(1.0, "done")
     reached = found.model if found.best is None or found.best.model is None else found.best.model
     undetermined = [] if scale is None else [scale]

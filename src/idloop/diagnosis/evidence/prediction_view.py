@@ -36,7 +36,7 @@ from idloop.diagnosis.search.pairs import confirmed_pairs
 from idloop.diagnosis.search.step import ADEQUATE, LEAST_GAIN, NOT_EXCITED, UNKNOWN, EvaluatedModel, SearchStep, View
 from idloop.errors import IdloopError
 from idloop.estimation.likelihood.disturbance import LONG_MEMORY
-from idloop.estimation.likelihood.estimation_problem import ENOUGH, EstimationProblem
+from idloop.estimation.likelihood.estimation_problem import ENOUGH, FEW, EstimationProblem
 from idloop.estimation.likelihood.likelihood_difference import beyond_chance, distinguishable
 from idloop.estimation.likelihood.parallel import in_parallel
 from idloop.estimation.likelihood.refit import MANY_LAGS, Refit, refit, refit_or_none, transfer
@@ -48,6 +48,10 @@ from idloop.physics.model import Model
 from idloop.records import Record
 from idloop.validation.measures import NEGLIGIBLE
 
+# Below this part of the deviation the error of a free run counts as this: another integration method changes it.
+_LEAST_FREE_RUN_ERROR = 0.01
+# Accuracy of the shift of a command [samples], and rounds of the search at each.
+_SHIFT_STEP, _SHIFT_ROUNDS = 0.02, 2
 # Effects, one or two, and the model that has them fitted.
 _Fitted = tuple[tuple[Proposal, ...], Refit]
 
@@ -92,14 +96,22 @@ class PredictionStep(SearchStep[Refit]):
         for label in ("nrmse", "anew"):
             was = np.array(list(before[label].values()))
             now = np.array([after[label].get(name, np.inf) for name in before[label]])
-            if np.any(was > 0.0):
-                parts.append(1.0 - float(np.linalg.norm(now) / np.linalg.norm(was)))
+            least = _LEAST_FREE_RUN_ERROR * math.sqrt(len(was))
+            parts.append(float((np.linalg.norm(was) - np.linalg.norm(now)) / max(np.linalg.norm(was), least)))
         return max(parts)
 
     def _equal(self, best: EvaluatedModel[Refit], other: EvaluatedModel[Refit]) -> bool:
         # The noise is modelled: a difference counts as it is.
         against = best.scores.against(other.scores)
         return against.difference + against.start <= math.log(1.0 / self.level)
+
+    @property
+    def decided(self) -> bool:
+        """Whether more samples would name the same effect: one alone, with twice the evidence that is asked for."""
+        if len(self.tied) != 1:
+            return False
+        (best,) = self.tied
+        return len(best.proposals) == 1 and best.evidence.log >= 2.0 * self.threshold()
 
     def jointly_needed(self, pair: EvaluatedModel[Refit]) -> bool:
         """Whether each of two effects is needed beside the other."""
@@ -147,6 +159,7 @@ class PredictionView(View[Refit]):
     options: Options
     held_out: EstimationProblem | None = None
     force_model: Model | None = None
+    timed: bool = False  # whether the stamps of the command are corrected
 
     def beside(self, model: Model, *, balanced: bool) -> PredictionView:
         """The same view from a model that the force balance has reached; `balanced`: see the class."""
@@ -159,8 +172,16 @@ class PredictionView(View[Refit]):
         return unbalanced(model, self.options.effects, self.estimation.conditions, self.force_model)
 
     def evaluate(self, parent: Refit) -> SearchStep[Refit]:
-        """Evaluate the effects of the catalogue that a score test finds promising, and pairs of them."""
-        some = self.estimation.subsampled(ENOUGH)
+        """Evaluate the effects of the catalogue that a score test finds promising, and pairs of them.
+
+        A few samples decide on most effects: more are used only where these do not.
+        """
+        step = self._evaluate_in(FEW, parent)
+        return step if step.decided or step.whole is None else self._evaluate_in(ENOUGH, parent)
+
+    def _evaluate_in(self, most: int, parent: Refit) -> PredictionStep:
+        """The same in about so many samples."""
+        some = self.estimation.subsampled(most)
         fit = parent if some is self.estimation else refit_or_none(some, parent.model, None, parent)
         if fit is None or fit is parent:
             return self._evaluate_all(parent)
@@ -279,6 +300,26 @@ class PredictionView(View[Refit]):
         fit = refit(self.estimation, fit.model, None, fit, choose_orders=True)
         return search_repeatedly(self.estimation, fit) if has_contacts(fit.model) else fit
 
+    def with_timing(self, step: SearchStep[Refit]) -> tuple[PredictionView, Refit] | None:
+        """The view with an earlier command and the parent fitted in it, where that explains something by itself.
+
+        No effect acts before its command. Stamps may be late, and a simulation that integrates in steps is early by
+        half a step: a resonance resembles that.
+        """
+        if self.timed or self.estimation.kind != PREDICTION:
+            return None
+        some = self.estimation.subsampled(FEW)
+        parent = refit_or_none(some, step.parent.model, None, step.parent)
+        if parent is None:
+            return None
+        shift, gain = earlier_command(some, parent)
+        if gain < step.threshold():
+            return None
+        held_out = None if self.held_out is None else self.held_out.with_later_command(shift)
+        view = replace(self, estimation=self.estimation.with_later_command(shift), held_out=held_out, timed=True)
+        fit = refit_or_none(view.estimation, step.parent.model, None, step.parent)
+        return None if fit is None else (view, fit)
+
     def without(self, fit: Refit, name: str) -> Refit | None:
         """The model without one of its effects, where its evidence is no less; else None."""
         # Once a body is split, the force balance along its measured motion is void.
@@ -326,6 +367,31 @@ class _Evaluator:
         # Bodies that an effect adds have an unknown start: what the start loses does not count.
         scores = replace(scores, start=max(scores.start, self.base.start))
         return scores if np.all(np.isfinite(scores.log_density)) else None
+
+
+def earlier_command(estimation: EstimationProblem, parent: Refit) -> tuple[float, float]:
+    """The shift of the command [s], at most a sample earlier, that explains most, and what it gains [log-likelihood].
+
+    Parameters
+    ----------
+    estimation : EstimationProblem
+    parent : Refit
+        Of the model, to these data.
+    """
+    from scipy.optimize import minimize_scalar
+
+    gains = {0.0: 0.0}
+
+    def loss(shift: float) -> float:
+        moved = estimation.with_later_command(shift)
+        fit = refit_or_none(moved, parent.model, None, parent, rounds=_SHIFT_ROUNDS, near=True)
+        gains[shift] = -math.inf if fit is None else fit.log_likelihood - parent.log_likelihood
+        return -gains[shift]
+
+    period = min(one.sample_time for one in estimation.data)
+    minimize_scalar(loss, bounds=(-period, 0.0), method="bounded", options={"xatol": _SHIFT_STEP * period})
+    best = max(gains, key=lambda shift: gains[shift])
+    return float(best), gains[best]
 
 
 def holds(held_out: EstimationProblem, parent: Refit, proposal: Proposal, fit: Refit) -> bool:

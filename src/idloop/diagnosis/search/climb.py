@@ -50,6 +50,9 @@ class Climb(Generic[FitT]):
                     continue
             if not step.tied or count + len(step.tied[0].proposals) > self.most:
                 break
+            timed = self.view.with_timing(step)
+            if timed is not None:
+                return replace(self, view=timed[0])(timed[1], ladder)
             steps, further = self._steps(step)
             if self.worse is not None and self.worse(ladder.model, steps[-1].model):
                 rejected = True

@@ -289,6 +289,10 @@ class View(ABC, Generic[FitT]):
     def evaluate(self, parent: FitT) -> SearchStep[FitT]:
         """Evaluate every effect of the catalogue, and pairs where none is significant alone."""
 
+    def with_timing(self, step: SearchStep[FitT]) -> tuple[View[FitT], FitT] | None:
+        """The view with corrected stamps of the command, and the parent of a step in it; None where they need none."""
+        return None
+
     @abstractmethod
     def refit_thoroughly(self, fit: FitT) -> FitT:
         """The same model after a thorough search, for a model that stays."""

@@ -33,6 +33,10 @@ _COMPARISON_RATIO = 0.4
 _REST = 3.0
 # Pauses of a sensor above so many steps are gaps.
 _LONGEST_PAUSE = 5.0
+# Samples over which a velocity is integrated for the comparison with the position.
+_INTEGRATED = 10
+# A velocity is late when it differs from the slope of the position by this part, and a delay explains so much of that.
+_LATE, _BY_DELAY = 0.02, 0.75
 # The two pairs of poles of the fourth-order Butterworth prototype: s² + q s + 1.
 _DAMPING = (2.0 * np.sin(np.pi / 8.0), 2.0 * np.sin(3.0 * np.pi / 8.0))
 
@@ -221,7 +225,8 @@ def measured_motion(model: Model, record: Data | Record, cutoff: float | None = 
     ----------
     model : Model
     record : Data or Record
-        Jitter and short gaps are resampled.
+        Jitter and short gaps are resampled. Of a body with both sensors a velocity that follows the position late, as
+        that of a drive with a filter does, is not used.
     cutoff : float, optional
         Cut-off of the differentiating filter [Hz]; from the data when left out.
     """
@@ -245,6 +250,13 @@ def measured_motion(model: Model, record: Data | Record, cutoff: float | None = 
     if any(pair == (None, None) for pair in pairs):
         return None
     step = float(np.median(np.diff(grid)))
+    pairs = [
+        (
+            place,
+            None if place is not None and speed is not None and _late(series[place], series[speed], step) else speed,
+        )
+        for place, speed in pairs
+    ]
     if cutoff is None:
         bands = []
         for place, speed in pairs:
@@ -265,6 +277,22 @@ def measured_motion(model: Model, record: Data | Record, cutoff: float | None = 
         cutoff=cutoff,
         measured=sensed,
     )
+
+
+def _late(position: Array, velocity: Array, step: float) -> bool:
+    """Whether a velocity is the slope of the position after a delay, as that of a drive with a filter is."""
+    middle = 0.5 * (velocity[1:] + velocity[:-1])
+    travelled = np.concatenate([[0.0], np.cumsum(middle)]) * step
+    moved = position[_INTEGRATED:] - position[:-_INTEGRATED]
+    apart = moved - (travelled[_INTEGRATED:] - travelled[:-_INTEGRATED])
+    apart -= np.mean(apart)
+    change = velocity[_INTEGRATED:] - velocity[:-_INTEGRATED]
+    change = change - np.mean(change)
+    size, power = float(np.mean(apart**2)), float(np.mean(change**2))
+    if size <= _LATE**2 * float(np.mean(moved**2)) or power == 0.0:
+        return False
+    product = float(np.mean(apart * change))
+    return product > 0.0 and product**2 >= _BY_DELAY * size * power
 
 
 def _body(

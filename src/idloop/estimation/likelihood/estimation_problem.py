@@ -35,6 +35,8 @@ _UNRESOLVED, _COARSE = 2.0, 2.0
 # Most samples or windows in which effects are compared: there an error smaller by 1 % is worth 200 units of
 # log-likelihood, twenty times what an effect must gain.
 ENOUGH = 20_000
+# Samples that predictions look at first: there an error smaller by 1 % is worth 50 units, five times that.
+FEW = 5_000
 # Segments of all records that make a subsample, each as long as the slow parts of a motion.
 _SEGMENTS = 4
 # Errors below this part of an output's deviation are rounding.
@@ -140,6 +142,10 @@ class EstimationProblem:
                 data.append(stretch)
                 records.append(record.cut(float(stretch.time[0]), float(stretch.time[-1])))
         return replace(self, records=tuple(records), data=tuple(data))
+
+    def with_later_command(self, shift: float) -> EstimationProblem:
+        """The problem with a command that acts later than its stamps by ``shift`` [s]; earlier if negative."""
+        return replace(self, data=tuple(replace(one, input_time=one.input_time + shift) for one in self.data))
 
     def problem(self, criterion: Criterion, parameters: int) -> LeastSquaresProblem:
         """Least-squares problem of a criterion of this estimation, for a number of model parameters."""

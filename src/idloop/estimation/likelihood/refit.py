@@ -232,6 +232,10 @@ def refit(
         The model gives no finite errors at any starting values.
     """
     fit = _search(estimation, model, starts, neighbour, scale, rounds, choose_orders, orders, limits, try_undisturbed)
+    if neighbour is None and not fit.settled:
+        # It began with the noise of errors that were far from their optimum, and may have stayed near that noise.
+        again = _search(estimation, fit.model, None, None, scale, rounds, choose_orders, orders, limits)
+        fit = max(fit, again, key=lambda one: one.log_likelihood)
     if near:
         return fit
     if neighbour is None:
