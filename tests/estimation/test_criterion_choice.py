@@ -41,7 +41,15 @@ DATA = [SimpleNamespace(output=np.linspace(-1.0, 1.0, 100)[:, None])]
     ],
 )
 def test_the_free_run_answers_where_prediction_is_blind(prediction, simulation, chosen):
-    choice = choose_criterion(prediction, simulation, DATA)
+    choice = choose_criterion(prediction, simulation, DATA, prediction.residuals)
     assert choice.criterion == chosen
     if np.isnan(simulation.stderr).any() and chosen == "simulation":
         assert "cannot tell drive.gain" in choice.why
+
+
+@pytest.mark.parametrize(("missed", "chosen"), [(0.05, "prediction"), (0.2, "simulation")])
+def test_values_whose_free_run_is_far_worse_than_the_best_are_not_used(missed, chosen):
+    prediction, simulation = fitted([48.0, 2570.0], [1.0, 55.0]), fitted([160.0, 8446.0], [4.0, 210.0])
+    choice = choose_criterion(prediction, simulation, DATA, fitted([], [], error=missed).residuals)
+    assert choice.criterion == chosen
+    assert chosen == "prediction" or "misses 34 % of the signal, and 1.7 % at best" in choice.why

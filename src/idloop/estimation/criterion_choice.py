@@ -8,12 +8,14 @@ Otherwise the model is fitted by prediction, and by free run for comparison. Wit
 the more precise of the two. Where its standard errors are three times those of the free run on average, or eight times
 for one parameter, its noise model explains model error as noise. The free run is then used if its error is below half
 of the measured standard deviation, averaged over the outputs. It is also used where prediction does not determine a
-parameter at all, as with a constant force beside the disturbance, or a drive gain that may be zero. Parameters that
-neither determines are not compared.
+parameter at all, as with a constant force beside the disturbance, or a drive gain that may be zero, and where the
+values of prediction miss the measurement in free run by eight times as much. Parameters that neither determines are not
+compared.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -22,7 +24,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from idloop.estimation.dataset import Data
-    from idloop.estimation.result import FitResult
+    from idloop.estimation.result import FitResult, RecordResidual
 
 Array = NDArray[np.float64]
 
@@ -30,6 +32,9 @@ PRECISION_RATIO = 3.0
 SINGLE_RATIO = 8.0
 BLIND_RATIO = 1e3
 LARGEST_FREE_RUN_ERROR = 0.5
+# Prediction whose values miss the measurement in free run by so many times the least error has explained model error as
+# noise: a disturbance that it has found rightly lets the least error be a few times smaller.
+_MISSED_RATIO = 8.0
 # A gain closer to zero than this many standard errors may be zero.
 _DEVIATIONS = 2.0
 
@@ -42,8 +47,18 @@ class Choice:
     why: str
 
 
-def choose_criterion(prediction: FitResult, simulation: FitResult, data: list[Data]) -> Choice:
-    """Choose between a fit by prediction and one by free run of the same model to the same records."""
+def choose_criterion(
+    prediction: FitResult, simulation: FitResult, data: list[Data], predicted: Sequence[RecordResidual]
+) -> Choice:
+    """Choose between a fit by prediction and one by free run of the same model to the same records.
+
+    Parameters
+    ----------
+    prediction, simulation : FitResult
+    data : list of Data
+    predicted : sequence of RecordResidual
+        Errors of the free run with the values of prediction.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = np.log(prediction.stderr / simulation.stderr)
     # A parameter without a standard error by prediction is explained by the disturbance.
@@ -57,12 +72,8 @@ def choose_criterion(prediction: FitResult, simulation: FitResult, data: list[Da
     ratios = ratios[np.isfinite(ratios) & ~hidden]
     ratio = float(np.exp(np.mean(ratios))) if len(ratios) else 1.0
     largest = float(np.exp(np.max(ratios))) if len(ratios) else 1.0
-    error = np.concatenate([r.value for r in simulation.residuals])
-    measured = np.concatenate([d.output for d in data])
-    seen = np.any(np.isfinite(measured), axis=0)
-    left = np.sqrt(np.nanmean(error[:, seen] ** 2, axis=0))
-    deviation = np.nanstd(measured[:, seen], axis=0)
-    follows = bool(np.mean(left / np.maximum(deviation, 1e-300)) < LARGEST_FREE_RUN_ERROR)
+    missed, least = _relative_error(predicted, data), _relative_error(simulation.residuals, data)
+    follows = least < LARGEST_FREE_RUN_ERROR
     if blind and follows and simulation.converged:
         return Choice(
             "simulation",
@@ -74,4 +85,25 @@ def choose_criterion(prediction: FitResult, simulation: FitResult, data: list[Da
             f"prediction would be up to {largest:.0f} times less precise than the free run: its noise model explains "
             "model error as noise, so an effect is missing from the model",
         )
+    if missed > _MISSED_RATIO * least and follows:
+        return Choice(
+            "simulation",
+            f"with the values of prediction the free run misses {percent(missed)} of the signal, and {percent(least)}"
+            " at best: the noise model explains model error as noise, so an effect is missing from the model",
+        )
     return Choice("prediction", prediction.why)
+
+
+def _relative_error(residuals: Sequence[RecordResidual], data: list[Data]) -> float:
+    """Rms error over the deviation of the measurement, averaged over the outputs."""
+    error = np.concatenate([one.value for one in residuals])
+    measured = np.concatenate([one.output for one in data])
+    seen = np.any(np.isfinite(measured), axis=0)
+    left = np.sqrt(np.nanmean(error[:, seen] ** 2, axis=0))
+    return float(np.mean(left / np.maximum(np.nanstd(measured[:, seen], axis=0), 1e-300)))
+
+
+def percent(share: float) -> str:
+    """Two digits of a share, and no more digits of a large one than stand before the point."""
+    value = 100.0 * share
+    return f"{value:.0f} %" if value >= 10.0 else f"{value:.2g} %"

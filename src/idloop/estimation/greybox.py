@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from idloop.errors import IdloopError, InputError
 from idloop.estimation.criterion import Criterion
-from idloop.estimation.criterion_choice import choose_criterion
+from idloop.estimation.criterion_choice import choose_criterion, percent
 from idloop.estimation.dataset import Data, opening_segments, output_noise, prepare
 from idloop.estimation.direction import opposite_direction_warning
 from idloop.estimation.force_balance.weak_fit import WeakFit, fit_by_force_if_possible
@@ -147,10 +147,14 @@ def fit(
     try:
         rival = _search(engine, model, data, [result.values, *starts], lambda share, text: None)
         free = _conclude(model, data, _of_solution(rival), "", noise)
+        # The free run of the predicted values, from its own best initial state.
+        rule = SimulationCriterion(engine, data)
+        held = solve(rule, result.values, result.values, result.values, draft=True, typical=model.theta)
+        missed = _residuals(model, data, rule, held.theta, held.nuisance)
     except (IdloopError, np.linalg.LinAlgError):
         return result
     report(0.95, "comparing the criteria")
-    final = choose_criterion(result, free, data)
+    final = choose_criterion(result, free, data, missed)
     return replace(free if final.criterion == "simulation" else result, why=final.why)
 
 
@@ -209,21 +213,16 @@ def _nearer(engine: Engine, model: Model, data: list[Data], ranked: list[Array])
 
 def _why_force(balance: WeakFit) -> str:
     return (
-        f"the force balance leaves {_percent(balance.relative)} of the drive force unexplained, much more than sensor"
+        f"the force balance leaves {percent(balance.relative)} of the drive force unexplained, much more than sensor"
         " noise: model error limits the fit"
     )
-
-
-def _percent(share: float) -> str:
-    value = 100.0 * share
-    return f"{value:.0f} %" if value >= 10.0 else f"{value:.2g} %"
 
 
 def _why_prediction(balance: WeakFit | None) -> str:
     if balance is None:
         return "no force balance above the measurement noise: not every body's motion is measured accurately enough"
     return (
-        f"the force balance leaves {_percent(balance.relative)} of the drive force unexplained, but measurement noise"
+        f"the force balance leaves {percent(balance.relative)} of the drive force unexplained, but measurement noise"
         " is too large a part of that to conclude that model error limits the fit"
     )
 
