@@ -184,12 +184,12 @@ class PredictionView(View[Refit]):
         some = self.estimation.subsampled(most)
         fit = parent if some is self.estimation else refit_or_none(some, parent.model, None, parent)
         if fit is None or fit is parent:
-            return self._evaluate_all(parent)
-        step = PredictionView._evaluate_all(replace(self, estimation=some), fit)
+            return self._evaluate_all(parent, self.estimation)
+        step = PredictionView._evaluate_all(replace(self, estimation=some), fit, self.estimation)
         return replace(step, parent=parent, whole=self.estimation)
 
-    def _evaluate_all(self, parent: Refit) -> PredictionStep:
-        """The same in all samples."""
+    def _evaluate_all(self, parent: Refit, whole: EstimationProblem) -> PredictionStep:
+        """The same in all samples; what excites the axis is said of the whole records."""
         effects, options = self.choices(parent.model), self.options
         proposed = proposals(parent.model, effects, self.estimation.conditions)
         screen = Screen(self.estimation, parent, self.options.seed)
@@ -206,7 +206,7 @@ class PredictionView(View[Refit]):
         singles = evaluator([((one.proposal,), one.fit) for one in confirmed if one.gain >= LEAST_GAIN])
         step = PredictionStep(
             parent, tuple(singles), len(proposed), options.level, options.minimum_improvement, tuple(proposed),
-            gate(parent.model, self.estimation, screened, bar), estimation=self.estimation,
+            gate(parent.model, whole, screened, bar), estimation=self.estimation,
             unseen=(self.estimation if self.held_out is None else self.held_out).records,
         )  # fmt: skip
         step = self._judged(step, responds)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from idloop.physics import load_model
 from idloop.records import inspect_bag, make_stream
 from idloop.records.bags.publishers import find_publishers
 from idloop.records.inspection.axis import Axis
@@ -58,6 +60,9 @@ def test_a_late_velocity_is_measured_in_milliseconds(make_axis):
     slow = lfilter([0.1], [1.0, -0.9], axis.velocity)  # 9 samples of 5 ms late
     found = the(replace(axis, velocity=slow), "late_velocity")
     assert found.evidence["delay"] == pytest.approx(0.045, rel=0.15)
+    # The cure can be copied into a model of the axis.
+    (effect,) = re.findall(r"`(.*?)`", found.cure)
+    assert load_model("axis").with_effects([effect.replace(f"[{axis.joint}]", "[axis]")]).effects
 
 
 def test_a_command_without_its_sign(make_axis):

@@ -59,7 +59,7 @@ def check(axis: Axis) -> list[Finding]:
             name,
             f"{name} is {1e3 * late:.3g} ± {1e3 * error:.1g} ms behind the slope of {axis.name('position')}"
             f" ({late / axis.period:.2g} samples): the drive filters it",
-            f"add `velocity_filter@{name}` to the effects of the model file, or leave the velocity out",
+            f"add `velocity_filter@velocity[{axis.joint}]` to the effects of the model file, or leave the velocity out",
             evidence={"delay": late, "error": error, "samples": late / axis.period},
         )
     ]
