@@ -1,5 +1,6 @@
 """Searches that continue after their first round, and strengths that end at their bound."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,7 +10,12 @@ from tests.diagnosis.conftest import RATE, record_of
 
 from idloop.diagnosis import refine
 from idloop.diagnosis.evidence import prediction_view
-from idloop.diagnosis.evidence.prediction_view import PredictionView, _may_become_significant, bound_reached
+from idloop.diagnosis.evidence.prediction_view import (
+    PredictionView,
+    _may_become_significant,
+    bound_reached,
+    earlier_command,
+)
 from idloop.diagnosis.options import Options
 from idloop.diagnosis.screening.command_response import CommandResponse
 from idloop.diagnosis.screening.proposals import proposals
@@ -97,3 +103,27 @@ def test_beside_a_balance_the_motion_follows_the_command(monkeypatch: pytest.Mon
     assert alone.response is not CommandResponse.FOLLOWS
     assert balanced.response is CommandResponse.FOLLOWS
     assert balanced.verdict() == (ADEQUATE, ())
+
+
+@pytest.mark.parametrize(("level", "samples"), [(0.1, 5_000), (0.0, 8_000)])
+def test_more_samples_are_used_only_where_a_few_do_not_decide(level: float, samples: int) -> None:
+    model = load_model("axis")
+    machine = model.with_effects([f"coulomb_friction@axis(level={level})"])
+    estimation = prepare_estimation(model, [record_of(machine, 5, seconds=40.0)], "prediction")
+    view = PredictionView(estimation, model, Options(effects=["coulomb_friction", "sensor_delay"]))
+    step: Any = view.evaluate(refit(estimation, model))
+    assert step.decided is (level > 0.0)
+    assert sum(len(data.time) for data in step.estimation.data) == pytest.approx(samples, rel=0.01)
+    # What is named is then fitted to all, and what excites the axis is said of all.
+    assert "40 s in 1 record," in step.gate.findings[0]
+
+
+@pytest.mark.parametrize("early", [0.0, 0.5])
+def test_a_command_that_acts_before_its_stamps_is_found(early: float) -> None:
+    model = load_model("axis")
+    record = record_of(model, 5, seconds=30.0)
+    late = replace(record, input_time=record.input_time + early / RATE)
+    estimation = prepare_estimation(model, [late], "prediction")
+    shift, gain = earlier_command(estimation, refit(estimation, model))
+    assert shift == pytest.approx(-early / RATE, abs=0.05 / RATE)
+    assert (gain > 100.0) is (early > 0.0)
