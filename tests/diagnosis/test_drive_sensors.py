@@ -57,4 +57,6 @@ def test_a_filtered_velocity_and_another_integration_method_make_no_resonance():
     values = found.model.values
     assert values["axis.inertia"] == pytest.approx(INERTIA, rel=2e-3)
     assert values["coulomb_friction@axis.level"] == pytest.approx(COULOMB, rel=2e-3)
-    assert values["velocity_filter@velocity[axis].time_constant"] == pytest.approx(3e-3, rel=0.02)
+    # The steps of the filter take the new velocity: their mean delay is a step less than the time constant.
+    delay = 3e-3 - STEP / SUBSTEPS
+    assert values["velocity_filter@velocity[axis].time_constant"] == pytest.approx(delay, rel=0.01)

@@ -52,7 +52,8 @@ class Climb(Generic[FitT]):
                 break
             timed = self.view.with_timing(step)
             if timed is not None:
-                return replace(self, view=timed[0])(timed[1], ladder)
+                view, fit = timed
+                return replace(self, view=view)(fit, self._with_values(ladder, step.reported(fit)))
             steps, further = self._steps(step)
             if self.worse is not None and self.worse(ladder.model, steps[-1].model):
                 rejected = True
@@ -110,13 +111,17 @@ class Climb(Generic[FitT]):
             if self.worse is not None and self.worse(ladder.model, model):
                 continue
             fit = without
-            *others, last = (one for one in ladder.steps if one.added is None or one.added.name != gone.name)
-            if last.added is not None:
-                parameters = effect_parameters(model, last.added.name)
-                last = replace(last, added=replace(last.added, model=model, parameters=parameters))
-            last = last.measured(model, self.records, self.validation)
-            ladder = replace(ladder, steps=(*others, last))
+            left = tuple(one for one in ladder.steps if one.added is None or one.added.name != gone.name)
+            ladder = self._with_values(replace(ladder, steps=left), model)
         return ladder, fit
+
+    def _with_values(self, ladder: Ladder, model: Model) -> Ladder:
+        """The ladder with other values of its last model."""
+        *others, last = ladder.steps
+        if last.added is not None:
+            parameters = effect_parameters(model, last.added.name)
+            last = replace(last, added=replace(last.added, model=model, parameters=parameters))
+        return replace(ladder, steps=(*others, last.measured(model, self.records, self.validation)))
 
     def _concluded(self, ladder: Ladder, step: SearchStep[FitT]) -> Ladder:
         shown = {*ladder.added, *step.passed_over}
