@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -156,3 +156,12 @@ def test_a_simple_effect_goes_before_one_that_contains_it() -> None:
     several = (evaluated(model, "stribeck_friction@axis", 300.0), evaluated(model, FRICTION, 200.0))
     step = Answers(parent, several, 2, 0.01, 0.01)
     assert step.names == (FRICTION,)
+
+
+def test_what_no_fit_gains_is_not_significant() -> None:
+    """Linearised folds may fail: unseen samples then show an effect that the fitted ones do not."""
+    plain = load_model("axis")
+    found = evaluated(plain, FRICTION, 40.0)
+    for gain, names in ((40.0, (FRICTION,)), (3.0, ())):
+        step = Answers(Fit(plain), (replace(found, gain=gain),), 40, 0.01, 0.01)
+        assert step.names == names

@@ -167,12 +167,21 @@ class SearchStep(ABC, Generic[FitT]):
     @cached_property
     def significant(self) -> list[EvaluatedModel[FitT]]:
         """Models with conclusive evidence, best first."""
-        found = [one for one in self.evaluated if self.conclusive(one.evidence, len(one.proposals))]
+        found = [one for one in self.evaluated if self._conclusive(one)]
         return sorted(found, key=lambda one: -one.lower_evidence)
 
     def conclusive(self, evidence: Evidence, effects: int = 1) -> bool:
         """Whether the evidence for this many effects together is conclusive."""
         return evidence.log >= self.threshold(effects) and evidence.distinguishable
+
+    def _conclusive(self, one: EvaluatedModel[FitT]) -> bool:
+        """Whether the evidence for a model is conclusive, and its gain on the fitted samples more than chance.
+
+        Folds are scored by linearised fits: where these fail, other samples seem to show what no fit does. By Wilks the
+        gain of one parameter is beyond chance from about half the threshold on.
+        """
+        effects = len(one.proposals)
+        return one.gain >= 0.5 * self.threshold(effects) and self.conclusive(one.evidence, effects)
 
     @cached_property
     def eligible(self) -> list[EvaluatedModel[FitT]]:
@@ -183,7 +192,7 @@ class SearchStep(ABC, Generic[FitT]):
         """Those of some models with conclusive evidence and practical significance, best first."""
         found = [
             one for one in several
-            if self.conclusive(one.evidence, len(one.proposals)) and not one.contained_part_is_zero
+            if self._conclusive(one) and not one.contained_part_is_zero
             and not self.rejected.keys() & set(one.names) and self.practically_significant(one)
         ]  # fmt: skip
         return sorted(found, key=lambda one: -one.lower_evidence)
