@@ -42,6 +42,11 @@ def test_tests_that_count_from_their_own_beginning(tmp_path):
     assert "one after the other" in table.notes[0]
 
 
+def test_tests_by_their_later_names(tmp_path):
+    table = read_table(_write(tmp_path, {"quasistatic-forward": _test(0.0), "dynamic-backward": _test(5.0)}))
+    assert list(table.parts) == ["quasistatic-forward", "dynamic-backward"]
+
+
 def test_a_drivetrain(tmp_path):
     table = read_table(_write(tmp_path, {"fast-forward": _test(0.0, width=9)}))
     np.testing.assert_array_equal(table.numbers("right velocity")[:2], [6.0, 7.0])

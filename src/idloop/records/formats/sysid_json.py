@@ -18,13 +18,17 @@ from idloop.errors import InputError
 from idloop.records.formats.form import Form, Options, text_of
 from idloop.records.tables.table import Table
 
-_TESTS = ("slow-forward", "slow-backward", "fast-forward", "fast-backward", "track-width")
+# The names of the program, and those that its reports and later versions use.
+_TESTS = (
+    "slow-forward", "slow-backward", "fast-forward", "fast-backward", "track-width",
+    "quasistatic-forward", "quasistatic-backward", "dynamic-forward", "dynamic-backward",
+)  # fmt: skip
 _MECHANISM = ("time", "voltage", "position", "velocity")
 _DRIVETRAIN = (
     "time", "left voltage", "right voltage", "left position", "right position", "left velocity", "right velocity",
     "angle", "angular rate",
 )  # fmt: skip
-_KEYS = re.compile(r'\s*\{.*?"(?:fast|slow)-(?:forward|backward)"\s*:', re.DOTALL)
+_KEYS = re.compile(r'\s*\{.*?"(?:fast|slow|dynamic|quasistatic)-(?:forward|backward)"\s*:', re.DOTALL)
 _PAUSE = 1.0  # between tests that all count from their own beginning [s]
 
 
