@@ -16,8 +16,9 @@ from idloop.spelling import joined_names
 
 Floats = NDArray[np.float64]
 
-# Past commands, older measurements, and newest measurements of the regression; samples used.
-_PAST, _OLD, _NEW, _MOST, _FEWEST = 8, 6, 4, 20_000, 300
+# Past commands (enough for a sum of eight sines, which follows from its past), older measurements, and newest
+# measurements of the regression; samples used.
+_PAST, _OLD, _NEW, _MOST, _FEWEST = 16, 6, 4, 20_000, 300
 # Share of what is new in the command that the newest measurements explain, without the largest errors: those are steps
 # of a reference.
 _SHARE, _STEPS = 0.25, 0.1
@@ -26,6 +27,8 @@ _SAME_RATE = 0.1
 _LOST = 1.5
 # Share of the samples at which the command changes; and of its changes that are rounding.
 _CHANGES, _ROUNDING = 0.2, 1e-9
+# Parts of the rows, each predicted from the others.
+_PARTS = 8
 
 
 def check(axis: Axis) -> list[Finding]:
@@ -72,19 +75,35 @@ def _explained(axis: Axis, signals: list[Floats]) -> float:
     target = command[rows]
     if np.mean(target != 0.0) < _CHANGES or not all(np.any(one) for one in motions):
         return 0.0
+    # A steady ramp of the command follows from its past: that is the constant.
     known = np.column_stack(
-        [command[rows - k] for k in range(1, _PAST + 1)]
+        [np.ones(rows.size)]
+        + [command[rows - k] for k in range(1, _PAST + 1)]
         + [one[rows - k] for one in motions for k in range(_NEW, _OLD + _NEW)]
     )
     new = np.column_stack([one[rows - k] for one in motions for k in range(_NEW)])
-    keep = np.ones(rows.size, dtype=bool)
-    for _ in range(2):
-        left = _left(known, target, keep)
-        with_new = _left(np.hstack([known, new]), target, keep)
-        keep = np.abs(with_new) <= np.quantile(np.abs(with_new), 1.0 - _STEPS)
-    power = float(np.mean(left[keep] ** 2))
-    floor = (_ROUNDING * float(np.std(target))) ** 2
-    return 1.0 - float(np.mean(with_new[keep] ** 2)) / power if power > floor else 0.0
+    before, after_new = _power(known, target), _power(np.hstack([known, new]), target)
+    floor = (_ROUNDING * float(np.sqrt(np.mean(target**2)))) ** 2
+    return 1.0 - after_new / before if before > floor else 0.0
+
+
+def _power(table: Floats, target: Floats) -> float:
+    """Mean square error, without the largest errors, of predictions of each part of the rows from the other parts.
+
+    More columns fit more of the rows that they are fitted to; rows that they are not fitted to they predict better
+    only where they tell something.
+    """
+    errors = np.empty(target.size)
+    for part in np.array_split(np.arange(target.size), _PARTS):
+        keep = np.ones(target.size, dtype=bool)
+        keep[part] = False
+        others = np.flatnonzero(keep)
+        for _ in range(2):
+            left = _left(table, target, keep)
+            size = np.abs(left[others])
+            keep[others] = size <= np.quantile(size, 1.0 - _STEPS)
+        errors[part] = left[part] ** 2
+    return float(np.mean(np.sort(errors)[: max(int(errors.size * (1.0 - _STEPS)), 1)]))
 
 
 def _left(table: Floats, target: Floats, keep: NDArray[np.bool_]) -> Floats:

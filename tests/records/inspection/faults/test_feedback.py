@@ -1,0 +1,42 @@
+"""A command that answers to the motion is told from one that only looks like it in few samples."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from idloop.records.inspection.axis import Axis
+from idloop.records.inspection.faults.feedback import check
+
+
+def _axis(seed: int, reference: np.ndarray, *, closed: bool) -> Axis:
+    rng = np.random.default_rng(seed)
+    period, place, speed = 0.002, 0.0, 0.0
+    position, velocity, command = np.empty((3, reference.size))
+    for k, wanted in enumerate(reference):
+        position[k], velocity[k] = np.round(place + 1e-4 * rng.normal(), 3), speed + 1e-2 * rng.normal()
+        command[k] = 40.0 * (wanted - position[k]) - 5.0 * velocity[k] if closed else wanted
+        speed += period * ((1.0 if closed else 20.0) * command[k] - 3.0 * speed - 0.5 * np.tanh(speed / 0.01))
+        place += period * speed
+    time = period * np.arange(reference.size)
+    return Axis("j", time, position, velocity, time, command, "j.effort")
+
+
+def _sines(seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    angle = 2.0 * np.pi * rng.uniform(0.3, 5.0, 5) * 0.002 * np.arange(400)[:, None] + rng.uniform(0.0, 6.0, 5)
+    return np.asarray(np.sin(angle).sum(axis=1))
+
+
+def _ramp(seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    return 0.01 * np.cumsum(np.where(rng.random(400) < 0.97, 1.0, rng.choice([-60.0, 60.0], 400)))
+
+
+@pytest.mark.parametrize("reference", [_sines, _ramp, lambda _: 0.01 * np.arange(400.0)])
+def test_few_rows_of_a_smooth_command_and_a_staircase_show_no_loop(reference):
+    assert not any(check(_axis(seed, reference(seed), closed=False)) for seed in range(30))
+
+
+def test_a_loop_shows_in_few_rows():
+    assert all(check(_axis(seed, _sines(seed), closed=True)) for seed in range(10))
