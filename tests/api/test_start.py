@@ -367,6 +367,19 @@ def test_a_record_that_spoils_a_fit_is_to_be_left_out(record, tmp_path):
     assert shlex.split(begun.commands[-1]) == fit
 
 
+def test_a_file_that_is_not_recognised_beside_others_is_to_be_left_out(record, tmp_path):
+    c = _columns(record)
+    good = _write(tmp_path / "good.csv", "t,a,angle", c["t"], c["u"], c["q"])
+    dead = _write(tmp_path / "dead.csv", "t,a,angle", c["t"], 0.0 * c["u"], c["q"])
+    recognise(good)
+    with pytest.raises(InputError) as alone:
+        recognise(dead)
+    with pytest.raises(InputError) as beside:
+        recognise([dead, good])
+    assert str(beside.value).startswith(str(alone.value))
+    assert str(beside.value).endswith(f"leave dead.csv out, with the options as they are: idloop start {good}")
+
+
 def test_every_record_has_its_line_also_where_nothing_is_fitted(record, tmp_path):
     other = np.random.default_rng(0).permutation(record.input)
     begun = idloop.start(_fitted(tmp_path / "log.csv", "t,voltage,q", record, u=other), tmp_path / "begun")
@@ -394,6 +407,9 @@ def test_values_that_leave_the_force_and_the_motion_unexplained_are_no_fit(recor
     assert refused(still, 0.6) == ""
     assert "force error is 300 %" in refused(still, 3.0)
     assert "off by more than twice" in refused(-4.0 * one.measured, 0.6)
+    # A free run that is worse than a constant stands only where the force shows what the values are worth.
+    assert "worse than a constant, and the force error is 84" in refused(-0.5 * one.measured, 0.84)
+    assert refused(-0.5 * one.measured, 0.6) == ""
 
 
 @pytest.mark.parametrize(

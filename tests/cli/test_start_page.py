@@ -7,6 +7,7 @@ import http.client
 import json
 import shlex
 import threading
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -50,6 +51,18 @@ def test_what_is_not_fitted_says_where_it_was_written_and_why(log, tmp_path):
     assert text.startswith(f"written to {tmp_path / 'drive_log'}, but not fitted: ")
     assert text.endswith("; choose torque as the command")
     assert "--" not in text
+
+
+def test_records_that_do_not_belong_together_are_followed_by_their_commands(tmp_path):
+    begun = SimpleNamespace(
+        fit=None,
+        folder=tmp_path,
+        not_fitted="the records do not belong together; the commands below fit them apart",
+        done=SimpleNamespace(reversed=False, apart=(("a",), ("b",))),
+        commands=["idloop fit model.yaml a", "idloop fit model.yaml b"],
+    )
+    text = _start_page.refused(begun)
+    assert text.endswith("the commands here fit them apart: idloop fit model.yaml a; idloop fit model.yaml b")
 
 
 def test_what_is_no_log_is_one_line(tmp_path):

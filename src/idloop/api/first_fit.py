@@ -25,6 +25,7 @@ _NOTHING = 1.0  # FIT of a prediction that is no better than a constant [%]
 # Share of the drive force that values which describe something explain, and FIT of a free run that shows that they do
 # where the force does not [%]; play, for one, hides the force but not the motion.
 _EXPLAINED, _FOLLOWS = 0.1, 20.0
+_HALF = 0.5**0.5  # force error of values that explain half of the power of the drive force
 _ASTRAY = -100.0  # FIT of a velocity [%], which does not drift as a position does, that is off by twice its spread
 
 
@@ -208,6 +209,11 @@ def _describes_nothing(compared: Sequence[Comparison]) -> str:
     if velocities and max(velocities) < _ASTRAY:
         return "the values describe nothing: the free run of the velocity is off by more than twice what it varies by"
     forces = [one.force.relative for one in compared if one.force is not None]
+    if velocities and max(velocities) < 0.0 and len(forces) == len(compared) and min(forces) > _HALF:
+        return (
+            "the values describe nothing: the free run of the velocity is worse than a constant, and the force error is"
+            f" {force_text(min(forces), 3, ' %')}"
+        )
     # A position is the integral of the velocity and shows less of the values.
     runs = velocities or [fit for one in compared for fit in _free_runs(one, "position")]
     if len(forces) < len(compared) or min(forces) < 1.0 - _EXPLAINED or max(runs, default=-np.inf) > _FOLLOWS:

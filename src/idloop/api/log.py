@@ -5,8 +5,10 @@ from __future__ import annotations
 import itertools
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping
+import shlex
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -192,7 +194,7 @@ def recognise(
             _check_time(table, said["time"].column)
     if any(set(one.columns) != set(tables[0].columns) for one in tables) or _are_signals(tables):
         return _joined(paths, tables, said, period)
-    found = _alike([recognise_table(table, said, period=period) for table in tables])
+    found = _alike(_each([partial(recognise_table, table, said, period=period) for table in tables], paths))
     return Log(paths, tuple(found), between=tuple(_read_otherwise(found)))
 
 
@@ -250,6 +252,25 @@ def _check_time(table: Columns, column: str) -> None:
 
 
 # ---------------------------------------------------------------- several files
+
+
+def _each(recognisers: Sequence[Callable[[], Recognition]], paths: Sequence[Path]) -> list[Recognition]:
+    """Recognise every file; a refusal of some of them says how to go on with the others."""
+    found, errors = [], {}
+    for path, recogniser in zip(paths, recognisers, strict=True):
+        try:
+            found.append(recogniser())
+        except InputError as error:
+            errors[path] = error
+    if not errors:
+        return found
+    if not found:
+        raise next(iter(errors.values()))
+    sound = [str(path) for path in paths if path not in errors]
+    raise InputError(
+        f"{next(iter(errors.values()))}; or leave {joined_names([path.name for path in errors])} out, with the options"
+        f" as they are: idloop start {shlex.join(sound)}"
+    )
 
 
 def _alike(found: list[Recognition]) -> list[Recognition]:

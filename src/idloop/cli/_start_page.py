@@ -85,7 +85,11 @@ def refused(begun: Start) -> str:
         return ""
     turned = begun.log.turned_column if begun.done.reversed else ""
     turn = f"; choose {turned} as the command" if turned else ""
-    return f"written to {begun.folder.absolute()}, but not fitted: {_OPTION.sub('', begun.not_fitted)}{turn}"
+    why = _OPTION.sub("", begun.not_fitted)
+    if begun.done.apart:
+        # The page has no commands below: they follow where the shell points to them.
+        why = f"{why.replace(' below', ' here')}: {'; '.join(begun.commands)}"
+    return f"written to {begun.folder.absolute()}, but not fitted: {why}{turn}"
 
 
 def serve(port: int, tell: Callable[[str], None]) -> None:
