@@ -232,7 +232,15 @@ def test_two_levels_and_a_motion_that_is_lost_in_noise(make_axis):
     axis = make_axis(command=np.where(np.random.default_rng(3).normal(size=75) > 0, 1.0, -1.0).repeat(40))
     assert the(axis, "two_levels").spoils == ("dead zone", "limits of the drive")
     noise = np.std(axis.position) * np.random.default_rng(0).normal(size=3000)
-    assert "small_motion" in kinds(replace(axis, position=axis.position + noise, velocity=None))
+    found = the(replace(axis, position=axis.position + noise, velocity=None), "small_motion")
+    assert "the motion is lost in the noise" in found.text
+    # A coarse sensor says nothing of an axis at rest.
+    step = np.ptp(axis.velocity) / 15.0
+    coarse = np.round(axis.velocity / step) * step
+    found = the(replace(axis, position=None, velocity=coarse), "small_motion")
+    assert "steps of the sensor" in found.text
+    assert "too coarse" in found.text
+    assert "finer sensor" in found.cure
 
 
 def test_a_wrapped_position_is_named_with_its_range(make_axis):

@@ -12,6 +12,7 @@ from idloop.records.inspection.response import PLAIN, response, responses
 
 # The axis moves by at least so many times its noise or its steps.
 _SMALL = 20.0
+_STEPS = "steps of the sensor"
 # Share of the time under a command in which the axis stands still.
 _STILL = 0.85
 # Shares of the largest speed below which an axis stands still: at least, and at most for noise.
@@ -64,19 +65,21 @@ def _small(axis: Axis) -> list[Finding]:
         if signal == "velocity":
             low, high = min(low, 0.0), max(high, 0.0)
         noise = white_noise(values)
-        unit = "steps of the sensor" if axis.resolution[signal] > noise else "standard deviations of the noise"
+        unit = _STEPS if axis.resolution[signal] > noise else "standard deviations of the noise"
         found.append((float(high - low) / max(noise, axis.resolution[signal], 1e-300), signal, unit))
     if not found or max(found)[0] >= _SMALL:
         return []
     ratio, signal, unit = max(found)
     largest = float(np.nanmax(np.abs(axis.command)))
+    coarse = unit == _STEPS
+    why = "its sensor is too coarse, or the motion too small" if coarse else "the motion is lost in the noise"
     return [
         fault(
             "small_motion",
             axis.name(signal),
             f"{axis.name(signal)} moves by only {ratio:.2g} {unit} under {axis.command_name} up to {largest:.3g}"
-            f" {axis.unit('command')}: friction or the size of the command keeps the axis at rest",
-            "command a larger motion",
+            f" {axis.unit('command')}: {why}",
+            "command a larger motion" + (", or take a finer sensor" if coarse else ""),
             evidence={"ratio": ratio, "command": largest},
             spoils=("identification",),
         )
