@@ -307,6 +307,9 @@ def test_a_record_that_moves_by_noise_alone_is_not_fitted(tmp_path):
     assert begun.fit is None
     assert begun.not_fitted
     assert "describes what was recorded" not in begun.summary()
+    # Nor is a fit offered where none was asked for.
+    unasked = idloop.start(log, tmp_path / "unasked", fitted=False)
+    assert [shlex.split(line)[1] for line in unasked.commands] == ["inspect"]
 
 
 def test_what_to_run_next_can_be_run(record, tmp_path):

@@ -107,7 +107,7 @@ class Start(Result):
             lines = []
         else:
             lines = [["inspect", *bags]] if self.between else [["inspect", bag] for bag in bags]
-            if self.log.recognition.of("command") is not None:
+            if self.log.recognition.of("command") is not None and not _is_useless(self.inspections):
                 lines.append(["fit", str(self.folder / MODEL), *bags])
         return [f"idloop {shlex.join(line)}" for line in lines]
 
@@ -340,7 +340,6 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
     from idloop import drawing
     from idloop.output_files import write_text
     from idloop.records import compare_inspections, inspect_bag
-    from idloop.records.inspection.grade import EVERYTHING, NOT_USABLE
     from idloop.records.inspection.measured_input import KIND as MEASURED
     from idloop.records.recognition.mapping_file import motion_of, text_of
     from idloop.records.recognition.recognise import base_unit_of
@@ -366,7 +365,6 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
         or any(one.kind == MEASURED for inspection in inspections for one in inspection.findings),
     )
     between = tuple(compare_inspections(inspections))
-    useless = len(inspections) == 1 and inspections[0].grade == f"{NOT_USABLE} {EVERYTHING}"
     if command is None:
         done = FirstFit(kind.model(), why_not="no command", asked=False)
     elif fitted and (apart := _apart(bags, inspections, between)):
@@ -375,12 +373,19 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
             rough = first_fit(kind, apart.groups[0], fitted=False, progress=progress).model
         done = FirstFit(rough, why_not=apart.why, reversed=apart.turned, apart=apart.groups)
     else:
-        refused = inspections[0].grade_reason if useless else ""
+        refused = inspections[0].grade_reason if _is_useless(inspections) else ""
         done = first_fit(kind, bags, fitted=fitted, refused=refused, progress=part(progress, 0.4, 1.0))
     write_text(folder / MODEL, done.model.to_yaml())
     if done.fit is not None:
         write_text(folder / FITTED, done.fit.model.to_yaml())
     return Start(folder, log, bags, inspections, done, between)
+
+
+def _is_useless(inspections: Sequence[Inspection]) -> bool:
+    """Whether there is one record only, and that of no use for a fit; beside others it may serve."""
+    from idloop.records.inspection.grade import EVERYTHING, NOT_USABLE
+
+    return len(inspections) == 1 and inspections[0].grade == f"{NOT_USABLE} {EVERYTHING}"
 
 
 @dataclass(frozen=True)
