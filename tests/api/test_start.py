@@ -312,6 +312,13 @@ def test_a_record_that_moves_by_noise_alone_is_not_fitted(tmp_path):
     assert [shlex.split(line)[1] for line in unasked.commands] == ["inspect"]
 
 
+def test_no_fit_is_offered_of_records_that_are_too_short_for_one(tmp_path):
+    log = tmp_path / "log.csv"
+    log.write_text("t,u,v\n0,1,0\n1,1,1\n2,1,2\n0,2,0\n1,2,1\n2,2,2\n", encoding="utf-8")
+    begun = idloop.start(log, tmp_path / "begun", fitted=False)
+    assert [shlex.split(line)[1] for line in begun.commands] == ["inspect", "inspect"]
+
+
 def test_what_to_run_next_can_be_run(record, tmp_path):
     log = _fitted(tmp_path / "log.csv", "t,torque,q", record)
     folder = tmp_path / "my axis"

@@ -71,6 +71,8 @@ class FirstFit:
         Why there is none.
     asked : bool
         Whether a fit was asked for.
+    possible : bool
+        Whether nothing stands against one.
     reversed : bool
         Whether the motion follows minus the command.
     incomplete : bool
@@ -87,6 +89,7 @@ class FirstFit:
     fit: Fit | None = None
     why_not: str = ""
     asked: bool = True
+    possible: bool = True
     reversed: bool = False
     incomplete: bool = False
     bags: tuple[Path, ...] = ()
@@ -116,19 +119,20 @@ def first_fit(
     try:
         long, notes = _long_enough(bags, model)
         model = kind.model(read_bags(long, model, fitted=False))
-        if not fitted:
-            return FirstFit(model, why_not="not asked for", asked=False, bags=long, notes=notes)
         try:
             records = read_bags(long, model)  # refuses what no fit can use
         except InputError as error:
             if not (sound := _sound(long, model, str(error))):
                 raise
-            return FirstFit(model, why_not=f"{error}{left_out(long, sound)}", apart=(sound,), notes=notes)
+            why = f"{error}{left_out(long, sound)}"
+            return FirstFit(model, why_not=why, asked=fitted, apart=(sound,), notes=notes)
+        if not fitted:
+            return FirstFit(model, why_not="not asked for", asked=False, possible=not refused, bags=long, notes=notes)
         if refused:
             return FirstFit(model, why_not=refused, bags=long, notes=notes)
         found = fit(model, records, progress=progress)
     except InputError as error:
-        return FirstFit(model, why_not=str(error), asked=fitted)
+        return FirstFit(model, why_not=str(error), asked=fitted, possible=False)
     return judged(FirstFit(model, found, bags=long, notes=notes))
 
 

@@ -107,7 +107,7 @@ class Start(Result):
             lines = []
         else:
             lines = [["inspect", *bags]] if self.between else [["inspect", bag] for bag in bags]
-            if self.log.recognition.of("command") is not None and not _is_useless(self.inspections):
+            if self.done.possible:
                 lines.append(["fit", str(self.folder / MODEL), *bags])
         return [f"idloop {shlex.join(line)}" for line in lines]
 
@@ -366,12 +366,12 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
     )
     between = tuple(compare_inspections(inspections))
     if command is None:
-        done = FirstFit(kind.model(), why_not="no command", asked=False)
-    elif fitted and (apart := _apart(bags, inspections, between)):
+        done = FirstFit(kind.model(), why_not="no command", asked=False, possible=False)
+    elif apart := _apart(bags, inspections, between):
         rough = kind.model()
         if apart.groups:
             rough = first_fit(kind, apart.groups[0], fitted=False, progress=progress).model
-        done = FirstFit(rough, why_not=apart.why, reversed=apart.turned, apart=apart.groups)
+        done = FirstFit(rough, why_not=apart.why, asked=fitted, reversed=apart.turned, apart=apart.groups)
     else:
         refused = inspections[0].grade_reason if _is_useless(inspections) else ""
         done = first_fit(kind, bags, fitted=fitted, refused=refused, progress=part(progress, 0.4, 1.0))

@@ -106,7 +106,7 @@ def hint(rows: Rows) -> Iterator[Block]:
     """Yield what to do next when the free run of an output has a FIT below 90 %."""
     worst = worst_output(rows)
     if worst is not None and not worst.good:
-        yield f"{worst.text}: idloop diagnose MODEL BAG... names the physical effect that is missing"
+        yield f"{worst.text}: idloop diagnose with the same model and bags names the physical effect that is missing"
 
 
 def details(rows: Rows) -> Iterator[Block]:
