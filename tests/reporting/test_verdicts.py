@@ -12,7 +12,7 @@ from idloop.diagnosis import Candidate, Ladder, Step, UnknownStructure
 from idloop.diagnosis.screening.proposals import proposals
 from idloop.physics import load_model
 from idloop.reporting.page.page_words import headline, verdict_text
-from idloop.reporting.residual_findings import ResidualFinding
+from idloop.reporting.residual_findings import ResidualFinding, residual_warnings
 from idloop.reporting.text.blocks import as_text
 from idloop.reporting.text.ladder import ladder_blocks
 from idloop.reporting.verdicts import (
@@ -76,7 +76,7 @@ def test_a_verdict_that_claims_no_end_stays(verdict: str) -> None:
 def test_errors_that_follow_the_command_come_before_nothing_significant() -> None:
     found = ladder(step(error=0.1))
     follows, free = (
-        ResidualFinding("a", SimpleNamespace(input_free=one, against="input"))  # type: ignore[arg-type]
+        ResidualFinding("a", SimpleNamespace(follows=not one, against="input"))  # type: ignore[arg-type]
         for one in (False, True)
     )
     assert conclusion(found, [free]) == VERDICTS["adequate"]
@@ -175,3 +175,26 @@ def test_a_coefficient_that_is_not_constant_is_what_is_missing() -> None:
     assert headline(found) == "Missing from the model: Coulomb friction and inertia that is not constant."
     assert verdict_text(found) == "Inertia changes over axis.position within a turn: by 0.02 kg·m² in all."
     assert UnknownStructure.from_dict(curve.to_dict()).what == "change of the inertia"
+
+
+@pytest.mark.parametrize("verdict", ["adequate", "not_excited"])
+def test_a_headline_of_nothing_missing_carries_what_the_residual_tests_say_against_it(verdict: str) -> None:
+    start = ladder(step(error=0.1), verdict=verdict)
+    coloured, follows = (
+        ResidualFinding(
+            "a",
+            SimpleNamespace(
+                name="axis.position", white=free, input_free=not free, against="input", ljung_box_p=1e-9, cross_p=0.004
+            ),  # type: ignore[arg-type]
+        )
+        for free in (False, True)
+    )
+    for left in ([coloured], [follows]):
+        (warning,) = residual_warnings(verdict, left)
+        assert headline(start, left).endswith(f", {warning}.")
+        assert "noise" not in verdict_text(start, left)
+    assert "but the" not in headline(start)
+    # Where something was added, the headline names that.
+    assert headline(ladder(step(error=0.3), step(FRICTION, error=0.1)), [coloured]) == (
+        "Missing from the model: Coulomb friction."
+    )

@@ -9,13 +9,17 @@ import pytest
 
 pytest.importorskip("bokeh", reason="no Bokeh: launch_scripts/test installs it")
 
+from idloop.diagnosis import Diagnosis
+from idloop.diagnosis.evidence.detection_limit import DetectionLimit
+from idloop.diagnosis.identifiability import Gate
+from idloop.diagnosis.screening.command_response import CommandResponse
 from idloop.errors import InputError
 from idloop.physics import load_model, trust
 from idloop.records import Record
 from idloop.reporting.workbench.offline import OfflineSource
 from idloop.reporting.workbench.signals import Signals
 from idloop.reporting.workbench.state_json import page_state
-from idloop.reporting.workbench.steps import Study
+from idloop.reporting.workbench.steps import Study, find_missing
 
 DT = 0.01
 
@@ -55,6 +59,21 @@ def source():
     one.kept = kept
     yield one
     one.close()
+
+
+def test_a_ladder_of_the_page_ends_as_its_diagnosis_does(monkeypatch):
+    model, record = load_model("dc_motor"), recorded(1, count=200)
+    limit = DetectionLimit("level", "N·m", 0.1, 0.2)
+    gate = Gate((), {}, {}, limits={"coulomb_friction@motor": limit})
+    said = Diagnosis(
+        model, (), (), "not_excited", gate, None, "force", 0.01, response=CommandResponse.UNMOVED
+    )  # fmt: skip
+    monkeypatch.setattr("idloop.diagnosis.diagnose", lambda *given, **options: said)
+    found = find_missing(Study((record,)), model, None, lambda share, text: None)
+    assert found.ladder.response is CommandResponse.UNMOVED
+    assert found.ladder.limits == gate.limits
+    # A record of a machine that the model is not of leaves more than noise, and the page is told.
+    assert {one.test.name for one in found.left} == set(model.output_names)
 
 
 @pytest.mark.slow

@@ -12,9 +12,11 @@ from hypothesis import strategies as st
 pytest.importorskip("bokeh", reason="no Bokeh: launch_scripts/test installs it")
 
 from idloop.diagnosis import Candidate, Ladder, Step
+from idloop.diagnosis.screening.command_response import CommandResponse
 from idloop.physics import load_model
 from idloop.reporting import breakdowns
 from idloop.reporting.figures.evidence import Decided
+from idloop.reporting.residual_findings import ResidualFinding, residual_warnings
 from idloop.reporting.terms import unbroken
 from idloop.reporting.workbench import state_json
 from idloop.reporting.workbench.files import commands
@@ -122,6 +124,34 @@ def test_steps_that_spoil_the_motion_and_lists_of_an_incomplete_model_are_said_t
     assert lacking["conclusion"] == ""
     assert lacking["basis"] == "As long as dead zone @ input is not in the model, this data cannot show"
     assert state_json._missing(Missing("adequate"), {}, replace(ladder, steps=steps[:1]))["conclusion"] == ""
+
+
+def test_a_verdict_of_noise_carries_what_the_residual_tests_say_against_it():
+    tests = {"ljung_box_p": 1e-9, "cross_p": 0.004, "against": "input"}
+    coloured, follows = (
+        ResidualFinding("a", SimpleNamespace(name="axis.position", white=free, input_free=not free, **tests))
+        for free in (False, True)
+    )
+    ladder = Ladder((Step(None, load_model("axis")),), verdict="adequate", criterion="force")
+    for known in (None, ladder):
+        said = state_json._missing(Missing("adequate"), {}, known, [coloured])["conclusion"]
+        (warning,) = residual_warnings("adequate", [coloured])
+        assert said == f"Nothing significant is left, {warning}."
+    said = state_json._missing(Missing("adequate"), {}, ladder, [follows])["conclusion"]
+    assert said.startswith("Something that no effect of the catalogue explains is left: the errors still follow the")
+    assert state_json._missing(Missing("adequate"), {}, ladder)["conclusion"] == ""
+    assert state_json._missing(Missing("missing", set=("a@axis",)), {}, ladder, [follows])["conclusion"] == ""
+    # Of recordings the diagnosis brings them, on a live graph those of the newest samples serve.
+    found = Missing("adequate", left=(coloured,))
+    assert state_json._remainders(Snapshot(missing=found)) == (coloured,)
+    assert state_json._remainders(Snapshot(missing=found, live=True)) == ()
+
+
+def test_a_motion_that_does_not_follow_the_command_is_no_good_news():
+    ladder = Ladder((Step(None, load_model("axis")),), verdict="not_excited", criterion="force")
+    ladder = replace(ladder, response=CommandResponse.UNMOVED)
+    said = state_json._missing(Missing("not_excited"), {}, ladder)["conclusion"]
+    assert "this data says nothing about the axis" in said
 
 
 def test_what_was_passed_over_has_its_reason_on_its_card():

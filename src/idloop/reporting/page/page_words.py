@@ -26,6 +26,7 @@ from idloop.reporting.verdicts import (
     conclusion,
     confounding_effects,
     effects_looked_for,
+    ending,
     explained_of,
     scope_text,
     unexplained_cause,
@@ -50,11 +51,11 @@ def page_words(contents: Contents) -> dict[str, Any]:
     dict
         By the names that the template uses.
     """
-    ladder = contents.ladder
+    ladder, left = contents.ladder, _fitted_remainders(contents)
     return {
         "model": ladder.model,
-        "headline": headline(ladder),
-        "verdict": verdict_text(ladder, _fitted_remainders(contents)),
+        "headline": headline(ladder, left),
+        "verdict": verdict_text(ladder, left),
         "changes": changes(ladder),
         "no_force": _no_force(ladder),
         "against": [
@@ -62,7 +63,8 @@ def page_words(contents: Contents) -> dict[str, Any]:
             for line in (
                 *(f"warning: {one.text}" for one in ladder.worsened),
                 *map(in_words, disagreements(ladder)),
-                *residual_warnings(ladder.verdict, _fitted_remainders(contents)),
+                # Of a ladder that added nothing the headline says them.
+                *(residual_warnings(ladder.verdict, left) if _lacking(ladder) else ()),
             )
         ],
         "steps": [
@@ -117,8 +119,35 @@ def page_words(contents: Contents) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def headline(ladder: Ladder) -> str:
-    """Say in one sentence what is missing."""
+def headline(ladder: Ladder, left: Sequence[ResidualFinding] = ()) -> str:
+    """Say in one sentence what is missing.
+
+    Parameters
+    ----------
+    left : sequence of ResidualFinding
+        Residual tests of the last model on the fitted data.
+    """
+    names = _lacking(ladder)
+    if names:
+        return f"Missing from the model: {joined_names(names)}."
+    reserved = residual_warnings(ladder.verdict, left)
+    if reserved:
+        return sentence(", ".join([ending(ladder.verdict, scope_text(ladder), ladder.response), *reserved]))
+    if effects_looked_for(ladder):
+        return {
+            "adequate": "Nothing that was looked for is missing.",
+            "unknown_structure": sentence(f"{unexplained_cause(scope_text(ladder))} is missing"),
+            "not_excited": "Nothing that was looked for shows, but this data cannot show everything.",
+        }.get(ladder.verdict, "No effect was added.")
+    return {
+        "adequate": "Nothing is missing: the model explains this data.",
+        "unknown_structure": "Something is missing that no effect of the catalogue explains.",
+        "not_excited": "Nothing significant is missing, but this data cannot show everything.",
+    }.get(ladder.verdict, "No effect was added.")
+
+
+def _lacking(ladder: Ladder) -> list[str]:
+    """What the headline names: effects that were added, and what no effect explains."""
     # An effect that stands in for another one is not what is missing.
     in_place = confounding_effects(ladder)
     names = [_or_its_rivals(ladder, name) for name in ladder.added if name not in in_place]
@@ -128,19 +157,7 @@ def headline(ladder: Ladder) -> str:
     shape = ladder.unknown
     if shape is not None and shape.coefficient and ladder.verdict == "unknown_structure":
         names = [*(name for name in names if name != something), f"{shape.of} that is not constant"]
-    if names:
-        return f"Missing from the model: {joined_names(list(dict.fromkeys(names)))}."
-    if effects_looked_for(ladder):
-        return {
-            "adequate": "Nothing that was looked for is missing.",
-            "unknown_structure": sentence(f"{something} is missing"),
-            "not_excited": "Nothing that was looked for shows, but this data cannot show everything.",
-        }.get(ladder.verdict, "No effect was added.")
-    return {
-        "adequate": "Nothing is missing: the model explains this data.",
-        "unknown_structure": "Something is missing that no effect of the catalogue explains.",
-        "not_excited": "Nothing significant is missing, but this data cannot show everything.",
-    }.get(ladder.verdict, "No effect was added.")
+    return list(dict.fromkeys(names))
 
 
 def _or_its_rivals(ladder: Ladder, name: str) -> str:
@@ -171,6 +188,8 @@ def verdict_text(ladder: Ladder, left: Sequence[ResidualFinding] = ()) -> str:
         return sentence(end)
     if only:
         return f"{_end_text(ladder, end.partition(':')[0])} {capitalised(only)}."
+    if ladder.verdict == "adequate" and not _lacking(ladder) and residual_warnings(ladder.verdict, left):
+        return ""  # the headline says it all
     return _end_text(ladder, end)
 
 

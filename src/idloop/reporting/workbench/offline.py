@@ -158,6 +158,7 @@ class OfflineSource:
                 diagnosis.gate.findings,
                 diagnosis.unknown,
                 passed_over=diagnosis.passed_over,
+                left=found.left,
             ),
             "looks": self.state.snapshot.looks + 1,
             "pictures": found.pictures,

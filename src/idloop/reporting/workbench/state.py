@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from idloop.diagnosis.design.suggest import Suggestion
     from idloop.physics import Model
     from idloop.reporting.figures.evidence import Decided
+    from idloop.reporting.residual_findings import ResidualFinding
     from idloop.reporting.workbench.assessment import Assessment
     from idloop.reporting.workbench.signals import Signals
     from idloop.validation.characteristic import Characteristic
@@ -98,6 +99,8 @@ class Missing:
         What this data cannot show, and what it can.
     passed_over : mapping of str to str
         Effects that are significant and were not taken for what is missing, and why.
+    left : tuple of ResidualFinding
+        Residual tests of the model on the fitted data.
     error : str
         Why there is no diagnosis; empty when there is one.
     """
@@ -112,6 +115,7 @@ class Missing:
     unknown: UnknownStructure | None = None
     error: str = ""
     passed_over: Mapping[str, str] = field(default_factory=dict)
+    left: tuple[ResidualFinding, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from idloop.reporting.breakdowns import along_text, is_notable, shown_first
 from idloop.reporting.estimates import held_parameters, parameter_rows
 from idloop.reporting.ladder_errors import step_evidence, step_title
 from idloop.reporting.page.equations import equations, to_mathml
+from idloop.reporting.residual_findings import residual_warnings
 from idloop.reporting.scores import Score, disagreements, judging, scores_of, step_scores
 from idloop.reporting.terms import (
     DATA_USE,
@@ -26,7 +27,7 @@ from idloop.reporting.terms import (
     unbroken,
 )
 from idloop.reporting.text.parameters import parameter_text
-from idloop.reporting.verdicts import CRITERIA, basis, conclusion, confounding_effects, explained_of, scope_text
+from idloop.reporting.verdicts import CRITERIA, basis, conclusion, ending, explained_of, scope_text
 from idloop.reporting.workbench.files import MODEL, commands, named_model, offered
 from idloop.reporting.workbench.state import model_version
 from idloop.validation.characteristic import no_picture
@@ -36,6 +37,7 @@ from idloop.validation.words import percent, short
 if TYPE_CHECKING:
     from idloop.diagnosis import Candidate, Ladder, Step
     from idloop.physics import Model
+    from idloop.reporting.residual_findings import ResidualFinding
     from idloop.reporting.workbench.assessment import Assessment
     from idloop.reporting.workbench.signals import Signals
     from idloop.reporting.workbench.state import Evidence, Missing, Snapshot
@@ -84,7 +86,9 @@ def page_state(snapshot: Snapshot, signals: Signals) -> dict[str, Any]:
         "input": {"name": signals.input_name, "unit": signals.input_unit},
         "followed": signals.followed,
         "head": _head(snapshot),
-        "missing": None if snapshot.missing is None else _missing(snapshot.missing, snapshot.pictures, snapshot.ladder),
+        "missing": None
+        if snapshot.missing is None
+        else _missing(snapshot.missing, snapshot.pictures, snapshot.ladder, _remainders(snapshot)),
         "evidence": None if snapshot.evidence is None else _evidence(snapshot.evidence),
         "looks": snapshot.looks,
         "recordings": list(snapshot.recordings),
@@ -184,13 +188,18 @@ def _equations(model: Model, ladder: Ladder | None) -> list[dict[str, Any]]:
     ]
 
 
-def _missing(found: Missing, pictures: Mapping[str, Characteristic] | None, ladder: Ladder | None) -> dict[str, Any]:
+def _missing(
+    found: Missing,
+    pictures: Mapping[str, Characteristic] | None,
+    ladder: Ladder | None,
+    left: Sequence[ResidualFinding] = (),
+) -> dict[str, Any]:
     lacking = [effect_words(name) for name in found.pair or found.set[:1]] if found.verdict == "missing" else []
     level = LEVEL if ladder is None else ladder.level
     twins = () if ladder is None else find_equivalent_effects(ladder.model, found.set)
     return {
         "verdict": found.verdict,
-        "conclusion": "" if ladder is None or ladder.verdict != found.verdict else _contradicted(ladder),
+        "conclusion": _conclusion(found.verdict, ladder, left),
         "explains": f"of {explained_of('' if ladder is None else ladder.criterion)}",
         "basis": capitalised(f"{basis(lacking)}this data cannot show"),
         "line": found.line,
@@ -235,11 +244,24 @@ def _evidence(found: Evidence) -> dict[str, Any]:
     }
 
 
-def _contradicted(ladder: Ladder) -> str:
-    """The conclusion where the plain words of the verdict would say too much; empty otherwise."""
-    only = scope_text(ladder)
-    needed = ladder.verdict != "missing" and (confounding_effects(ladder) or only)
-    return sentence(conclusion(ladder, (), only)) if needed else ""
+def _remainders(snapshot: Snapshot) -> Sequence[ResidualFinding]:
+    """Residual tests of the diagnosed model; a live graph sends none, and those of its newest samples serve."""
+    if snapshot.missing is None or not snapshot.live:
+        return () if snapshot.missing is None else snapshot.missing.left
+    return snapshot.assessment.residual_tests if snapshot.assessment is not None and snapshot.assessed else ()
+
+
+def _conclusion(verdict: str, ladder: Ladder | None, left: Sequence[ResidualFinding]) -> str:
+    """What to conclude where the plain words of the verdict would say too much; empty otherwise."""
+    if verdict == "missing":
+        return ""
+    known = ladder if ladder is not None and ladder.verdict == verdict else None
+    only = "" if known is None else scope_text(known)
+    end = ending(verdict) if known is None else conclusion(known, left, only)
+    # Where the errors follow the command or an effect stands in for another one, the conclusion says so itself.
+    itself = known is not None and end != ending(verdict, only, known.response)
+    reserved = [] if itself else residual_warnings(verdict, left)
+    return sentence(", ".join([end, *reserved])) if reserved or end != ending(verdict) else ""
 
 
 def _candidate(

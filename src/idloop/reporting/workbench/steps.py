@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from idloop.diagnosis.design.suggest import Limits, Suggestion
     from idloop.physics import Model
     from idloop.records import Record
+    from idloop.reporting.residual_findings import ResidualFinding
     from idloop.validation.characteristic import Characteristic
 
 Report = Callable[[float, str], None]
@@ -68,16 +69,18 @@ class Study:
 
 @dataclass(frozen=True)
 class Found:
-    """A diagnosis without its fits, the ladder as it is now, and what the effects look like."""
+    """A diagnosis without its fits, the ladder as it is now, what the effects look like, and the residual tests."""
 
     diagnosis: Diagnosis
     ladder: Ladder
     pictures: dict[str, Characteristic]
+    left: tuple[ResidualFinding, ...] = ()
 
 
 def find_missing(study: Study, model: Model, ladder: Ladder | None, report: Report) -> Found:
     """Find out what a model lacks; without a ladder the fitted model becomes its first step."""
     from idloop.diagnosis import Ladder, diagnose
+    from idloop.reporting.residual_findings import findings_on_records
     from idloop.reporting.workbench.assessment import draw_characteristics
 
     found = diagnose(
@@ -103,8 +106,10 @@ def find_missing(study: Study, model: Model, ladder: Ladder | None, report: Repo
         findings=found.gate.findings,
         unknown=found.unknown,
         passed_over=found.passed_over,
+        limits=found.gate.limits,
+        response=found.response,
     )
-    return Found(found, ladder, pictures)
+    return Found(found, ladder, pictures, tuple(findings_on_records(found.model, study.records)))
 
 
 def add(
@@ -112,6 +117,7 @@ def add(
 ) -> Ladder:
     """Add an effect: as a diagnosis fitted it where there is one, else fitted now."""
     from idloop.diagnosis import add_effect
+    from idloop.diagnosis.screening.command_response import CommandResponse
 
     if ladder is None:
         from idloop.diagnosis import Ladder
@@ -123,7 +129,10 @@ def add(
     for number, rung in enumerate(rungs):
         report(number / len(rungs), f"errors with {rung.added.name}")
         ladder = _with(study, ladder, rung, "diagnosis" if found is not None and name in found.set else "user")
-    return replace(ladder, verdict="missing", candidates=(), unknown=None, passed_over={})
+    return replace(
+        ladder, verdict="missing", candidates=(), unknown=None, passed_over={}, limits={},
+        response=CommandResponse.FOLLOWS,
+    )  # fmt: skip
 
 
 def suggest(study: Study, found: Diagnosis, report: Report) -> Suggestion | None:
