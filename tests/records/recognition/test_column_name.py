@@ -35,6 +35,15 @@ NAMES = {
     "theta_m": (("theta", "m"), "", ""),
     "omega_m": (("omega", "m"), "", ""),
     "voltage_A": (("voltage", "a"), "", ""),
+    # German compounds: set-point and measured before or behind the quantity.
+    "Sollposition": (("soll", "position"), "", ""),
+    "Istdrehzahl [1/min]": (("ist", "drehzahl"), "rpm", ""),
+    "Lageistwert [mm]": (("lage", "istwert"), "mm", ""),
+    "Positionssollwert": (("position", "sollwert"), "", ""),
+    "Motorsolldrehzahl": (("motor", "soll", "drehzahl"), "", ""),
+    "MOTORSTROM": (("motor", "strom"), "", ""),
+    "Versorgungsspannung": (("versorgung", "spannung"), "", ""),
+    "Winkelbeschleunigung": (("winkelbeschleunigung",), "", ""),
 }
 
 

@@ -84,6 +84,20 @@ LOGS = {
         {"t": T, "torque actual value": U, "velocity actual value": SPEED},
         {"command": ("torque actual value", "N·m"), "velocity": ("velocity actual value", "rad/s")},
     ),
+    "German compounds": (
+        {
+            "Zeit": T,
+            "Drehzahlsollwert": SPEED + 0.1,
+            "Drehzahlistwert": SPEED,
+            "Sollmoment": U,
+            "Drehzahlfehler": 0.1 - U,
+        },
+        {
+            "command": ("Sollmoment", "N·m"),
+            "velocity": ("Drehzahlistwert", "rad/s"),
+            "reference velocity": ("Drehzahlsollwert", "rad/s"),
+        },
+    ),
     "temperature and supply": (
         {"t": T, "duty": U, "angle": ANGLE, "motor_temp": 20 + T, "vbus": 12 + 0 * T, "error": 0 * T},
         {

@@ -13,6 +13,13 @@ BRACKETS = re.compile(r"\s*[\[(<{]\s*([^\])>}]*?)\s*[\])>}]")
 _BEHIND = re.compile(r"(?:\s+in\s+|\s+/\s+|\s*,\s+)(\S+)\s*$")
 _WORD = re.compile(r"[A-ZÄÖÜ]+(?![a-zäöüß])|[A-ZÄÖÜ]?[a-zäöüß]+|\d+|µ[a-z]+")
 _INDEX = re.compile(r"\d+")
+# A German compound: its last noun is the quantity, set-point or measured are said before or behind it.
+_COMPOUND = re.compile(
+    r"(soll|ist)?(\w*?)(soll|ist)?"
+    r"(geschwindigkeit|drehzahl|drehmoment|moment|kraft|strom|spannung|position|lage|winkel|weg|temperatur"
+    r"|fehler|abweichung)"
+    r"(?:s|en)?(sollwert|istwert|soll|ist)?"
+)
 
 
 @dataclass(frozen=True)
@@ -69,7 +76,8 @@ def parse_column_name(name: str, unit: str = "") -> ColumnName:
     numbers = [word for word in words if word.isdigit()]
     plain = [word for word in words if not word.isdigit()]
     letter = plain[0] if len(plain) == 1 and len(plain[0]) == 1 else ""
-    return ColumnName(tuple(word.lower() for word in plain), found, index or (numbers[-1] if numbers else ""), letter)
+    parts = tuple(part for word in plain for part in _parts(word.lower()))
+    return ColumnName(parts, found, index or (numbers[-1] if numbers else ""), letter)
 
 
 def unknown_unit(name: str) -> str:
@@ -78,6 +86,13 @@ def unknown_unit(name: str) -> str:
     if any(known_unit(text) or known_unit(text.upper()) for text in inside):
         return ""
     return next((text for text in reversed(inside) if text and not _INDEX.fullmatch(text)), "")
+
+
+def _parts(word: str) -> list[str]:
+    """Words of a compound in small letters; the word itself where it is none."""
+    match = _COMPOUND.fullmatch(word)
+    # An s joins the words: versorgungs-spannung.
+    return [part.removesuffix("s") for part in match.groups() if part] if match else [word]
 
 
 def _unit_of_last_words(words: list[str]) -> tuple[str, list[str]]:
