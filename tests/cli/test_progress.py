@@ -51,6 +51,19 @@ def test_the_line_says_how_far_what_and_how_long():
     assert work.line == "fitting torsion: 40 %, iteration 3, 0:00:12 used, about 0:00:18 left"
 
 
+def test_the_time_left_falls_between_updates():
+    now = [10.0]
+    work = Work("importing", lambda: now[0])
+    now[0] += 1.0
+    work.update(0.1)
+    assert work.left.seconds == 9
+    now[0] += 4.0
+    assert work.left.seconds == 5
+    # What takes longer than expected has no known end.
+    now[0] += 6.0
+    assert work.left is None
+
+
 @pytest.mark.parametrize(("share", "percent"), ((0.0, 0), (1.5, 100)))
 def test_no_time_left_is_named_where_none_is_known(share, percent):
     work = work_of("fitting", 61.0)
@@ -82,10 +95,11 @@ def test_a_terminal_has_a_bar_with_the_time_left(monkeypatch):
     monkeypatch.setattr(sys, "stderr", stream)
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("COLUMNS", "120")
+    monkeypatch.setattr(_progress, "Work", lambda text: work_of(text, 60.0))
     with progress("fitting") as update:
         update(0.5, "half")
         assert stream.came.wait(DEADLINE)
-    assert "0:00:00 left" in stream.getvalue()
+    assert "0:01:00 left" in stream.getvalue()
 
 
 @pytest.mark.parametrize("terminal", (False, True))

@@ -24,8 +24,8 @@ class Test:
     __test__ = False
 
     name: str
-    white: bool
-    input_free: bool
+    coloured: bool
+    follows: bool
     ljung_box_p: float = 0.5
     cross_p: float = 0.5
     against: str = "input"
@@ -33,7 +33,7 @@ class Test:
 
 def left(record: str, name: str, *, white: bool = True, free: bool = True, against: str = "input") -> ResidualFinding:
     p = 0.5 if white else 1e-9
-    return ResidualFinding(record, Test(name, white, free, p, 0.5 if free else 0.004, against))  # type: ignore[arg-type]
+    return ResidualFinding(record, Test(name, not white, not free, p, 0.5 if free else 0.004, against))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("verdict", ("adequate", "not_excited"))

@@ -184,7 +184,7 @@ def test_a_headline_of_nothing_missing_carries_what_the_residual_tests_say_again
         ResidualFinding(
             "a",
             SimpleNamespace(
-                name="axis.position", white=free, input_free=not free, against="input", ljung_box_p=1e-9, cross_p=0.004
+                name="axis.position", coloured=not free, follows=free, against="input", ljung_box_p=1e-9, cross_p=0.004
             ),  # type: ignore[arg-type]
         )
         for free in (False, True)

@@ -32,7 +32,7 @@ def test_input_left_in_the_residual_is_found_at_its_lag() -> None:
     u = rng.normal(size=2000)
     e = rng.normal(size=2000)
     e[3:] += 0.3 * u[:-3]
-    correlation, band, p = input_residual_test(u, e, 10)
+    correlation, band, p, _ = input_residual_test(u, e, 10)
     assert p < 1e-6
     assert int(np.argmax(np.abs(correlation))) - 10 == 3
     assert np.max(np.abs(correlation)) > band[0]
@@ -98,3 +98,17 @@ def test_where_feedback_hides_it_nothing_is_said() -> None:
     assert "record the reference" in found.freedom
     white = np.random.default_rng(1).normal(size=1000)
     assert residual_tests(white, np.roll(white, -1), fed_back=True)[0].decided
+
+
+@pytest.mark.parametrize(("part", "worth"), ((0.05, False), (0.5, True)))
+def test_a_part_that_makes_no_difference_is_significant_and_not_worth_an_effect(part, worth):
+    rng = np.random.default_rng(3)
+    u, e = rng.normal(size=20000), rng.normal(size=20000)
+    (found,) = residual_tests(e + part * np.roll(u, 1), u)
+    assert not found.input_free
+    assert found.follows is worth
+    # Of a unit variance and that of the part.
+    assert found.cross_share == pytest.approx(part**2 / (1.0 + part**2), abs=0.003)
+    (found,) = residual_tests(e + part * np.roll(e, 1), u)
+    assert not found.white
+    assert found.coloured is worth

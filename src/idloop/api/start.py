@@ -153,7 +153,8 @@ class Start(Result):
         """The command that imports the first record by the mapping that was written, beside its bag."""
         name, (source, window) = next(iter(self.log.runs.items()))
         words = ["idloop", "import", "--map", str(self.folder / MAPPING), *(["--part", name] if window else [])]
-        return shlex.join([*words, str(source), str(self.folder / BAGS / f"{name}_changed")])
+        command = shlex.join([*words, str(source), str(self.folder / BAGS / f"{name}_changed")])
+        return f"{command}; so with every other record" if len(self.log.runs) > 1 else command
 
     def said(self) -> Iterator[str]:
         """Yield what the inspection found: grade and faults of each record, then the faults between them."""
@@ -349,12 +350,14 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
 
     write_text(folder / MAPPING, text_of(mapping))
     drawing.save(plot_recognition(log.recognition), folder / PICTURE)
-    progress(0.1, "importing")
     bags = tuple(folder / BAGS / run for run in log.runs)
-    for bag, (source, _) in zip(bags, log.runs.values(), strict=True):
+    for index, (bag, (source, _)) in enumerate(zip(bags, log.runs.values(), strict=True)):
+        progress(0.1 + 0.2 * index / len(bags), f"importing {bag.name}")
         import_bag(source, bag, folder / MAPPING, part=bag.name if "parts" in mapping else None)
-    progress(0.3, "inspecting")
-    inspections = tuple(inspect_bag(bag) for bag in bags)
+    inspections: tuple[Inspection, ...] = ()
+    for bag in bags:
+        progress(0.3 + 0.1 * len(inspections) / len(bags), f"inspecting {bag.name}")
+        inspections += (inspect_bag(bag),)
     command = log.recognition.of("command")
     kind = FirstModel(
         log.name,

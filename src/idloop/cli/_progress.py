@@ -43,13 +43,14 @@ class Work:
     share: float = 0.0  # part done, from 0 to 1
     note: str = ""  # what is being done now
     started: float = field(init=False)
+    updated: float = field(init=False)  # when the share was told
 
     def __post_init__(self) -> None:
-        self.started = self.clock()
+        self.started = self.updated = self.clock()
 
     def update(self, fraction: float, note: str = "") -> None:
         """Keep how far it is."""
-        self.share, self.note = min(max(float(fraction), 0.0), 1.0), note
+        self.share, self.note, self.updated = min(max(float(fraction), 0.0), 1.0), note, self.clock()
 
     @property
     def used(self) -> timedelta:
@@ -58,10 +59,12 @@ class Work:
 
     @property
     def left(self) -> timedelta | None:
-        """Time to its end if it goes on as it has gone so far; None where that is not known."""
+        """Time to its end if it goes on as it had gone at the last update; None where that is not known, or over."""
         if not 1e-3 < self.share < 1.0:
             return None
-        return timedelta(seconds=round((self.clock() - self.started) * (1.0 / self.share - 1.0)))
+        end = self.started + (self.updated - self.started) / self.share
+        left = end - self.clock()
+        return timedelta(seconds=round(left)) if left >= 0.0 else None
 
     @property
     def line(self) -> str:

@@ -102,8 +102,8 @@ def residual_warnings(verdict: str, found: Sequence[ResidualFinding]) -> list[st
 
     if verdict not in NOISE_VERDICTS:
         return []
-    follows = [one for one in found if not one.test.input_free]
-    coloured = [one for one in found if not one.test.white and one.test.name not in {o.test.name for o in follows}]
+    follows = [one for one in found if one.test.follows]
+    coloured = [one for one in found if one.test.coloured and one.test.name not in {o.test.name for o in follows}]
     structure = "a structure that no effect that was looked for explains significantly"
     lines = []
     if follows:

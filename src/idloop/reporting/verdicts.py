@@ -73,7 +73,7 @@ def conclusion(ladder: Ladder, left: Sequence[ResidualFinding] = (), only: str =
             f"{something} is missing: {joined_names(names)} {'take' if len(names) > 1 else 'takes'} its place in the"
             f" one-step prediction and {'make' if len(names) > 1 else 'makes'} the free run worse; {of_these}{end}"
         )
-    follows = [one for one in left if not one.test.input_free]
+    follows = [one for one in left if one.test.follows]
     if follows:
         return f"{something} is left: the errors still follow the {follows[0].drive}; {of_these}{end}"
     return end

@@ -19,6 +19,8 @@ from idloop.errors import InputError
 Array = NDArray[np.float64]
 
 INPUT, REFERENCE = "input", "reference"
+# Part of a residual's variance worth an effect: what explains it makes the errors 1 % smaller.
+_WORTH = 0.02
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,9 @@ class ResidualTest:
     cross_correlation: Array
     cross_correlation_band: Array
     cross_p: float  # p-value of independence of all outputs' residuals from past inputs (lags ≥ 1); NaN where undecided
+    # parts of the residual's variance that its own past and past inputs explain, what chance adds taken off
+    memory_share: float
+    cross_share: float
     against: str = INPUT  # tested signal: ``input``, or ``reference`` for exogenous signals of a closed loop
 
     @property
@@ -56,6 +61,16 @@ class ResidualTest:
         return bool(np.isfinite(self.cross_p))
 
     @property
+    def coloured(self) -> bool:
+        """Whether it is significantly not white, by a part that makes a difference."""
+        return not self.white and self.memory_share > _WORTH
+
+    @property
+    def follows(self) -> bool:
+        """Whether it significantly follows the input, by a part that makes a difference."""
+        return not self.input_free and self.cross_share > _WORTH
+
+    @property
     def freedom(self) -> str:
         """Result of the test against the input as the end of a sentence, after "is white and"."""
         if not self.decided:
@@ -71,6 +86,8 @@ class ResidualTest:
             "ljung_box_p": self.ljung_box_p,
             "input_free": bool(self.input_free),
             "input_correlation_p": self.cross_p if self.decided else None,
+            "memory_share": self.memory_share,
+            "input_share": self.cross_share if self.decided else None,
             "against": self.against,
             "autocorrelation": self.autocorrelation.tolist(),
             "cross_correlation": self.cross_correlation.tolist(),
@@ -135,7 +152,7 @@ def ljung_box(values: ArrayLike, lags: int) -> tuple[float, float]:
     return statistic, float(chdtrc(lags, statistic))
 
 
-def input_residual_test(signal: ArrayLike, residual: ArrayLike, lags: int) -> tuple[Array, Array, float]:
+def input_residual_test(signal: ArrayLike, residual: ArrayLike, lags: int) -> tuple[Array, Array, float, float]:
     """Cross-correlation of an input with a residual, tested with the spectra of both.
 
     The variance of a cross-correlation of independent series is
@@ -146,7 +163,8 @@ def input_residual_test(signal: ArrayLike, residual: ArrayLike, lags: int) -> tu
     `signal`, `residual` (n,): input and residual at the same instants, without NaN; `lags`: largest lag. Returns
     `correlation` (2 lags + 1,): correlation at lags −lags..lags. `band` (2 lags + 1,): half width of the 99 % band.
     `p_value`: p-value of the pooled test over lags 1..lags. Lag 0 is left out: a measurement comes before the command
-    of its stamp, so under feedback the command follows the residual there.
+    of its stamp, so under feedback the command follows the residual there. `share`: part of the residual's variance
+    that these lags explain.
     """
     from scipy.linalg import toeplitz
     from scipy.special import chdtrc
@@ -167,9 +185,14 @@ def input_residual_test(signal: ArrayLike, residual: ArrayLike, lags: int) -> tu
     values, vectors = np.linalg.eigh(toeplitz(covariance))
     keep = values > 1e-3 * values[-1] if values[-1] > 0 else np.zeros(len(values), dtype=bool)
     if not np.any(keep):
-        return correlation, band, 1.0
-    statistic = float(np.sum((vectors[:, keep].T @ causal) ** 2 / values[keep]))
-    return correlation, band, float(chdtrc(int(np.sum(keep)), statistic))
+        return correlation, band, 1.0, 0.0
+    statistic, freedom = float(np.sum((vectors[:, keep].T @ causal) ** 2 / values[keep])), int(np.sum(keep))
+    return correlation, band, float(chdtrc(freedom, statistic)), _share(statistic, freedom, n)
+
+
+def _share(statistic: float, freedom: int, count: int) -> float:
+    """Part of a variance behind a χ² statistic of correlations in `count` samples, what chance adds taken off."""
+    return min(max(statistic - freedom, 0.0) / count, 1.0)
 
 
 def _shifted_sum(a: Array, b: Array, shift: int) -> float:
@@ -235,7 +258,7 @@ def residual_tests(
         values = column[known]
         statistic, p_value = ljung_box(values, lags)
         tried = [input_residual_test(one[known], values, lags) for one in signals]
-        cross, band, cross_p = min(tried, key=lambda one: one[2])
+        cross, band, cross_p, cross_share = min(tried, key=lambda one: one[2])
         tests.append(
             ResidualTest(
                 name=name,
@@ -248,6 +271,8 @@ def residual_tests(
                 cross_correlation=cross,
                 cross_correlation_band=band,
                 cross_p=min(len(tried) * e.shape[1] * cross_p, 1.0),
+                memory_share=_share(statistic, lags, len(values)),
+                cross_share=cross_share,
                 against=REFERENCE if outside else INPUT,
             )
         )

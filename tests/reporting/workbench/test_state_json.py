@@ -129,7 +129,7 @@ def test_steps_that_spoil_the_motion_and_lists_of_an_incomplete_model_are_said_t
 def test_a_verdict_of_noise_carries_what_the_residual_tests_say_against_it():
     tests = {"ljung_box_p": 1e-9, "cross_p": 0.004, "against": "input"}
     coloured, follows = (
-        ResidualFinding("a", SimpleNamespace(name="axis.position", white=free, input_free=not free, **tests))
+        ResidualFinding("a", SimpleNamespace(name="axis.position", coloured=not free, follows=free, **tests))
         for free in (False, True)
     )
     ladder = Ladder((Step(None, load_model("axis")),), verdict="adequate", criterion="force")

@@ -127,8 +127,8 @@ def _slow(axis: Axis) -> list[Finding]:
     name = axis.command_name
     if found.motion_share > _SLOW:
         why = (
-            f"speed, friction and position explain {100 * found.motion_share:.0f} % of {name}: the motion is so slow"
-            " that the inertia does not show"
+            f"speed, friction and position explain {100 * found.motion_share:.0f} % of {name}: what is left"
+            " does not show the inertia"
         )
         cure = "accelerate harder: faster changes of the command, or steps"
     else:
