@@ -35,6 +35,10 @@ NAMES = {
     "theta_m": (("theta", "m"), "", ""),
     "omega_m": (("omega", "m"), "", ""),
     "voltage_A": (("voltage", "a"), "", ""),
+    "M_soll_%": (("m", "soll"), "%", ""),
+    "iq_%": (("iq",), "%", ""),
+    "Winkel_°": (("winkel",), "deg", ""),
+    "Drehzahl_°/s": (("drehzahl",), "deg/s", ""),
     # German compounds: set-point and measured before or behind the quantity.
     "Sollposition": (("soll", "position"), "", ""),
     "Istdrehzahl [1/min]": (("ist", "drehzahl"), "rpm", ""),
@@ -57,6 +61,7 @@ def test_a_unit_below_the_header_counts_and_case_tells_letters_apart():
     assert parse_column_name("speed", "[RPM]").unit == "rpm"
     assert (parse_column_name("V").letter, parse_column_name("v").letter) == ("V", "v")
     assert parse_column_name("v").unit == ""
+    assert (parse_column_name("M_soll").letter, parse_column_name("V_bus").letter) == ("M", "")
 
 
 @given(st.text(max_size=40), st.text(max_size=10))

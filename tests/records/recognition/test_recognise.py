@@ -98,6 +98,14 @@ LOGS = {
             "reference velocity": ("Drehzahlsollwert", "rad/s"),
         },
     ),
+    "the letters of a cascade": (
+        {"Zeit_ms": 1e3 * T, "M_soll_%": U, "M_ist_%": 0.9 * U, "n_soll_1/min": 0 * T, "n_ist_1/min": SPEED * 30 / pi},
+        {"command": ("M_soll_%", "%"), "velocity": ("n_ist_1/min", "rpm"), "effort": ("M_ist_%", "%")},
+    ),
+    "a velocity as a part of the nominal one": (
+        {"t": T, "M_soll_%": U, "Drehzahl_%": SPEED},
+        {"command": ("M_soll_%", "%"), "velocity": ("Drehzahl_%", "%")},
+    ),
     "temperature and supply": (
         {"t": T, "duty": U, "angle": ANGLE, "motor_temp": 20 + T, "vbus": 12 + 0 * T, "error": 0 * T},
         {

@@ -11,8 +11,17 @@ from idloop.records.tables.base_units import known_unit
 # A unit behind a name: in brackets, or as in "speed in rpm" and "n / rpm".
 BRACKETS = re.compile(r"\s*[\[(<{]\s*([^\])>}]*?)\s*[\])>}]")
 _BEHIND = re.compile(r"(?:\s+in\s+|\s+/\s+|\s*,\s+)(\S+)\s*$")
-_WORD = re.compile(r"[A-ZÄÖÜ]+(?![a-zäöüß])|[A-ZÄÖÜ]?[a-zäöüß]+|\d+|µ[a-z]+")
+_WORD = re.compile(r"[A-ZÄÖÜ]+(?![a-zäöüß])|[A-ZÄÖÜ]?[a-zäöüß]+|\d+|µ[a-z]+|[%°]")
 _INDEX = re.compile(r"\d+")
+# What was wanted, and what was measured of it.
+WANTED = frozenset({
+    "ref", "reference", "target", "goal", "setpoint", "desired", "des", "soll", "sollwert", "sp", "demand", "demanded",
+    "command", "commands", "commanded", "cmd", "planned", "desire", "setp", "request", "requested",
+})  # fmt: skip
+MEASURED = frozenset({
+    "actual", "act", "meas", "measured", "measurement", "feedback", "fb", "ist", "istwert", "est", "estimate",
+    "estimated", "present", "sensor", "filtered", "filt",
+})  # fmt: skip
 # A German compound: its last noun is the quantity, set-point or measured are said before or behind it.
 _COMPOUND = re.compile(
     r"(soll|ist)?(\w*?)(soll|ist)?"
@@ -35,7 +44,7 @@ class ColumnName:
     index : str
         Number of the joint or channel; empty without one.
     letter : str
-        The name itself where it is a single letter, whose case tells V from v.
+        The single letter that the name is but for what was wanted or measured, whose case tells V from v: M_soll.
     """
 
     words: tuple[str, ...]
@@ -75,7 +84,8 @@ def parse_column_name(name: str, unit: str = "") -> ColumnName:
         found, words = _unit_of_last_words(words)
     numbers = [word for word in words if word.isdigit()]
     plain = [word for word in words if not word.isdigit()]
-    letter = plain[0] if len(plain) == 1 and len(plain[0]) == 1 else ""
+    rest = [word for word in plain if word.lower() not in WANTED | MEASURED]
+    letter = rest[0] if len(rest) == 1 and len(rest[0]) == 1 else ""
     parts = tuple(part for word in plain for part in _parts(word.lower()))
     return ColumnName(parts, found, index or (numbers[-1] if numbers else ""), letter)
 
@@ -104,7 +114,7 @@ def _unit_of_last_words(words: list[str]) -> tuple[str, list[str]]:
         for joint in ("/", "·", "per", ""):
             unit = known_unit(joint.join(last) if count > 1 else last[0])
             # A single letter is a unit in its own case only, and only behind a name.
-            written = len("".join(last)) > 1 or (len(words) > 1 and unit == last[0])
+            written = len("".join(last)) > 1 or (len(words) > 1 and last[0] in (unit, "°"))
             if unit and written and is_unit_behind(unit, map(str.lower, words[:-count])):
                 return unit, words[:-count] or list(last)
     return "", words

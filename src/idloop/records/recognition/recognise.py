@@ -723,7 +723,7 @@ def _units(base: TimeBase, chosen: dict[str, Guess], columns: dict[str, _Column]
 def _unit_by_words(name: ColumnName) -> str:
     """Unit of a force, torque, current or voltage by the words of its name."""
     unit = next((unit for some, unit in _UNITS_OF_WORDS if some.intersection(name.words)), "")
-    return {"V": "V", "U": "V", "I": "A", "F": "N", "T": "N·m"}.get(name.letter, unit)
+    return {"V": "V", "U": "V", "I": "A", "F": "N", "T": "N·m", "M": "N·m"}.get(name.letter, unit)
 
 
 def _command_unit(command: Guess) -> Guess:

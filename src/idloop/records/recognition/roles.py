@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from idloop.records.formats.clock_names import TIME_WORDS
-from idloop.records.recognition.column_name import ColumnName, parse_column_name
+from idloop.records.recognition.column_name import MEASURED, WANTED, ColumnName, parse_column_name
 from idloop.records.tables.base_units import SECONDS
 
 Signal = Literal[
@@ -15,14 +15,6 @@ Signal = Literal[
 # ... or the name says that it is none of them, or nothing.
 Role = Signal | Literal["other", ""]
 
-_WANTED = {
-    "ref", "reference", "target", "goal", "setpoint", "desired", "des", "soll", "sollwert", "sp", "demand", "demanded",
-    "command", "commands", "commanded", "cmd", "planned", "desire", "setp", "request", "requested",
-}  # fmt: skip
-_MEASURED = {
-    "actual", "act", "meas", "measured", "measurement", "feedback", "fb", "ist", "istwert", "est", "estimate",
-    "estimated", "present", "sensor", "filtered", "filt",
-}  # fmt: skip
 _FORCES = {
     "u", "voltage", "volt", "volts", "pwm", "duty", "dutycycle", "throttle", "effort", "efforts", "torque", "tau",
     "force", "current", "i", "iq", "uq", "vq", "vin", "spannung", "strom", "moment", "drehmoment", "kraft",
@@ -115,7 +107,7 @@ class RoleByName:
 def role_by_name(name: ColumnName) -> RoleByName:
     """Return the role that words and unit of a name stand for."""
     words, unit = _axes_joined(set(name.words)), name.unit
-    wanted, measured = words & _WANTED, words & _MEASURED
+    wanted, measured = words & WANTED, words & MEASURED
     if words & _TEMPERATURES or unit == "°C":
         return RoleByName("temperature", 1.0, "by its name")
     voltage = unit in ("V", "mV") or bool(words & _VOLTAGES)
@@ -173,13 +165,14 @@ def _axes_joined(words: set[str]) -> set[str]:
 
 def _kind(name: ColumnName, words: set[str], unit: str) -> str:
     """Quantity by unit, then by words; of V and v, N and n the case decides."""
-    if unit in _COMMANDS:
+    # Parts of a whole may be of anything that a word says.
+    if unit in _COMMANDS and (unit != "%" or words & _FORCES or not words & (_VELOCITIES | _POSITIONS)):
         return "force"
     if unit in _SPEEDS:
         return "velocity"
     if unit in _ANGLES:
         return "velocity" if words & (_VELOCITIES - {"w", "v", "n"}) else "position"
-    if name.letter in ("V", "U", "I", "F", "T"):
+    if name.letter in ("V", "U", "I", "F", "T", "M"):
         return "force"
     if words & _RATES and words & _POSITIONS:
         return "velocity"

@@ -45,7 +45,7 @@ def is_unit_behind(suffix: str, words: Iterable[str]) -> bool:
     words : iterable of str
         The rest of the name, in small letters.
     """
-    if len(suffix) > 1 and suffix != _WAY_IN:
+    if suffix != _WAY_IN and (len(suffix) > 1 or not suffix.isalpha()):
         return True
     rest = set(words)
     said = [units for some, units in _UNITS_OF_WORDS if some & rest]
