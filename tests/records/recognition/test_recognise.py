@@ -372,6 +372,15 @@ def test_a_set_point_that_is_held_is_one_and_zeros_are_none():
     assert found.other == ("target_speed",)
 
 
+def test_a_set_point_of_another_quantity_is_none_of_the_velocity():
+    for column in ("angle_ref [deg]", "x_soll", "p_soll"):
+        roles, _ = _roles({"t": T, "u": U, column: ANGLE, "n_ist": SPEED})
+        assert "reference velocity" not in roles, column
+    for column in ("target", "r", "n_soll"):
+        roles, _ = _roles({"t": T, "u": U, column: SPEED + 0.1, "n_ist": SPEED})
+        assert roles["reference velocity"][0] == column
+
+
 def test_without_names_what_is_constant_in_each_run_is_the_command():
     runs = [(level, T[:600], level * (T[:600] - 0.2 * (1.0 - np.exp(-5.0 * T[:600])))) for level in (-2.0, 1.0, 3.0)]
     columns = {

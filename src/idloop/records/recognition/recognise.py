@@ -18,7 +18,7 @@ from idloop.errors import InputError
 from idloop.records.formats.clock_names import known_clock_unit
 from idloop.records.formats.known_columns import recognise as known_drive
 from idloop.records.inspection.motion import white_noise
-from idloop.records.recognition.column_name import ColumnName, parse_column_name, unknown_unit
+from idloop.records.recognition.column_name import WANTED, ColumnName, parse_column_name, unknown_unit
 from idloop.records.recognition.guess import Given, Guess
 from idloop.records.recognition.roles import BY_UNIT, RoleByName, may_be_supply, role_by_name
 from idloop.records.recognition.signal_units import (
@@ -923,19 +923,33 @@ def _unrelated(base: TimeBase, chosen: dict[str, Guess], *, linear: bool) -> Tim
 
 def _reference_units(chosen: dict[str, Guess]) -> None:
     """A set-point has the unit of what it is set for."""
-    if "position" not in chosen and "reference" in chosen and "reference velocity" not in chosen:
+    reference = chosen.get("reference")
+    if reference and not {"position", "reference velocity"} & chosen.keys() and not _is_of_position(reference):
         chosen["reference velocity"] = replace(chosen.pop("reference"), role="reference velocity")
     for role, motion in (("reference", "position"), ("reference velocity", "velocity")):
         one, other = chosen.get(role), chosen.get(motion)
         if one is None or (one.unit and one.unit != "counts"):
             continue
-        if other is None:
+        if other is None or _other_letters(one, other):
             del chosen[role]
             continue
         options = {key: other.options[key] for key in ("scale", "wrap") if key in other.options}
         chosen[role] = replace(
             one, unit=other.unit, options=one.options | options, reason=f"{one.reason}; unit of the {motion}"
         )
+
+
+def _is_of_position(reference: Guess) -> bool:
+    """Whether a name says that a set-point is of the position, not only that it is one."""
+    name = parse_column_name(reference.column)
+    rest = tuple(word for word in name.words if word not in WANTED)
+    return role_by_name(replace(name, words=rest, unit=reference.unit)).role == "position"
+
+
+def _other_letters(reference: Guess, motion: Guess) -> bool:
+    """Whether two letters name other quantities, as p_soll and n_ist do; r is the set-point of anything."""
+    letters = {parse_column_name(one.column).letter.lower() for one in (reference, motion)} - {""}
+    return len(letters - {"r"}) == 2
 
 
 def _decode(chosen: dict[str, Guess], columns: dict[str, _Column], given: Map[str, Given]) -> None:
