@@ -344,7 +344,6 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
     from idloop.records.inspection.measured_input import KIND as MEASURED
     from idloop.records.recognition.mapping_file import motion_of, text_of
     from idloop.records.recognition.recognise import base_unit_of
-    from idloop.records.recognition.roles import measured_by_name
     from idloop.records.tables.importing import import_bag
     from idloop.reporting.plots.recognition import plot_recognition
 
@@ -364,7 +363,7 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
         joint,
         base_unit_of(command) if command is not None else "",
         {one.role: base_unit_of(one) for one in motion_of(log.recognition)},
-        measured=(command is not None and measured_by_name(command.column))
+        measured=(command is not None and command.measured)
         or any(one.kind == MEASURED for inspection in inspections for one in inspection.findings),
     )
     between = tuple(compare_inspections(inspections))

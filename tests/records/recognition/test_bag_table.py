@@ -11,8 +11,9 @@ from tests.records.bags.test_control_messages import STATES, states, store_of
 import idloop
 from idloop.errors import InputError
 from idloop.records.recognition.bag_table import bag_table
+from idloop.records.recognition.column_name import parse_column_name
 from idloop.records.recognition.recognise import recognise_table
-from idloop.records.recognition.roles import measured_by_name
+from idloop.records.recognition.roles import role_by_name
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 
@@ -107,4 +108,4 @@ def test_states_of_the_hardware_are_measured(tmp_path, write_messages):
     path = write_messages(tmp_path / "bag", [("/dynamic_joint_states", STATES, messages)], "MCAP", store)
     columns = ["/dynamic_joint_states a position measured", "/dynamic_joint_states a effort measured"]
     assert list(bag_table(path).fields) == columns
-    assert [measured_by_name(name) for name in columns] == [False, True]
+    assert [role_by_name(parse_column_name(name)).role for name in columns] == ["position", "effort"]

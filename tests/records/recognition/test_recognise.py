@@ -16,7 +16,6 @@ from idloop.errors import InputError
 from idloop.records.recognition.guess import Given
 from idloop.records.recognition.mapping_file import mapping_of, text_of
 from idloop.records.recognition.recognise import recognise_table
-from idloop.records.recognition.roles import measured_by_name
 from idloop.records.tables.mapping import parse_mapping
 from idloop.records.tables.table import Table
 
@@ -337,7 +336,28 @@ def test_a_log_without_a_command_lists_its_columns_but_the_time():
 
 @pytest.mark.parametrize(("column", "measured"), [("iq_measured", True), ("current", False), ("torque cmd", False)])
 def test_a_measured_force_is_known_by_its_name(column, measured):
-    assert measured_by_name(column) is measured
+    for said in ({}, {"command": Given(column)}):
+        _, found = _roles({"t": T, column: U, "q": ANGLE}, given=said)
+        assert found.of("command").measured is measured
+
+
+@pytest.mark.parametrize("column", ["Motorstrom", "motor current [A]", "iq"])
+def test_a_current_in_a_loop_is_measured_unless_its_name_says_that_it_was_commanded(column):
+    loop = {"t": T, "position": ANGLE, "target position": ANGLE + 0.1}
+    _, found = _roles({column: U, **loop, "flags": np.round(U)})
+    assert (found.of("command").column, found.of("command").measured) == (column, True)
+    assert any("no command was recorded; the measured" in doubt for doubt in found.all_doubts())
+    roles, found = _roles({column: U, **loop, "voltage": U})
+    assert (roles["command"][0], roles["effort"][0]) == ("voltage", column)
+    _, found = _roles({f"{column} setpoint": U, **loop})
+    assert not found.of("command").measured
+
+
+def test_a_current_that_may_be_measured_is_marked():
+    for column, marked in (("current [A]", True), ("current_cmd [A]", False), ("u [A]", False)):
+        _, found = _roles({"t [s]": T, column: U, "angle [rad]": ANGLE})
+        assert [one for one in found.all_doubts() if "kind: measured" in one] == found.all_doubts()
+        assert bool(found.all_doubts()) is marked, column
 
 
 def test_a_unit_that_is_written_and_not_known_is_shown():

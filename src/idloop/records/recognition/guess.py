@@ -25,6 +25,8 @@ class Guess:
         What is uncertain and how to say otherwise; empty where nothing is.
     options : dict
         Further keys of the channel in the mapping: ``scale``, ``wrap``, ``decode``, ...
+    measured : bool
+        Whether the name says that a force, torque, current or voltage was measured.
     """
 
     role: str
@@ -33,6 +35,7 @@ class Guess:
     reason: str
     doubt: str = ""
     options: dict[str, Any] = field(default_factory=dict)
+    measured: bool = False
 
     def with_doubt(self, doubt: str) -> Guess:
         """Return it with a further doubt."""

@@ -20,7 +20,7 @@ from idloop.records.formats.known_columns import recognise as known_drive
 from idloop.records.inspection.motion import white_noise
 from idloop.records.recognition.column_name import WANTED, ColumnName, parse_column_name, unknown_unit
 from idloop.records.recognition.guess import Given, Guess
-from idloop.records.recognition.roles import BY_UNIT, RoleByName, may_be_supply, role_by_name
+from idloop.records.recognition.roles import BY_UNIT, RoleByName, may_be_measured, may_be_supply, role_by_name
 from idloop.records.recognition.signal_units import (
     SlopeOf,
     find_decoding,
@@ -140,7 +140,9 @@ class _Column:
 
     def as_guess(self, role: str) -> Guess:
         """What it is in this role, by its name or by the drive whose log it is of."""
-        return Guess(role, self.name, self.parsed.unit, self.by_name.reason, self.doubt, dict(self.options))
+        by_name = self.by_name
+        measured = by_name.role == "effort"
+        return Guess(role, self.name, self.parsed.unit, by_name.reason, self.doubt, dict(self.options), measured)
 
     @property
     def moves(self) -> bool:
@@ -213,6 +215,7 @@ def recognise_table(
             parsed = replace(parsed, index=joints.get(name, ""))
         one = _Column(name, parsed, role_by_name(parsed), value)
         columns[name] = replace(one, by_name=RoleByName("other", 0.0, "")) if one.counts_rows else one
+    _currents(columns)
     _of_known_drive(columns, sources or {})
     _supplies(columns)
     named = {one.column for one in given.values()}
@@ -315,6 +318,15 @@ def _of_known_drive(columns: dict[str, _Column], sources: Map[str, Map[str, str]
         )
 
 
+def _currents(columns: dict[str, _Column]) -> None:
+    """Take a current that no name calls a command for measured, where the set-point of a loop was recorded."""
+    if not any(one.by_name.role in ("reference", "reference velocity") and one.moves for one in columns.values()):
+        return
+    for one in columns.values():
+        if one.by_name.role == "command" and may_be_measured(one.parsed):
+            columns[one.name] = replace(one, by_name=replace(one.by_name, role="effort"))
+
+
 def _supplies(columns: dict[str, _Column]) -> None:
     """Take a voltage that hardly varies for the supply, where its name says so or another column is a command."""
     commands = [one for one in columns.values() if one.by_name.role == "command"]
@@ -387,7 +399,8 @@ def _given(table: Table, role: str, said: Given, numbers: dict[str, Floats]) -> 
     unit = said.unit
     if said.column in numbers:
         parsed = parse_column_name(said.column, table.units.get(said.column, ""))
-        return _with_unit(Guess(role, said.column, parsed.unit, "as given"), unit)
+        measured = role_by_name(parsed).role == "effort"
+        return _with_unit(Guess(role, said.column, parsed.unit, "as given", measured=measured), unit)
     if said.column in table.columns:
         raise InputError(f"{table.path}: column {said.column!r} holds no numbers; it cannot be the {role}")
     if is_number(said.column) and role not in MOTION:
@@ -451,6 +464,11 @@ def _by_name(role: str, columns: dict[str, _Column], chosen: dict[str, Guess], g
         )
     elif role == "command" and not np.nan_to_num(best.value).any():
         guess = guess.with_doubt(f"command: {best.name!r} is zero throughout: if another is meant, --command COLUMN")
+    elif role == "command" and may_be_measured(best.parsed):
+        guess = guess.with_doubt(
+            f"command: no name says that {best.name!r} was commanded: if it was measured, set"
+            " `input: {kind: measured}` in the model file"
+        )
     return _with_unit(guess, given.get(role, Given()).unit)
 
 
@@ -476,6 +494,9 @@ def _by_data(base: TimeBase, columns: dict[str, _Column], chosen: dict[str, Gues
     free = [one for one in columns.values() if one.name not in taken and one.moves and not one.by_name.role]
     lacks_motion = not any(role in chosen for role in MOTION)
     wanted = {role for role in ("position", "command") if given.get(role, Given()).column != NONE}
+    if "effort" in chosen:
+        # What was measured acts as the input, and its name says so.
+        wanted.discard("command")
     # Only a few columns can be told apart by their looks.
     if not free or len(free) > 3:
         return

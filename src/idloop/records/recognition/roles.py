@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from idloop.records.formats.clock_names import TIME_WORDS
-from idloop.records.recognition.column_name import MEASURED, WANTED, ColumnName, parse_column_name
+from idloop.records.recognition.column_name import MEASURED, WANTED, ColumnName
 from idloop.records.tables.base_units import SECONDS
 
 Signal = Literal[
@@ -74,12 +74,13 @@ _COMMANDS = {
     "lbf·ft",
     "ozf·in",
 }
+_CURRENTS = {"current", "i", "iq", "strom", "corriente", "courant", "corrente"}
 # Which of several columns is the command: what says so, then what acts first in the chain from command to force.
 _ORDER = (
     {"u", "input", "cmd", "command", "commands", "stellgroesse", "stellgröße"},
     {*_VOLTAGES, "v", "uq", "vq", "pwm", "duty", "dutycycle", "throttle", "motorpwm", "esc"},
     {"torque", "tau", "force", "effort", "efforts", "moment", "drehmoment", "kraft"},
-    {"current", "i", "iq", "strom"},
+    _CURRENTS,
 )
 
 
@@ -143,15 +144,17 @@ def role_by_name(name: ColumnName) -> RoleByName:
     return RoleByName("", 0.0, "")
 
 
-def measured_by_name(column: str) -> bool:
-    """Whether the name of a column says that a force, torque, current or voltage was measured: ``iq_measured``."""
-    return role_by_name(parse_column_name(column)).role == "effort"
-
-
 def may_be_supply(name: ColumnName) -> bool:
     """Whether a voltage is the supply where it hardly varies, by its name: ``input_volts``."""
     words = set(name.words)
     return bool(words & _FED) and (name.unit in ("V", "mV") or bool(words & _VOLTAGES))
+
+
+def may_be_measured(name: ColumnName) -> bool:
+    """Whether a current is named and no command: ``motor_current``; that of a drive is measured as often as not."""
+    words = set(name.words)
+    current = name.unit in ("A", "mA") or bool(_axes_joined(words) & _CURRENTS)
+    return current and not words & (WANTED | _ORDER[0] | {"output", "out", "pid"})
 
 
 def _axes_joined(words: set[str]) -> set[str]:
