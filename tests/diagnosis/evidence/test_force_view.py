@@ -236,3 +236,28 @@ def test_a_limit_that_friction_cancels_is_not_evaluated(data_dir, tmp_path):
         requested_force_fit(model, estimation, {})
     )
     assert step.evaluated == ()
+
+
+SCALE_UNKNOWN = """\
+schema: idloop/model/1
+name: axis
+input: {topic: command, joint: axis, field: effort, unit: A}
+outputs:
+  - {topic: states, joint: axis, field: position, unit: rad, noise: 1.0e-4}
+bodies:
+  - {name: axis, inertia: 1.0, viscous_friction: {value: 5.0}}
+drive: {gain: {value: 50.0}}
+"""
+
+
+def test_a_limit_is_found_where_the_gain_is_free_and_the_inertia_is_not():
+    # A gain that grows without bound makes up for a limit near zero, as far as its slope at the start tells.
+    axis = build_model(read_model_file(SCALE_UNKNOWN, "axis.yaml"), "axis.yaml")
+    rng = np.random.default_rng(1)
+    time = np.arange(0.0, 20.0, 0.002)
+    command = 0.4 * rng.normal(size=101)[(5.0 * time).astype(int)]
+    position = simulated(axis.with_effects(["saturation@input(limit=0.45)"]), time, command)
+    record = Record("run", time, command, time, position, "command", "A", ("axis.position",), ("rad",))
+    step = evaluated(axis, record, ["saturation", "speed_limit_voltage"])
+    assert step.names == ("saturation@input",)
+    assert step.tied[0].fit.model.values["saturation@input.limit"] == pytest.approx(0.45, rel=0.02)

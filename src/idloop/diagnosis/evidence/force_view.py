@@ -316,15 +316,10 @@ class _Screen:
         self.errors = (parent.residual / self._size).ravel()
         slopes = slopes.reshape(-1, slopes.shape[-1])
         norms = np.linalg.norm(slopes, axis=0)
-        left, weight, right = np.linalg.svd(slopes / np.where(norms > 0.0, norms, 1.0), full_matrices=False)
+        left, weight, _ = np.linalg.svd(slopes / np.where(norms > 0.0, norms, 1.0), full_matrices=False)
         known = weight > 1e-6 * np.max(weight, initial=0.0)
         self.basis = left[:, known]
         self.errors = self.errors - self.basis @ (self.basis.T @ self.errors)
-        self._inertia = np.zeros(len(self.basis))
-        name = f"{model.bodies[0]}.inertia"
-        if name in model.free:
-            place = model.free.index(name)
-            self._inertia = self.basis @ (right[known, place] / weight[known]) / (norms[place] * model.values[name])
         found = {body: harmonics(whole, index) for index, body in enumerate(model.bodies)}
         self._harmonics = {body: several for body, (several, _) in found.items()}
         self.waves = sum(tried for _, tried in found.values())
@@ -350,10 +345,9 @@ class _Screen:
             if np.isfinite(promise):
                 first = promise
                 if len(trials) == 1 and proposal.weaker(trials[0], 0.5) == trials[0]:
-                    # An effect without a strength, such as a limit, begins as it was tried. What switches the command
-                    # off leaves the whole acceleration, and so changes the inertia.
-                    inertia = max(1.0 - float(self._inertia @ raw[:, 0]), _LEAST_INERTIA)
-                    first = self._gain((self.errors + own[:, 0]) / inertia)
+                    # An effect without a strength, such as a limit, begins as it was tried: beside a command that it
+                    # cuts off, inertia and gain are others.
+                    first = self._first_gain(proposal.model(trials[0]))
                 found.append((first, promise, trials, size))
         most = max((promise for _, promise, *_ in found), default=0.0)
         if most < LEAST_GAIN:
@@ -365,6 +359,13 @@ class _Screen:
     def _gain(self, left: Array) -> float:
         """Log-likelihood gained where these errors are left."""
         return 0.5 * float(self.errors @ self.errors - left @ left) / self._share
+
+    def _first_gain(self, model: Model) -> float:
+        """Log-likelihood gained by one round of a fit; minus infinity where it loses the inertia."""
+        fit = fit_in(self.parent.form, model, self.parent.shift, rounds=1)
+        if fit is None or _loses_inertia(fit, self.parent):
+            return -math.inf
+        return (fit.log_likelihood - self.parent.log_likelihood) / self._share
 
     def _trace(self, proposal: Proposal, trial: Trial) -> Array | None:
         model = proposal.model(trial)
@@ -500,7 +501,7 @@ class _Evaluator:
         gain = fit.log_likelihood - self.parent.log_likelihood
         if gain < LEAST_GAIN or not self.estimation.resolves(fit.model):
             return None
-        if _inertia(fit) < _LEAST_INERTIA * _inertia(self.parent):
+        if _loses_inertia(fit, self.parent):
             return None
         scores = _scores_or_none(fit, scored_by)
         if scores is None:
@@ -536,6 +537,11 @@ class _Evaluator:
 def _inertia(fit: WeakFit) -> float:
     """Inertia of the driven body over the drive's gain: the common scale of both may be unknown."""
     return float(fit.form.inertia(fit.theta)[0]) / fit.form.gain(fit.theta)
+
+
+def _loses_inertia(fit: WeakFit, parent: WeakFit) -> bool:
+    """Whether an effect explains the force in place of the inertia: nothing would be left to move."""
+    return _inertia(fit) < _LEAST_INERTIA * _inertia(parent)
 
 
 def _along(form: WeakForm, fit: WeakFit) -> WeakForm:
