@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from idloop.errors import InputError
 from idloop.records.tables.csv_file import read_csv
 from idloop.records.tables.csv_layout import find_layout
 
@@ -151,3 +152,62 @@ def test_units_in_a_line_above_the_header(tmp_path):
     one = head.format("Horizontal Units,s\n").replace(",V,A", ",V").replace(",CH2", "")
     assert _read(tmp_path, one + "0,1\n1,2\n2,3\n").units == {"CH1": "V"}
     assert _read(tmp_path, head.format("").replace(",V,A", ",V,division") + rows).units == {}
+
+
+GROUPS = {
+    "a line of groups": ("Zeit;Drehmoment;;Drehzahl;\n;Soll;Ist;Soll;Ist\n(ms);(Nm);(Nm);(1/min);(1/min)\n", 5),
+    "no units": ("Zeit;Drehmoment;;Drehzahl;\n;Soll;Ist;Soll;Ist\n", 5),
+    "a group at each column": ("Zeit;Drehmoment;Drehmoment;Drehzahl;Drehzahl\n;Soll;Ist;Soll;Ist\n", 5),
+    "a column of no group": ("Zeit;Drehmoment;;Drehzahl;;Strom\n;Soll;Ist;Soll;Ist;\n", 6),
+}
+
+
+@pytest.mark.parametrize("name", GROUPS)
+def test_names_that_are_alike_are_told_apart_by_their_groups(tmp_path, name):
+    text, width = GROUPS[name]
+    rows = "".join(";".join(str(k + column) for column in range(width)) + "\n" for k in range(4))
+    table = _read(tmp_path, text + rows)
+    names = ["Zeit", "Drehmoment Soll", "Drehmoment Ist", "Drehzahl Soll", "Drehzahl Ist", "Strom"][:width]
+    assert list(table.columns) == names
+    assert [table.columns[name][1] for name in names] == list(range(1, width + 1))
+    assert not table.preamble
+
+
+def test_pairs_of_stamps_and_values(tmp_path):
+    table = _read(tmp_path, "Time,Value,Time,Value,,\n0,1,0.5,2,,\n1,2,1.5,3,,\n2,3,,,,\n")
+    assert table.clocks == {"Value": "Time", "Value (2)": "Time (2)"}
+    np.testing.assert_array_equal(table.columns["Value (2)"], [2, 3])
+    np.testing.assert_array_equal(table.columns["Time"], [0, 1, 2])
+    table = _read(tmp_path, "Angle,,Voltage,\nTime [ms],Value,Time [ms],Value\n0,1,0,2\n1,2,1,3\n")
+    assert list(table.columns) == ["Angle Time [ms]", "Angle Value", "Voltage Time [ms]", "Voltage Value"]
+    assert table.clocks == {}  # the stamps are the same
+    assert table.units["Angle Time [ms]"] == "ms"
+
+
+CELLS = {
+    "as a multimeter writes": "time,voltage,position\n0 ms,0.284 V,0 °\n2 ms,0.29 V,1.5 °\n4 ms,-0.3 V,2 °\n",
+    "without a blank": "time,voltage,position\n0ms,0.284V,0°\n2ms,0.29V,1.5°\n4ms,-0.3V,2°\n",
+    "decimal commas": "time;voltage;position\n0 ms;0,284 V;0 °\n2 ms;0,29 V;1,5 °\n4 ms;-0,3 V;2 °\n",
+    "tabs": "time\tvoltage\tposition\n0 ms\t0.284 V\t0 °\n2 ms\t0.29 V\t1.5 °\n4 ms\t-0.3 V\t2 °\n",
+    "a lost reading": "time,voltage,position\n0 ms,0.284 V,0 °\n2 ms,0.29 V,1.5 °\n4 ms,-0.3 V,2 °\n6 ms,,\n",
+}
+
+
+@pytest.mark.parametrize("name", CELLS)
+def test_a_unit_in_every_cell_is_that_of_the_column(tmp_path, name):
+    table = _read(tmp_path, CELLS[name])
+    assert table.units == {"time": "ms", "voltage": "V", "position": "°"}
+    np.testing.assert_array_equal(table.columns["voltage"][:3], [0.284, 0.29, -0.3])
+    np.testing.assert_array_equal(table.columns["position"][:3], [0, 1.5, 2])
+
+
+def test_two_units_in_one_column_are_refused(tmp_path):
+    with pytest.raises(InputError, match="row 2 of column 'u' is in mV, those before in V"):
+        _read(tmp_path, "t,u\n0 s,1.2 V\n1 s,1.1 V\n2 s,900 mV\n")
+
+
+def test_texts_that_end_in_a_unit_stay_texts(tmp_path):
+    table = _read(tmp_path, "t,u,note\n0,1,start\n1,1,2 s\n2,1,end\n")
+    assert table.columns["note"] == ["start", "2 s", "end"]
+    table = _read(tmp_path, "t,5V,12V\n0,1,2\n1,1,2\n")
+    assert list(table.columns) == ["t", "5V", "12V"]

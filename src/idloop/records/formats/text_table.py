@@ -35,6 +35,7 @@ def read_text_table(path: Path, options: Options) -> Table:
         notes=read.notes,
         units=read.units,
         attributes=read.attributes,
+        clocks=read.clocks,
         first_row=rows.start or 0,
         csv=read,
     )

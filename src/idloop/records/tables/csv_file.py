@@ -7,7 +7,7 @@ import csv
 import itertools
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TextIO, TypeAlias
@@ -17,8 +17,19 @@ from numpy.typing import NDArray
 
 from idloop.documents import MOST_COLUMNS, MOST_TABLE
 from idloop.errors import InputError
+from idloop.records.formats.clock_names import clock_unit
 from idloop.records.tables.base_units import SECONDS, known_unit
-from idloop.records.tables.csv_layout import DECIMAL_COMMA, GROUPED, Layout, Row, find_layout, is_data, is_number
+from idloop.records.tables.csv_layout import (
+    DECIMAL_COMMA,
+    GROUPED,
+    WITH_UNIT,
+    Layout,
+    Row,
+    find_layout,
+    is_data,
+    is_number,
+    repeated,
+)
 from idloop.spelling import listed
 
 # Consecutive cells of one column: numbers, or texts where one of them is no number.
@@ -62,6 +73,8 @@ class CsvTable:
         Rows before which lines without data, and rows of numbers with more or fewer cells, were left out.
     ends_within : bool
         Whether the last of these rows is the last line of the file.
+    clocks : dict of str to str
+        Column that holds the stamps of each, where there are several.
     """
 
     columns: dict[str, Any] = field(default_factory=dict)
@@ -72,6 +85,20 @@ class CsvTable:
     text_rows: list[int] = field(default_factory=list)
     cut_rows: list[int] = field(default_factory=list)
     ends_within: bool = False
+    clocks: dict[str, str] = field(default_factory=dict)
+
+    def set_clocks(self, clocks: Mapping[str, str]) -> None:
+        """Keep which column holds the stamps of each, where they are not the same for all."""
+        stamps = [self.columns[clock] for clock in dict.fromkeys(clocks.values())]
+        if all(_equal(stamps[0], other) for other in stamps[1:]):
+            return
+        self.clocks = dict(clocks)
+        for clock in set(clocks.values()):
+            # A column that was read less often ends before the others.
+            known = _known(self.columns[clock])
+            for name in (clock, *(name for name, own in clocks.items() if own == clock)):
+                column = self.columns[name]
+                self.columns[name] = column[known] if isinstance(column, np.ndarray) else _at(column, known)
 
     @property
     def skipped(self) -> bool:
@@ -117,7 +144,7 @@ def _read(path: Path, stream: TextIO, options: dict[str, Any], found: CsvTable, 
     layout = find_layout(first, delimiter=delimiter, header=options.get("header"))
     if above is not None:
         layout = replace(layout, skip=0)
-    found.preamble = [line.rstrip("\r\n") for line in first[: layout.skip]]
+    found.preamble = [line.rstrip("\r\n") for line in first[: layout.skip - bool(layout.own_names)]]
     if layout.width > MOST_COLUMNS:
         raise InputError(
             f"{path}: {layout.width:,} columns, more than {MOST_COLUMNS:,}; check that this is the data file"
@@ -153,16 +180,90 @@ def _read(path: Path, stream: TextIO, options: dict[str, Any], found: CsvTable, 
     table.check_lengths(width, layout.delimiter)
     names = [cell.strip() or str(index) for index, cell in enumerate(names)] or list(map(str, range(width)))
     names = names[:width]
-    twice = next((name for name, count in Counter(names).items() if count > 1), None)
-    if twice is not None:
-        raise InputError(f"{path}: column {twice!r} occurs twice; rename one in the header")
+    clocks = _clocks((layout.own_names or names)[:width])
+    if clocks:
+        names = _numbered(names)
+    if twice := repeated(names):
+        raise InputError(f"{path}: column {twice[0]!r} occurs twice; rename one in the header")
     columns = table.columns[:width]
+    in_cells = {name: _take_units(path, name, parts, start) for name, parts in zip(names, columns, strict=True)}
     if not commas and not table.has_points and _has_decimal_commas(path, columns):
         columns = [[_with_points(part) for part in parts] for parts in columns]
         found.notes.append("its numbers are read with decimal commas")
     found.columns = {name: _joined(parts) for name, parts in zip(names, columns, strict=True)}
     _note_layout(found, layout, [*names, *layout.names[len(names) :]])
+    if taken := {name: unit for name, unit in in_cells.items() if unit}:
+        found.units |= taken
+        said = listed([f"{name} in {unit}" for name, unit in taken.items()], 12)
+        found.notes.append(f"units are read from the cells: {said}")
+    for clock in set(clocks.values()):
+        found.units.setdefault(names[clock], clock_unit((layout.own_names or layout.names)[clock]) or "")
+    found.set_clocks({names[place]: names[clock] for place, clock in clocks.items()})
     return found
+
+
+def _equal(one: Any, other: Any) -> bool:
+    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
+        return np.array_equal(one, other, equal_nan=True)
+    return list(one) == list(other)
+
+
+def _known(column: Any) -> NDArray[np.bool_]:
+    """Which cells hold something."""
+    if isinstance(column, np.ndarray):
+        return np.isfinite(column)
+    return np.array([bool(str(cell).strip()) for cell in column])
+
+
+def _at(cells: list[Any], known: NDArray[np.bool_]) -> list[Any]:
+    return [cell for cell, good in zip(cells, known, strict=True) if good]
+
+
+def _clocks(names: Sequence[str]) -> dict[int, int]:
+    """Column with the stamps of each, by places: where several of one name hold stamps, the last one before it."""
+    stamps = [name for name in repeated(names) if clock_unit(name) is not None]
+    found: dict[int, int] = {}
+    clock = None
+    for place, name in enumerate(map(str.strip, names)):
+        if name in stamps:
+            clock = place
+        elif clock is not None:
+            found[place] = clock
+    return found
+
+
+def _numbered(names: Sequence[str]) -> Row:
+    """Names of which each but the first of its kind has its number behind it."""
+    before: Counter[str] = Counter()
+    found = []
+    for name in names:
+        before[name] += 1
+        found.append(f"{name} ({before[name]})" if before[name] > 1 else name)
+    return found
+
+
+def _take_units(path: Path, name: str, parts: list[Part], start: int) -> str:
+    """Take the unit off the cells of a column, where most of them have one, and return it."""
+    matches = [[WITH_UNIT.fullmatch(cell.strip()) for cell in part] if isinstance(part, list) else [] for part in parts]
+    units = Counter(match["unit"] for several in matches for match in several if match and known_unit(match["unit"]))
+    if 2 * sum(units.values()) <= sum(map(len, matches)):
+        return ""
+    first, *others = units
+    row = start
+    for place, (part, several) in enumerate(zip(parts, matches, strict=True)):
+        other = next((number for number, match in enumerate(several, row) if match and match["unit"] in others), None)
+        if other is not None:
+            raise InputError(
+                f"{path}: row {other} of column {name!r} is in {others[0]}, those before in {first}; write one unit in"
+                " all rows"
+            )
+        if several:
+            parts[place] = _numbers_or_texts([
+                match["number"] if match and match["unit"] == first else cell
+                for cell, match in zip(part, several, strict=True)
+            ])  # fmt: skip
+        row += len(part)
+    return first
 
 
 def _note_layout(found: CsvTable, layout: Layout, names: Sequence[str]) -> None:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import csv
+import itertools
 import re
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from typing import TypeAlias
 
 from idloop.records.tables.base_units import known_unit
@@ -24,6 +25,10 @@ GROUPED = re.compile(
     r"(?P<head>[-+]?\d{1,3})(?P<groups>(?P<sign>[,.'\s])\d{3}(?:(?P=sign)\d{3})*)(?P<part>(?!(?P=sign))[.,]\d+)?"
 )
 DECIMAL_COMMA = re.compile(r"\s*[+-]?(\d*),(\d+)(?:[eE][+-]?\d+)?\s*")
+# A number and its unit: 0.284 V, -3°, 1500 1/min.
+WITH_UNIT = re.compile(
+    r"(?P<number>[-+]?[.,]?\d[\d.,]*(?:[eE][-+]?\d+)?)(?:\s+|(?=[^\d.,]))(?P<unit>[^\s.,:;|+-][^\s,:;|]{0,9})"
+)
 # A name in a line whose cells are separated by white space, with the unit behind it.
 _NAME = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?")
 _UNIT_CELL = re.compile(r"\[.*\]|\(.*\)|<.*>|-|[%°µΩa-zA-Z²³·/*^.0-9]{1,8}")
@@ -45,6 +50,8 @@ class Layout:
         Rows between the header and the first row of data.
     width : int
         Cells of a row of data.
+    own_names : list of str
+        Names without those of groups of columns, which stand in the last of the lines above; empty without groups.
     """
 
     delimiter: str
@@ -52,6 +59,7 @@ class Layout:
     names: Row
     units: tuple[Row, ...]
     width: int
+    own_names: Row = field(default_factory=list)
 
     @property
     def first(self) -> int:
@@ -125,16 +133,42 @@ def find_layout(lines: Sequence[str], *, delimiter: str | None = None, header: b
         if header is True or _names_columns(rows[head : head + 20]):
             return Layout(chosen, head, rows[head], (), width)
     names, *units = above or [[]]
-    if len(set(names)) < len(names) and not units and _are_units(names):
+    head = first - len(above)
+    if repeated(names) and not units and _are_units(names):
         # Volt, Volt: the columns have units and no names.
-        return Layout(chosen, first - len(above), [], (names,), width)
-    return Layout(chosen, first - len(above), names, tuple(units), width)
+        return Layout(chosen, head, [], (names,), width)
+    if head and repeated(names) and (found := _in_groups(rows[head - 1], names)):
+        return Layout(chosen, head, found, tuple(units), width, names)
+    below = units[0] if units and not _are_units(units[0]) else []
+    gaps = any(cell.strip() and not name.strip() for cell, name in zip(below, names, strict=False))
+    if (gaps or (below and repeated(names))) and (found := _in_groups(names, below)):
+        return Layout(chosen, head + 1, found, tuple(units[1:]), width, below)
+    return Layout(chosen, head, names, tuple(units), width)
+
+
+def repeated(names: Iterable[str]) -> list[str]:
+    """Return the names that several columns have."""
+    return [name for name, count in Counter(filter(None, map(str.strip, names))).items() if count > 1]
+
+
+def _in_groups(groups: Row, names: Row) -> Row:
+    """Names of columns behind those of groups, each of which begins above a column; empty where some are alike."""
+    cells = [cell.strip() for cell in groups]
+    if any(map(is_number, filter(None, cells))):
+        return []
+    group, found = "", []
+    for cell, name in itertools.zip_longest(cells, map(str.strip, names), fillvalue=""):
+        group = cell or group
+        found.append(f"{group} {name}".strip() if name else cell)
+    return [] if repeated(found) else found
 
 
 def _numbers(row: Row) -> tuple[float, float]:
     """Share of the cells that are numbers or times, and their number weighed by it; zeros where they are too few."""
     cells = [cell for cell in map(str.strip, row) if cell]
     count = sum(map(_is_value, cells))
+    if 0 < len(cells) > count and all(_is_value(cell) or WITH_UNIT.fullmatch(cell) for cell in cells):
+        count = len(cells)
     share = count / len(cells) if cells else 0.0
     return (share, count * share) if share >= _NUMBERS else (0.0, 0.0)
 
