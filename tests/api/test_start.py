@@ -380,7 +380,7 @@ def test_a_record_that_spoils_a_fit_is_to_be_left_out(record, tmp_path):
 def test_a_file_that_is_not_recognised_beside_others_is_to_be_left_out(record, tmp_path):
     c = _columns(record)
     good = _write(tmp_path / "good.csv", "t,a,angle", c["t"], c["u"], c["q"])
-    dead = _write(tmp_path / "dead.csv", "t,a,angle", c["t"], 0.0 * c["u"], c["q"])
+    dead = _write(tmp_path / "dead.csv", "t,a,angle", 0.0 * c["t"], c["u"], c["q"])
     recognise(good)
     with pytest.raises(InputError) as alone:
         recognise(dead)

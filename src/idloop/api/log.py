@@ -173,7 +173,7 @@ def recognise(
         A file cannot be read, or has no time, no command or no motion.
     """
     from idloop.records.bags.storage.storage_files import is_bag
-    from idloop.records.recognition.recognise import recognise_table
+    from idloop.records.recognition.recognise import recognise_table, shown_together
     from idloop.records.tables.table_files import read_table
 
     if hasattr(files, "columns"):
@@ -194,7 +194,10 @@ def recognise(
             _check_time(table, said["time"].column)
     if any(set(one.columns) != set(tables[0].columns) for one in tables) or _are_signals(tables):
         return _joined(paths, tables, said, period)
-    found = _alike(_each([partial(recognise_table, table, said, period=period) for table in tables], paths))
+    shown = shown_together(tables, said, period=period) if len(tables) > 1 and not tables[0].clocks else None
+    found = _alike(
+        _each([partial(recognise_table, table, said, period=period, shown=shown) for table in tables], paths)
+    )
     return Log(paths, tuple(found), between=tuple(_read_otherwise(found)))
 
 

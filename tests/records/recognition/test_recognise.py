@@ -15,7 +15,7 @@ from ruamel.yaml import YAML
 from idloop.errors import InputError
 from idloop.records.recognition.guess import Given
 from idloop.records.recognition.mapping_file import mapping_of, text_of
-from idloop.records.recognition.recognise import recognise_table
+from idloop.records.recognition.recognise import recognise_table, shown_together
 from idloop.records.tables.mapping import parse_mapping
 from idloop.records.tables.table import Table
 
@@ -411,3 +411,81 @@ def test_without_names_what_is_constant_in_each_run_is_the_command():
     roles, found = _roles(columns, given={"time": Given("1")})
     assert roles == {"command": ("0", "-"), "position": ("2", "rad")}
     assert len(found.rows) == 3
+
+
+def _runs(levels, count=400):
+    """Held command, time, speed and angle of a motor that starts from rest in each run."""
+    time = T[:count]
+    settled = 1.0 - np.exp(-5.0 * time)
+    return [(np.full(count, u), time, 40.0 * u * settled, 40.0 * u * (time - 0.2 * settled)) for u in levels]
+
+
+def _headerless(run, decimals=2):
+    command, time, speed, angle = run
+    return {"0": command, "1": time, "2": np.round(speed, decimals), "3": np.round(angle, decimals)}
+
+
+def test_without_names_the_slope_of_another_column_is_the_velocity_and_never_the_command():
+    runs = _runs([-2.0, 1.0, 3.0])
+    # The longest run is one at rest, which shows nothing.
+    runs.insert(1, tuple(np.concatenate([0.0 * one, 0.0 * one]) for one in runs[0]))
+    runs[1] = (runs[1][0], T[:800], *runs[1][2:])
+    columns = {name: np.concatenate([_headerless(run)[name] for run in runs]) for name in "0123"}
+    roles, _ = _roles(columns)
+    assert {role: column for role, (column, _) in roles.items()} == {"command": "0", "position": "3", "velocity": "2"}
+
+
+def test_files_show_together_which_column_is_held_in_each():
+    tables = [Table(Path(f"run{k}.csv"), _headerless(run)) for k, run in enumerate(_runs([-2.0, 1.0, 3.0]))]
+    # A sensor that stands still in one of the files is told by the others.
+    tables[1].columns["3"] = 0.0 * tables[1].columns["3"]
+    shown = shown_together(tables, {})
+    assert {role: one.column for role, one in shown.items()} == {"command": "0", "position": "3", "velocity": "2"}
+    for table in tables:
+        found = recognise_table(table, shown=shown)
+        assert {one.role: one.column for one in found.guesses} == {"command": "0", "position": "3", "velocity": "2"}
+
+
+def test_a_velocity_that_is_late_is_found_by_its_slope():
+    late = np.zeros(T.size)
+    for k in range(T.size - 1):
+        late[k + 1] = late[k] + 0.005 / 0.2 * (SPEED[k] - late[k])
+    roles, _ = _roles({"t": T, "u": U, "pos_deg": np.round(np.degrees(ANGLE)), "sig": np.round(late, 1)})
+    assert roles["velocity"][0] == "sig"
+
+
+def test_a_force_is_no_velocity_where_nothing_else_may_be_the_command():
+    # Behind a fast motor the angle runs with the integral of the voltage.
+    speed = np.convolve(U, np.exp(-T[:40] / 0.02) / 4.0)[: T.size]
+    roles, _ = _roles({"t": T, "angle": np.cumsum(speed) * 0.005, "sig": U})
+    assert roles == {"command": ("sig", "-"), "position": ("angle", "rad")}
+
+
+@pytest.mark.parametrize("further", [np.arange(T.size), 1e3 * T + 7.0, 40.0 + np.arange(T.size) / 3.0])
+def test_a_further_clock_is_no_motion(further):
+    roles, found = _roles({"0": T, "1": further, "2": U, "3": ANGLE})
+    assert found.base.time.column == "0"
+    assert roles == {"command": ("2", "-"), "position": ("3", "rad")}
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_counts_that_roll_over_have_the_size_that_the_velocity_says(sign):
+    counts = np.round(ANGLE * 10000 / 2 / pi + 60000.0)
+    columns = {"t [s]": T, "i [A]": U, "pos [cnt]": np.mod(counts, 65536), "vel [deg/s]": sign * np.degrees(SPEED)}
+    assert np.ptp(columns["pos [cnt]"]) > 60000
+    _, found = _roles(columns)
+    scale = 2 * pi / 10000
+    assert found.of("position").options == {"scale": scale, "wrap": 65536 * scale}
+    assert found.of("velocity").options == ({} if sign > 0 else {"scale": -1.0})
+    assert not any("taken as one turn" in one for one in found.all_doubts())
+
+
+def test_the_flicker_of_a_coarse_sensor_is_no_command():
+    volts = np.repeat([1.2, 3.5, 5.3], 1000)
+    speed = np.zeros(T.size)
+    for k in range(T.size - 1):
+        speed[k + 1] = speed[k] + 0.005 / 0.2 * (0.025 * volts[k] - speed[k])
+    coarse = 0.03 * np.floor(speed / 0.03 + np.random.default_rng(2).uniform(size=T.size))
+    volts = volts + 0.02 * np.random.default_rng(3).normal(size=T.size)
+    roles, _ = _roles({"0": T, "1": coarse, "2": volts})
+    assert {role: column for role, (column, _) in roles.items()} == {"command": "2", "velocity": "1"}

@@ -172,3 +172,8 @@ def test_why_no_column_is_a_time_is_said(name):
     columns, words = NONE[name]
     with pytest.raises(InputError, match=words):
         _base(columns)
+
+
+def test_of_two_columns_that_rise_evenly_the_one_that_counts_the_rows_is_no_time():
+    base = _base({"0": K, "1": np.round(0.002 * K, 4), "2": np.sin(K)})
+    assert (base.time.column, base.time.unit) == ("1", "s")

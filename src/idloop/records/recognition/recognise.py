@@ -22,7 +22,6 @@ from idloop.records.recognition.column_name import WANTED, ColumnName, parse_col
 from idloop.records.recognition.guess import Given, Guess
 from idloop.records.recognition.roles import BY_UNIT, RoleByName, may_be_measured, may_be_supply, role_by_name
 from idloop.records.recognition.signal_units import (
-    SlopeOf,
     find_decoding,
     find_wrap,
     motion_units,
@@ -30,7 +29,7 @@ from idloop.records.recognition.signal_units import (
     slope_of,
     usual_resolution,
 )
-from idloop.records.recognition.time_base import TimeBase, base_of_clock, find_time_base
+from idloop.records.recognition.time_base import TimeBase, base_of_clock, counts_rows, find_time_base
 from idloop.records.tables.base_units import SECONDS, base_unit, known_unit
 from idloop.records.tables.csv_layout import is_number
 from idloop.records.tables.expression import Expression
@@ -51,7 +50,11 @@ _LINEAR_UNITS = {"m", "cm", "mm", "um", "in", "m/s", "cm/s", "mm/s", "um/s", "m/
 _NUMBER_IN_NAME = re.compile(r"(?P<before>[A-Za-z]*)[_\- ]?(?P<number>-?\d+(?:[.,]\d+)?)(?P<unit>[A-Za-z%]*)")
 _IN_HERTZ = re.compile(r"[\[(_ ]hz[\])]?$", re.IGNORECASE)
 _KNOWN_RANK = 10.0  # a known drive says more than a name
-_FEWEST_ROWS = 10  # that are known to be counted
+_FEWEST_ROWS = 10  # that show noise
+_LINE = 1e-3  # of the spread of a column, by which one that runs with the time or the rows leaves a straight line
+_MOST_BY_LOOKS = 3  # columns without a name that are told apart by their values alone
+_TINY = 1e-9  # share of the variance that is no change
+_COARSE = 0.3  # of the range, for the steps of a sensor
 _MOST_COMPARED = 20  # columns without a name that are held against the slope of the position
 _ENCODERS = {"enc", "encoder", "count", "counts", "tick", "ticks", "inc"}
 _FEWEST_COUNTS = 200  # of a turn
@@ -135,6 +138,7 @@ class _Column:
     parsed: ColumnName
     by_name: RoleByName
     value: Floats
+    runs: tuple[slice, ...] = (slice(None),)
     options: dict[str, Any] = field(default_factory=dict)
     doubt: str = ""
 
@@ -155,10 +159,34 @@ class _Column:
         return float(np.nanstd(self.value)) < _STEADY * float(np.nanmean(self.value))
 
     @property
-    def counts_rows(self) -> bool:
-        """Whether a name says no more than that it may be a position, and each row is the one before and one."""
-        open_ = self.by_name.role in ("", "position") and not self.parsed.unit
-        return open_ and self.value.size > _FEWEST_ROWS and bool((np.diff(self.value) == 1.0).all())
+    def is_held(self) -> bool:
+        """Whether it is constant in each of several runs."""
+        return len(self.runs) > 1 and all(float(np.ptp(self.value[run])) == 0.0 for run in self.runs)
+
+    def wrap(self, unit: str) -> float:
+        """Range after which it starts again within a run, in its unit; 0 where it does not."""
+        return max(find_wrap(self.value[run], unit) for run in self.runs)
+
+    def unwrapped(self, unit: str) -> Floats:
+        """Its values without the jumps where it starts again."""
+        value, whole = self.value.copy(), self.wrap(unit)
+        known = np.isfinite(value)
+        if whole:
+            value[known] = np.unwrap(value[known], period=whole)
+        return np.asarray(value)
+
+    def is_further_clock(self, seconds: Floats) -> bool:
+        """Whether it is one more clock or counter: on a line over the stamps or the rows, with no name against that.
+
+        A motion at one speed from the first row to the last would show nothing either.
+        """
+        if self.by_name.role in ("", "position") and not self.parsed.unit and counts_rows(self.value):
+            return True
+        if self.by_name.role or self.value.size != seconds.size or not np.isfinite([self.value, seconds]).all():
+            return False
+        spread = float(np.std(self.value))
+        lines = (np.polynomial.Polynomial.fit(one, self.value, 1)(one) for one in (seconds, np.arange(seconds.size)))
+        return self.moves and any(float(np.std(self.value - line)) < _LINE * spread for line in lines)
 
 
 def numbers_of(table: Table) -> dict[str, Floats]:
@@ -182,6 +210,7 @@ def recognise_table(
     period: float | None = None,
     sources: Map[str, Map[str, str]] | None = None,
     joints: Map[str, str] | None = None,
+    shown: Map[str, Guess] | None = None,
 ) -> Recognition:
     """Find out what the columns of a table are.
 
@@ -196,6 +225,8 @@ def recognise_table(
         Of a bag: how a mapping file names each column.
     joints : mapping of str to str, optional
         Joint of each column, where the file says it.
+    shown : mapping of str to Guess, optional
+        What this table and others of the axis show together of columns whose names say nothing, by role.
 
     Raises
     ------
@@ -206,31 +237,11 @@ def recognise_table(
     numbers = numbers_of(table)
     doubts: list[str] = []
     base = _without_bad_stamps(table, _time(table, numbers, given.get("time"), period))
-    columns = {}
-    for name, value in numbers.items():
-        parsed = parse_column_name(name, table.units.get(name, ""))
-        if name == base.time.column or name in table.clocks.values():
-            continue
-        if joints is not None:
-            parsed = replace(parsed, index=joints.get(name, ""))
-        one = _Column(name, parsed, role_by_name(parsed), value)
-        columns[name] = replace(one, by_name=RoleByName("other", 0.0, "")) if one.counts_rows else one
-    _currents(columns)
-    _of_known_drive(columns, sources or {})
-    _supplies(columns)
-    named = {one.column for one in given.values()}
-    columns = _one_joint(columns, named, doubts)
-    chosen: dict[str, Guess] = {}
-    for role in ROLES:
-        said = given.get(role, Given())
-        if said.column == NONE:
-            continue
-        guess = _given(table, role, said, numbers) if said.column else _by_name(role, columns, chosen, given)
-        if guess is not None:
-            chosen[role] = guess
-            columns |= _columns_of(guess, columns, numbers)
-    _output(columns, chosen, given)
-    _by_data(base, columns, chosen, given)
+    columns, chosen = _by_names(table, numbers, base, given, doubts, sources or {}, joints)
+    if shown is None:
+        _by_data(base, columns, chosen, given)
+    else:
+        chosen = {role: guess for role, guess in shown.items() if guess.column in columns} | chosen
     _set_point(columns, chosen, given)
     _no_command(table, base, chosen, given, doubts)
     if not any(role in chosen for role in MOTION):
@@ -254,6 +265,85 @@ def recognise_table(
     rows = () if table.clocks else tuple(base.runs)
     other = tuple(name for name in table.columns if name not in used and name not in table.clocks.values())
     return Recognition(table, base, guesses, clocks, rows, other, tuple(doubts), sources or {})
+
+
+def shown_together(tables: list[Table], given: Map[str, Given], *, period: float | None = None) -> dict[str, Guess]:
+    """Find out what several tables of one axis show together of columns whose names say nothing.
+
+    A command may be held through each of them, and a sensor may stand still in one. A table that cannot be read like
+    the first one is left out.
+
+    Parameters
+    ----------
+    tables : list of Table
+        With the same columns and one clock each.
+    given, period
+        As in `recognise_table`.
+
+    Returns
+    -------
+    dict of str to Guess
+        By role; empty where names say everything.
+    """
+    read: list[tuple[dict[str, Floats], TimeBase]] = []
+    for table in tables:
+        try:
+            numbers = numbers_of(table)
+            base = _time(table, numbers, given.get("time"), period)
+        except InputError:
+            continue
+        if not read or (base.time == read[0][1].time and numbers.keys() == read[0][0].keys()):
+            read.append((numbers, base))
+    if not read:
+        return {}
+    first, base = read[0]
+    # From its own beginning the time of each starts again, as it does between the runs of one table.
+    stamps = [in_order(one.seconds, bad_stamps(one.seconds)) - one.seconds[0] for _, one in read]
+    base = replace(base, seconds=np.concatenate(stamps))
+    numbers = {name: np.concatenate([one[name] for one, _ in read]) for name in first}
+    together = replace(tables[0], columns=dict(numbers), clocks={})
+    columns, by_names = _by_names(together, numbers, base, given, [], {}, None)
+    chosen = dict(by_names)
+    _by_data(base, columns, chosen, given)
+    return {role: guess for role, guess in chosen.items() if role not in by_names}
+
+
+def _by_names(
+    table: Table,
+    numbers: dict[str, Floats],
+    base: TimeBase,
+    given: Map[str, Given],
+    doubts: list[str],
+    sources: Map[str, Map[str, str]],
+    joints: Map[str, str] | None,
+) -> tuple[dict[str, _Column], dict[str, Guess]]:
+    """Return the columns, and what is given of them or said by their names."""
+    columns = {}
+    for name, value in numbers.items():
+        parsed = parse_column_name(name, table.units.get(name, ""))
+        if name == base.time.column or name in table.clocks.values():
+            continue
+        if joints is not None:
+            parsed = replace(parsed, index=joints.get(name, ""))
+        one = _Column(name, parsed, role_by_name(parsed), value, _runs_of(value, base))
+        further = one.is_further_clock(base.seconds)
+        columns[name] = replace(one, by_name=RoleByName("other", 0.0, "")) if further else one
+    _currents(columns)
+    _of_known_drive(columns, sources)
+    _supplies(columns)
+    named = {one.column for one in given.values()}
+    columns = _one_joint(columns, named, doubts)
+    chosen: dict[str, Guess] = {}
+    for role in ROLES:
+        said = given.get(role, Given())
+        if said.column == NONE:
+            continue
+        guess = _given(table, role, said, numbers) if said.column else _by_name(role, columns, chosen, given)
+        if guess is not None:
+            chosen[role] = guess
+            columns |= _columns_of(guess, columns, numbers, base)
+    _output(columns, chosen, given)
+    return columns, chosen
 
 
 def _of_a_sensor(columns: Iterable[_Column]) -> str:
@@ -429,13 +519,21 @@ def _with_unit(guess: Guess, unit: str) -> Guess:
     return replace(guess, unit=known_unit(unit))
 
 
-def _columns_of(guess: Guess, columns: Map[str, _Column], numbers: dict[str, Floats]) -> dict[str, _Column]:
+def _runs_of(value: Floats, base: TimeBase) -> tuple[slice, ...]:
+    """Rows of each run of a column; of one with stamps of its own, all of them."""
+    return tuple(base.runs) if value.size == base.seconds.size else (slice(None),)
+
+
+def _columns_of(
+    guess: Guess, columns: Map[str, _Column], numbers: dict[str, Floats], base: TimeBase
+) -> dict[str, _Column]:
     """Return values of a guess that are among no columns yet: computed ones, and what the user has named."""
     if not guess.column or guess.column in columns:
         return {}
     computed = "compute" in guess.options
     value = Expression(guess.column).evaluate(numbers) if computed else numbers[guess.column]
-    return {guess.column: _Column(guess.column, ColumnName((), "", ""), RoleByName("", 0.0, ""), value)}
+    runs = _runs_of(value, base)
+    return {guess.column: _Column(guess.column, ColumnName((), "", ""), RoleByName("", 0.0, ""), value, runs)}
 
 
 def _by_name(role: str, columns: dict[str, _Column], chosen: dict[str, Guess], given: Map[str, Given]) -> Guess | None:
@@ -489,101 +587,91 @@ def _output(columns: dict[str, _Column], chosen: dict[str, Guess], given: Map[st
 
 def _by_data(base: TimeBase, columns: dict[str, _Column], chosen: dict[str, Guess], given: Map[str, Given]) -> None:
     """Fill roles whose columns have names that say nothing: a command jumps, a motion is smooth."""
+    lacks_command = "command" not in chosen and given.get("command", Given()).column != NONE
+    held = [one for one in _nameless(columns, chosen) if one.is_held]
+    if lacks_command and len(held) == 1:
+        chosen["command"] = _by_values("command", held[0], "it is constant in each run")
+        lacks_command = False
     _velocity_by_slope(base, columns, chosen, given)
-    taken = {one.column for one in chosen.values()}
-    free = [one for one in columns.values() if one.name not in taken and one.moves and not one.by_name.role]
-    lacks_motion = not any(role in chosen for role in MOTION)
-    wanted = {role for role in ("position", "command") if given.get(role, Given()).column != NONE}
-    if "effort" in chosen:
-        # What was measured acts as the input, and its name says so.
-        wanted.discard("command")
+    free = _nameless(columns, chosen)
     # Only a few columns can be told apart by their looks.
-    if not free or len(free) > 3:
+    if not free or len(free) > _MOST_BY_LOOKS:
         return
-    free.sort(key=lambda one: _roughness(one.value))
-    if "command" not in chosen and "command" in wanted and (level := _level_of_runs(base, free)) is not None:
-        free.remove(level)
-        chosen["command"] = Guess(
-            "command",
-            level.name,
-            level.parsed.unit,
-            "it is constant in each run",
-            f"no name says what {level.name!r} is, it is taken as the command: --command COLUMN",
-        )
-    if not free:
-        return
-    if lacks_motion and "position" in wanted:
+    free = _smoothest_first(free)
+    if not any(role in chosen for role in MOTION) and given.get("position", Given()).column != NONE:
         smoothest = free.pop(0)
         if free and _same(smoothest.value, free[0].value):
             # Of two that run together the one with less noise is the set-point, which is found below.
-            smoothest = free.pop(0)
-        driven = [one.value for one in columns.values() if one.name in taken or one in free]
+            smoothest = max(smoothest, free.pop(0), key=lambda one: _made_by_noise(one.value)[0])
+        taken = {one.column for one in chosen.values()}
+        # A position and a velocity are both larger in the runs in which a held command is.
+        driven = [one.value for one in columns.values() if (one in free or one.name in taken) and not one.is_held]
         may_be = given.get("velocity", Given()).column != NONE
         role = "velocity" if may_be and any(_follows(smoothest.value, one) for one in driven) else "position"
-        chosen[role] = Guess(
-            role,
-            smoothest.name,
-            smoothest.parsed.unit,
-            "it is the smoothest of the columns that are left",
-            f"no name says what {smoothest.name!r} is, it is taken as the {role}: --position or --velocity COLUMN",
-        )
-        if role == "position":
-            _velocity_by_slope(base, columns, chosen, given)
-            free = [one for one in free if one.name != getattr(chosen.get("velocity"), "column", "")]
-    if "command" not in chosen and "command" in wanted and free:
-        roughest = free.pop()
-        chosen["command"] = Guess(
-            "command",
-            roughest.name,
-            roughest.parsed.unit,
-            "it jumps most of the columns that are left",
-            f"no name says what {roughest.name!r} is, it is taken as the command: --command COLUMN",
-        )
+        chosen[role] = _by_values(role, smoothest, "it is the smoothest of the columns that are left")
+    # What was measured acts as the input, and its name says so.
+    if lacks_command and free and "effort" not in chosen:
+        chosen["command"] = _by_values("command", free[-1], "it jumps most of the columns that are left")
 
 
-def _level_of_runs(base: TimeBase, free: list[_Column]) -> _Column | None:
-    """Return the one column that is constant in each of several runs; None where there is none, or several."""
-    if len(base.runs) < 2:
-        return None
-    found = [
-        one
-        for one in free
-        if one.value.size == base.seconds.size and all(float(np.ptp(one.value[run])) == 0.0 for run in base.runs)
-    ]
-    return found[0] if len(found) == 1 else None
+def _nameless(columns: Map[str, _Column], chosen: Map[str, Guess]) -> list[_Column]:
+    """Columns that move, have no role yet, and have names that say none."""
+    taken = {one.column for one in chosen.values()}
+    return [one for one in columns.values() if one.name not in taken and one.moves and not one.by_name.role]
+
+
+def _by_values(role: str, one: _Column, reason: str) -> Guess:
+    options = "--position or --velocity" if role in MOTION else f"--{role}"
+    return Guess(
+        role,
+        one.name,
+        one.parsed.unit,
+        reason,
+        f"no name says what {one.name!r} is, it is taken as the {role}: {options} COLUMN",
+    )
 
 
 def _velocity_by_slope(
     base: TimeBase, columns: dict[str, _Column], chosen: dict[str, Guess], given: Map[str, Given]
 ) -> None:
-    """Find the velocity among the columns whose names say nothing: it runs with the slope of the position."""
-    place = chosen.get("position")
-    if place is None or "velocity" in chosen or given.get("velocity", Given()).column == NONE:
+    """Find the velocity among the columns whose names say nothing: it runs with the slope of the position.
+
+    Without a motion by its name, the position is found with it.
+    """
+    if "velocity" in chosen or given.get("velocity", Given()).column == NONE:
         return
-    taken = {one.column for one in chosen.values()} | {one.column for one in given.values()}
-    value = columns[place.column].value
-    free = [one for one in columns.values() if one.name not in taken and one.moves and not one.by_name.role]
-    found = [
-        (slope.correlation, one)
-        for one in free[:_MOST_COMPARED]
-        if one.value.size == value.size == base.seconds.size
-        and (slope := _slope_within(base, value, one.value, place)) is not None
-    ]
-    if found:
-        _, best = max(found, key=lambda one: one[0])
-        guess = Guess("velocity", best.name, best.parsed.unit, "it runs with the slope of the position")
-        chosen["velocity"] = _with_unit(guess, given.get("velocity", Given()).unit).with_doubt(
-            f"no name says what {best.name!r} is, by the slope of the position it is taken as the velocity:"
-            " --velocity COLUMN or none"
-        )
-
-
-def _slope_within(base: TimeBase, value: Floats, rate: Floats, place: Guess) -> SlopeOf | None:
-    """Slope of a rate over that of the position, in the longest run."""
-    if wrap := find_wrap(value, place.unit if place.options.get("scale", 1.0) == 1.0 else "counts"):
-        value = np.unwrap(value, period=wrap)
-    run = max(base.runs or [slice(0, value.size)], key=lambda one: one.stop - one.start)
-    return slope_of(base.seconds[run], value[run], rate[run])
+    taken = {one.column for one in given.values()}
+    free = [one for one in _nameless(columns, chosen) if one.name not in taken]
+    place = chosen.get("position")
+    if place is not None:
+        positions = [columns[place.column]]
+    elif len(free) <= _MOST_BY_LOOKS and given.get("position", Given()).column != NONE:
+        positions = free
+    else:
+        return
+    # Where nothing else may be the command, a force that moves a mass without friction runs with the slope as well.
+    spare = "command" in chosen or "effort" in chosen or given.get("command", Given()).column == NONE
+    spare = spare or any(not one.moves and not one.by_name.role for one in columns.values())
+    if len(free) - (place is None) < 2 - spare:
+        return
+    found = []
+    for position in positions:
+        value = position.unwrapped("counts" if "scale" in position.options else position.parsed.unit)
+        for one in free[:_MOST_COMPARED]:
+            if one is position or not one.value.size == value.size == base.seconds.size:
+                continue
+            if (slope := slope_of(base.seconds, value, one.value, position.runs)) is not None:
+                found.append((slope.correlation, position, one))
+    if not found:
+        return
+    _, position, best = max(found, key=lambda one: one[0])
+    if place is None:
+        chosen["position"] = _by_values("position", position, f"{best.name!r} runs with its slope")
+    guess = Guess("velocity", best.name, best.parsed.unit, "it runs with the slope of the position")
+    chosen["velocity"] = _with_unit(guess, given.get("velocity", Given()).unit).with_doubt(
+        f"no name says what {best.name!r} is, by the slope of the position it is taken as the velocity:"
+        " --velocity COLUMN or none"
+    )
 
 
 def _set_point(columns: dict[str, _Column], chosen: dict[str, Guess], given: Map[str, Given]) -> None:
@@ -627,10 +715,48 @@ def _follows(motion: Floats, command: Floats) -> bool:
     return abs(float(np.corrcoef(motion[known], command[known])[0, 1])) > _FOLLOWS
 
 
-def _roughness(value: Floats) -> float:
+def _smoothest_first(some: list[_Column]) -> list[_Column]:
+    """Sort columns by how soon they change: a motion is its command with the fast changes taken out.
+
+    Changes are compared at lags from one row to a sixteenth of the record, each as a share of the spread and above what
+    noise and quantisation may do to any of the columns.
+    """
+    made = {one.name: _made_by_noise(one.value) for one in some}
+    noise = max(largest for largest, _ in made.values())
+    changes = {one.name: np.maximum(_changes(one) - made[one.name][1], 0.0) for one in some}
+    common = min(map(len, changes.values()))
+    return sorted(some, key=lambda one: float(np.log(changes[one.name][:common] + noise + _TINY).sum()))
+
+
+def _made_by_noise(value: Floats) -> tuple[float, float]:
+    """Mean square of the change that noise or quantisation make at most, and that a coarse sensor's flicker makes.
+
+    Both are shares of the variance.
+    """
     known = value[np.isfinite(value)]
-    span = float(np.std(known))
-    return float(np.std(np.diff(known))) / span if span > 0.0 else 0.0
+    step, variance = float(np.diff(np.unique(known)).min()), float(np.var(known))
+    white = 2.0 * white_noise(known) ** 2 if known.size > _FEWEST_ROWS else 0.0
+    flicker = 0.0
+    # Where there are fewer levels, each of them may be meant.
+    if step < _COARSE * np.ptp(known):
+        change = np.diff(known)
+        change = change[change != 0.0]
+        # By one step, and back by the next change.
+        back = (np.abs(change[1:]) < 1.5 * step) & (np.abs(change[:-1] + change[1:]) < 0.5 * step)
+        flicker = float(np.count_nonzero(back)) * step**2 / known.size
+    return max(white, 0.5 * step**2) / variance, flicker / variance
+
+
+def _changes(one: _Column) -> Floats:
+    """Mean squares of the change at lags of a sixteenth of the longest run and less, as shares of the variance."""
+    pieces = [one.value[run] for run in one.runs]
+    pieces = [piece[np.isfinite(piece)] for piece in pieces]
+    count = max(piece.size for piece in pieces)
+    squares = []
+    for halved in range(min(4, count.bit_length() - 1), count.bit_length()):
+        lag = count >> halved
+        squares.append(np.mean(np.concatenate([np.square(piece[lag:] - piece[:-lag]) for piece in pieces])))
+    return np.array(squares) / float(np.nanvar(one.value))
 
 
 def _no_command(
@@ -707,7 +833,7 @@ def _units(base: TimeBase, chosen: dict[str, Guess], columns: dict[str, _Column]
     )
     counted = None
     if place is not None and (place.unit == "counts" or (not place.unit and _is_count(place, columns))):
-        counted, place = place, _counts(place, columns[place.column].value)
+        counted, place = place, _counts(place, columns[place.column])
         chosen["position"] = place
     elif place is not None and not place.unit and not linear and _counts_many(columns[place.column].value):
         trial = dict(chosen)
@@ -716,14 +842,12 @@ def _units(base: TimeBase, chosen: dict[str, Guess], columns: dict[str, _Column]
         # Degrees, where a velocity proves them, are no counts.
         if trial["position"].unit != "deg":
             why = f"{place.column!r} holds large whole numbers, probably counts of an encoder; "
-            counted, place = place, _counts(place, columns[place.column].value, why)
+            counted, place = place, _counts(place, columns[place.column], why)
             chosen["position"] = place
     if place is not None and speed is not None:
-        # A wrap or the user says the size of a count before a velocity does.
-        counted = counted if "scale" not in place.options else None
         base = _related(base, chosen, columns, linear=linear, given=given, counted=counted)
     elif place is not None and not place.unit:
-        chosen["position"] = _position_alone(place, columns[place.column].value, linear=linear)
+        chosen["position"] = _position_alone(place, columns[place.column], linear=linear)
     elif speed is not None and not speed.unit and _IN_HERTZ.search(speed.column):
         chosen["velocity"] = replace(speed, unit="rev/s").with_doubt(
             f"the velocity is in hertz, taken as turns per second: --velocity '{speed.column}=UNIT'"
@@ -782,12 +906,12 @@ def _pulse_width(command: Guess) -> Guess:
 
 def _is_count(place: Guess, columns: dict[str, _Column]) -> bool:
     """Whether a position without a unit counts the steps of an encoder: whole numbers that start again, or its name."""
-    value = columns[place.column].value
-    known = value[np.isfinite(value)]
+    column = columns[place.column]
+    known = column.value[np.isfinite(column.value)]
     if (known != np.round(known)).any():
         return False
     words = set(parse_column_name(place.column).words)
-    return bool(words & _ENCODERS or (np.ptp(known) > _FEWEST_COUNTS and find_wrap(value, "counts") > 0.0))
+    return bool(words & _ENCODERS or (np.ptp(known) > _FEWEST_COUNTS and column.wrap("counts") > 0.0))
 
 
 def _counts_many(value: Floats) -> bool:
@@ -796,9 +920,9 @@ def _counts_many(value: Floats) -> bool:
     return bool((known == np.round(known)).all() and np.abs(known).max() >= _MANY_COUNTS)
 
 
-def _counts(place: Guess, value: Floats, why: str = "") -> Guess:
+def _counts(place: Guess, column: _Column, why: str = "") -> Guess:
     """Set the size of an encoder's count: by its wrap, or as unknown; `why` it may be one, where nothing says so."""
-    whole = find_wrap(value, "counts")
+    whole = column.wrap("counts")
     if whole:
         return replace(
             place,
@@ -812,9 +936,9 @@ def _counts(place: Guess, value: Floats, why: str = "") -> Guess:
     )
 
 
-def _position_alone(place: Guess, value: Floats, *, linear: bool) -> Guess:
+def _position_alone(place: Guess, column: _Column, *, linear: bool) -> Guess:
     for unit in () if linear else ("rad", "deg"):
-        if find_wrap(value, unit):
+        if column.wrap(unit):
             return replace(place, unit=unit, reason=f"{place.reason}; starts again after a turn in {unit}")
     unit = "m" if linear else "rad"
     return replace(place, unit=unit).with_doubt(
@@ -836,32 +960,33 @@ def _related(
     `counted` is a position in counts of a size that nothing else says, as it was before a size was assumed.
     """
     place, speed = chosen["position"], chosen["velocity"]
-    value, rate = columns[place.column].value, columns[speed.column].value
-    if value.size != base.seconds.size or rate.size != base.seconds.size:
+    column, rate = columns[place.column], columns[speed.column].value
+    if column.value.size != base.seconds.size or rate.size != base.seconds.size:
         return _unrelated(base, chosen, linear=linear)
     scale = place.options.get("scale", 1.0)
-    if wrap := find_wrap(value, place.unit if scale == 1.0 else "counts"):
-        value = np.unwrap(value, period=wrap)
-    run = max(base.runs or [slice(0, value.size)], key=lambda one: one.stop - one.start)
+    value = column.unwrapped(place.unit if scale == 1.0 else "counts") * scale
+    rate = rate * speed.options.get("scale", 1.0)
+    # The run with the longest way shows most.
+    run = max(column.runs, key=lambda one: float(np.nan_to_num(np.ptp(value[one]))))
     speed_unit = "" if speed.unit == "counts" else speed.unit
     found = motion_units(
         base.seconds[run],
-        value[run] * scale,
-        rate[run] * speed.options.get("scale", 1.0),
+        value[run],
+        rate[run],
         (place.unit, speed_unit),
         base.units,
         linear=linear,
     )
     if not found.agree:
         _unrelated(base, chosen, linear=linear)
-        slope = slope_of(base.seconds[run], value[run] * scale, rate[run] * speed.options.get("scale", 1.0))
+        slope = slope_of(base.seconds, value, rate, column.runs)
         if slope is not None and not speed_unit:
             chosen["velocity"] = _scaled_by_slope(chosen["velocity"], speed, chosen["position"].unit, slope.value)
         elif slope is not None and counted:
             factor = base_unit(speed.unit, "velocity", speed.column)[1]
             # Over long windows the slope is exact, where it can be told there.
             exact = found.slope if np.isfinite(found.slope) else slope.value * factor
-            chosen["position"], chosen["velocity"] = _count_by_slope(counted, speed, exact)
+            chosen["position"], chosen["velocity"] = _count_by_slope(counted, speed, exact * scale)
         return base
     times = f"it is the slope of the position in {found.position} and {found.velocity}"
     options = dict(speed.options)
@@ -982,7 +1107,7 @@ def _decode(chosen: dict[str, Guess], columns: dict[str, _Column], given: Map[st
         options = dict(guess.options)
         if role in ("position", "reference"):
             scale = options.get("scale", 1.0)
-            if whole := find_wrap(column.value, guess.unit if scale == 1.0 else "counts"):
+            if whole := column.wrap(guess.unit if scale == 1.0 else "counts"):
                 options["wrap"] = whole * scale
                 reason = f"{guess.reason}; starts again after {whole:g}"
                 chosen[role] = replace(guess, options=options, reason=reason)

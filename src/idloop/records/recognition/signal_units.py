@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import pi
 
@@ -105,36 +106,66 @@ class SlopeOf:
     correlation: float
 
 
-def slope_of(time: Floats, position: Floats, rate: Floats) -> SlopeOf | None:
+def slope_of(time: Floats, position: Floats, rate: Floats, runs: Sequence[slice] = ()) -> SlopeOf | None:
     """Compare a column with the slope of a position, over the shortest windows in which the motion exceeds the noise.
 
-    Over long windows the integral of a command runs with the position as well.
+    Over long windows the integral of a command runs with the position as well. A velocity may be late, as behind a
+    filter: its integral lacks the delay times its own increment. A command is never late.
 
     Parameters
     ----------
     time, position, rate : array, shape (n,)
+    runs : sequence of slice
+        Rows within which the time rises; by default all.
 
     Returns
     -------
     SlopeOf or None
         None where it runs otherwise, or the position hardly moves.
     """
-    known = np.isfinite(time) & np.isfinite(position) & np.isfinite(rate)
-    time, position, rate = time[known], position[known], rate[known]
-    if time.size < _FEWEST:
+    pieces = []
+    for run in runs or [slice(None)]:
+        piece = np.array([time[run], position[run], rate[run]])
+        pieces.append(piece[:, np.isfinite(piece).all(axis=0)])
+    longest = max(piece.shape[1] for piece in pieces)
+    if longest < _FEWEST:
         return None
-    steps = np.abs(np.diff(np.unique(position)))
-    least = _ABOVE * max(white_noise(position), float(steps.min()) if steps.size else np.inf)
-    area = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(time))])
-    length = 1
-    while length <= time.size // _WINDOWS:
-        moved, passed = position[length:] - position[:-length], area[length:] - area[:-length]
-        if float(np.std(moved)) > least and float(np.std(passed)) > 0.0:
-            correlation = float(np.corrcoef(moved, passed)[0, 1])
-            value = float(np.dot(moved, passed) / np.dot(moved, moved))
-            return SlopeOf(value, abs(correlation)) if abs(correlation) > _RUNS_WITH and value else None
+    where = np.concatenate([piece[1] for piece in pieces])
+    steps = np.abs(np.diff(np.unique(where)))
+    least = max(white_noise(where), float(steps.min()) if steps.size else np.inf)
+    series = [_with_area(*piece) for piece in pieces]
+    length, found = 1, None
+    while length <= longest // _WINDOWS:
+        step = np.concatenate([one[:, length:] - one[:, :-length] for one in series if one.shape[1] > length], axis=1)
+        moved = float(np.std(step[0]))
+        # A coarse motion that exceeds its step nowhere by far is compared over the longest windows.
+        if moved > least:
+            found = step
+        if moved > _ABOVE * least:
+            break
         length *= 2
-    return None
+    return None if found is None else _regressed(*found)
+
+
+def _with_area(time: Floats, position: Floats, rate: Floats) -> Floats:
+    """Position, integral of the rate, and the rate, shape (3, n)."""
+    area = np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(time))
+    return np.array([position, np.concatenate([[0.0], area]), rate])
+
+
+def _regressed(moved: Floats, passed: Floats, changed: Floats) -> SlopeOf | None:
+    """Compare increments of a position, of the integral of a rate, and of the rate itself."""
+    if not np.std(passed) > 0.0:
+        return None
+    correlation = abs(float(np.corrcoef(moved, passed)[0, 1]))
+    value = float(np.dot(moved, passed) / np.dot(moved, moved))
+    table = np.column_stack([moved - moved.mean(), changed - changed.mean()])
+    slope, minus_delay = np.linalg.lstsq(table, passed - passed.mean(), rcond=None)[0].tolist()
+    if minus_delay < 0.0:
+        late = abs(float(np.corrcoef(table @ [slope, minus_delay], passed)[0, 1]))
+        if correlation <= _RUNS_WITH < late:
+            correlation, value = late, slope
+    return SlopeOf(value, correlation) if correlation > _RUNS_WITH and value else None
 
 
 def near_unit(slope: float) -> bool:

@@ -123,6 +123,8 @@ def find_time_base(
     steady = [name for name, value in numbers.items() if _is_clock(value)] or [
         name for name, value in numbers.items() if value.size > _FEWEST_ROWS and (np.diff(value) > 0).all()
     ]
+    # Of two columns that rise evenly, the one that rises by one counts the rows.
+    steady = [name for name in steady if not (_role(table, name).role or counts_rows(numbers[name]))] or steady
     again = [] if steady else [name for name, value in numbers.items() if _starts_again(value)]
     for name in (*steady, *again):
         base = _of_column(
@@ -255,6 +257,11 @@ def _is_clock(value: Floats) -> bool:
         and np.median(step) > 0
         and np.mean(np.abs(step / np.median(step) - 1.0) < 0.5) > _EVEN
     )
+
+
+def counts_rows(value: Floats) -> bool:
+    """Whether each row of a column is the one before and one."""
+    return value.size > _FEWEST_ROWS and bool((np.diff(value) == 1.0).all())
 
 
 def _starts_again(value: Floats) -> bool:
