@@ -236,7 +236,7 @@ def recognise_table(
     given = dict(given or {})
     numbers = numbers_of(table)
     doubts: list[str] = []
-    base = _without_bad_stamps(table, _time(table, numbers, given.get("time"), period))
+    base = _begun_again(table, _without_bad_stamps(table, _time(table, numbers, given.get("time"), period)))
     columns, chosen = _by_names(table, numbers, base, given, doubts, sources or {}, joints)
     if shown is None:
         _by_data(base, columns, chosen, given)
@@ -375,6 +375,15 @@ def _without_bad_stamps(table: Table, base: TimeBase) -> TimeBase:
         return base
     table.notes.append(note_bad_stamps(np.flatnonzero(bad) + table.first_row))
     return replace(base, seconds=in_order(base.seconds, bad))
+
+
+def _begun_again(table: Table, base: TimeBase) -> TimeBase:
+    """Let the stamps begin at zero with each record that the file keeps apart."""
+    begins = np.array(table.begins, dtype=np.int64)
+    if not begins.size:
+        return base
+    counts = np.diff(begins, append=base.seconds.size)
+    return replace(base, seconds=base.seconds - np.repeat(base.seconds[begins], counts))
 
 
 def _of_known_drive(columns: dict[str, _Column], sources: Map[str, Map[str, str]]) -> None:

@@ -37,6 +37,8 @@ class Table:
         Row of the file with which the columns begin.
     parts : dict of str to (float, float)
         Records within the file by name: their stamps from .. to (excluded), as the clock of the columns counts them.
+    begins : tuple of int
+        Rows at which records within the file begin, where it keeps them apart.
     csv : CsvTable or None
         Of a text file, what was found about its layout.
     """
@@ -49,6 +51,7 @@ class Table:
     clocks: dict[str, str] = field(default_factory=dict)
     first_row: int = 0
     parts: dict[str, tuple[float, float]] = field(default_factory=dict)
+    begins: tuple[int, ...] = ()
     csv: CsvTable | None = None
 
     def __contains__(self, name: str | int) -> bool:

@@ -1,0 +1,69 @@
+"""Lists of runs in JSON are records; samples with vectors, joints and named signals are none."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from idloop.api.log import recognise
+from idloop.records.tables.table_files import read_table
+
+LENGTHS = (30, 12, 20)
+
+
+def _runs(lengths=LENGTHS, **more):
+    return [
+        {"kind": "step", "targets": ["a"], "torque": [(-1.0) ** (k // 4) for k in range(count)],
+         "angle": [0.1 * k * k for k in range(count)], **more}
+        for count in lengths
+    ]  # fmt: skip
+
+
+def _write(tmp_path, content):
+    path = tmp_path / "runs.json"
+    path.write_text(json.dumps(content))
+    return path
+
+
+@pytest.mark.parametrize("content", [{"config": {"rate": 50}, "data": _runs()}, _runs(), {"data": _runs((30, 30))}])
+def test_each_run_is_a_record(tmp_path, content):
+    path = _write(tmp_path, content)
+    table = read_table(path)
+    assert list(table.columns) == ["torque", "angle"]
+    runs = content if isinstance(content, list) else content["data"]
+    log = recognise(path, period=0.02)
+    assert len(log.runs) == len(runs)
+    windows = [window["rows"] for _, window in log.runs.values()]
+    assert [one["stop"] - one["start"] for one in windows] == [len(run["angle"]) for run in runs]
+    assert {one.role: one.column for one in log.recognition.guesses} == {"command": "torque", "position": "angle"}
+
+
+def test_what_stands_beside_the_runs_is_kept(tmp_path):
+    table = read_table(_write(tmp_path, {"config": {"rate": 50}, "data": _runs()}))
+    assert table.attributes == {"config.rate": 50.0}
+    assert table.begins == (0, 30, 42)
+
+
+def test_runs_with_stamps_that_go_on(tmp_path):
+    runs = _runs()
+    begin = 0.0
+    for run in runs:
+        run["t"] = [begin + 0.01 * k for k in range(len(run["angle"]))]
+        begin = run["t"][-1] + 5.0
+    assert len(recognise(_write(tmp_path, runs)).runs) == len(runs)
+
+
+NO_RUNS = {
+    "samples with vectors": [{"t": 0.01 * k, "q": [k, 1, 2], "tau": [1, k, 3]} for k in range(20)],
+    "joints": {"joints": _runs((30, 30))},
+    "joints with stamps in common": {"time": list(range(30)), "arms": _runs((30, 30))},
+    "signals by name": {
+        "lines": [{"name": name, "x": list(range(30)), "y": [1.0] * 30} for name in ("torque", "speed")]
+    },
+}
+
+
+@pytest.mark.parametrize("name", NO_RUNS)
+def test_other_lists_are_no_runs(tmp_path, name):
+    assert read_table(_write(tmp_path, NO_RUNS[name])).begins == ()
