@@ -90,6 +90,12 @@ def _twincat():
     return "\n".join(["Name;Bench", names, periods, units, *rows]).encode()
 
 
+def _tektronix():
+    keys = ["Record Length,100,Points", "Source,CH1,", "Vertical Units,V,"]
+    rows = (f"{0.01 * k:.6g},{value:.6g}" for k, value in enumerate(next(iter(SIGNALS.values()))))
+    return "\n".join(f"{keys[k] if k < len(keys) else ',,'},{row}" for k, row in enumerate(rows)).encode()
+
+
 def _lvm():
     rows = "\n".join("\t".join(f"{v:.6g}" for v in row) for row in ROWS)
     return (
@@ -154,6 +160,7 @@ def seeds() -> dict[str, tuple[str, list[bytes]]]:
         "codesys": (".trace.csv", [_codesys()]),
         "lvm": (".lvm", [_lvm()]),
         "twincat": (".csv", [_twincat()]),
+        "tektronix": (".csv", [_tektronix()]),
         "sysid": (".json", [json.dumps(tests | {"units": "Rotations"}).encode()]),
         "jsonl": (".jsonl", ["\n".join(map(json.dumps, samples)).encode()]),
         "json": (".json", [json.dumps(samples).encode(), json.dumps(series).encode()]),

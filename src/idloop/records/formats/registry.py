@@ -16,6 +16,7 @@ from idloop.records.formats import (
     mat,
     numpy_arrays,
     sysid_json,
+    tektronix,
     text_table,
     torch_file,
     twincat,
@@ -27,8 +28,8 @@ from idloop.spelling import did_you_mean, listed
 # In the order in which a file is held against them: what begins with a sign of its own first.
 FORMS: tuple[Form, ...] = (
     mat.FORM, hdf5.FORM, arrow.PARQUET, arrow.FEATHER, numpy_arrays.FORM, numpy_arrays.ONE, torch_file.FORM,
-    wpilog.FORM, codesys.FORM, labview.FORM, twincat.FORM, sysid_json.FORM, json_file.LINES, json_file.FORM,
-    blocks.FORM, labels.FORM,
+    wpilog.FORM, codesys.FORM, labview.FORM, twincat.FORM, tektronix.FORM, sysid_json.FORM, json_file.LINES,
+    json_file.FORM, blocks.FORM, labels.FORM,
 )  # fmt: skip
 # What almost any text may be, so that a suffix says more.
 TEXT = text_table.FORM

@@ -247,7 +247,7 @@ class Mapping(Signals):
     format: (
         Literal[
             "csv", "mat", "hdf5", "parquet", "feather", "npz", "npy", "torch", "wpilog", "codesys", "lvm", "twincat",
-            "sysid", "jsonl", "json", "blocks", "labels", "bag",
+            "tektronix", "sysid", "jsonl", "json", "blocks", "labels", "bag",
         ]
         | None
     ) = None  # fmt: skip
