@@ -51,7 +51,7 @@ from idloop.validation.measures import NEGLIGIBLE
 # Below this part of the deviation the error of a free run counts as this: another integration method changes it.
 _LEAST_FREE_RUN_ERROR = 0.01
 # Accuracy of the shift of a command [samples], and rounds of the search at each.
-_SHIFT_STEP, _SHIFT_ROUNDS = 0.02, 2
+_SHIFT_STEP, _SHIFT_ROUNDS = 0.001, 2
 # Effects, one or two, and the model that has them fitted.
 _Fitted = tuple[tuple[Proposal, ...], Refit]
 

@@ -62,7 +62,7 @@ def _fit(screen: Screen, curve: TrialCurve) -> FittedCurve | None:
 
     None where the curve cannot be simulated, or has no influence on the errors.
     """
-    from scipy.stats import f as f_distribution
+    from scipy.special import fdtrc  # scipy.stats takes half a second to import
 
     columns = [curve.change(hat) for hat in curve.step * np.eye(len(curve.knots) - curve.closed)]
     if any(column is None for column in columns):
@@ -95,7 +95,7 @@ def _fit(screen: Screen, curve: TrialCurve) -> FittedCurve | None:
     spread[known] = np.sqrt(np.sum(solve**2, axis=1) * variance * uneven)
     power = float(scores @ scores)
     share = power / max(float(screen.errors @ screen.errors), 1e-300)
-    chance = float(f_distribution.sf(power / len(scores) / (variance * uneven), len(scores), freedom))
+    chance = float(fdtrc(len(scores), freedom, power / len(scores) / (variance * uneven)))
     return FittedCurve(curve, value, spread, np.ascontiguousarray(left), power, share, chance)
 
 
@@ -159,7 +159,7 @@ class PredictionCurve:
 
     def unknown(self, p_value: float) -> UnknownStructure:
         """As a diagnosis reports it."""
-        from scipy.stats import norm
+        from scipy.special import ndtri
 
         fitted, curve = self.fitted, self.fitted.curve
         value = self._strength() * fitted.value
@@ -168,7 +168,7 @@ class PredictionCurve:
             value = value - float(np.mean(value[np.isfinite(value)]))
         # The knots span a period that the data have shown, not one that is known, such as a turn.
         period = float(curve.knots[-1] - curve.knots[0]) if curve.closed and not curve.coefficient else None
-        band = float(norm.ppf(0.975)) * fitted.spread
+        band = float(ndtri(0.975)) * fitted.spread
         found = curve.structure("the errors", p_value, value, band, fitted.share, period)
         ties = f"; this data cannot tell it from {', '.join(self.rivals)}" if self.rivals else ""
         return replace(found, text=found.text + ties, rivals=self.rivals)
