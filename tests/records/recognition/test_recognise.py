@@ -489,3 +489,8 @@ def test_the_flicker_of_a_coarse_sensor_is_no_command():
     volts = volts + 0.02 * np.random.default_rng(3).normal(size=T.size)
     roles, _ = _roles({"0": T, "1": coarse, "2": volts})
     assert {role: column for role, (column, _) in roles.items()} == {"command": "2", "velocity": "1"}
+
+
+def test_the_slope_of_a_position_in_a_unit_is_no_command():
+    with pytest.raises(InputError, match="no column is a command"):
+        _roles({"t": T, "angle": ANGLE, "sig": SPEED * 30 / pi})

@@ -658,16 +658,17 @@ def _velocity_by_slope(
         positions = free
     else:
         return
-    # Where nothing else may be the command, a force that moves a mass without friction runs with the slope as well.
     spare = "command" in chosen or "effort" in chosen or given.get("command", Given()).column == NONE
     spare = spare or any(not one.moves and not one.by_name.role for one in columns.values())
-    if len(free) - (place is None) < 2 - spare:
-        return
+    last = len(free) - (place is None) < 2 - spare
     found = []
     for position in positions:
         value = position.unwrapped("counts" if "scale" in position.options else position.parsed.unit)
         for one in free[:_MOST_COMPARED]:
             if one is position or not one.value.size == value.size == base.seconds.size:
+                continue
+            # The last column may be a force as well, which runs with the slope by chance in no unit of a velocity.
+            if last and not _in_units(base, position.parsed.unit, value, one):
                 continue
             if (slope := slope_of(base.seconds, value, one.value, position.runs)) is not None:
                 found.append((slope.correlation, position, one))
@@ -681,6 +682,13 @@ def _velocity_by_slope(
         f"no name says what {best.name!r} is, by the slope of the position it is taken as the velocity:"
         " --velocity COLUMN or none"
     )
+
+
+def _in_units(base: TimeBase, unit: str, position: Floats, rate: _Column) -> bool:
+    """Whether a column is the slope of a position in some unit of a velocity."""
+    run = _longest_way(position, rate.runs)
+    series = (base.seconds[run], position[run], rate.value[run])
+    return motion_units(*series, (unit, ""), base.units[:1], linear=False).agree
 
 
 def _set_point(columns: dict[str, _Column], chosen: dict[str, Guess], given: Map[str, Given]) -> None:
@@ -975,8 +983,7 @@ def _related(
     scale = place.options.get("scale", 1.0)
     value = column.unwrapped(place.unit if scale == 1.0 else "counts") * scale
     rate = rate * speed.options.get("scale", 1.0)
-    # The run with the longest way shows most.
-    run = max(column.runs, key=lambda one: float(np.nan_to_num(np.ptp(value[one]))))
+    run = _longest_way(value, column.runs)
     speed_unit = "" if speed.unit == "counts" else speed.unit
     found = motion_units(
         base.seconds[run],
@@ -1026,6 +1033,11 @@ def _related(
     elif len(base.units) > 1:
         base = replace(base, units=(found.time,), doubt="", reason=f"{base.reason}, and so says the velocity")
     return base
+
+
+def _longest_way(position: Floats, runs: Iterable[slice]) -> slice:
+    """Return the run in which the position moves furthest, which shows most."""
+    return max(runs, key=lambda run: float(np.nan_to_num(np.ptp(position[run]))))
 
 
 def _scaled_by_slope(taken: Guess, speed: Guess, place: str, slope: float) -> Guess:
