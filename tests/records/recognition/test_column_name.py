@@ -29,6 +29,13 @@ NAMES = {
     "stroke_in": (("stroke",), "in", ""),
     "current_A": (("current",), "A", ""),
     "motor_V": (("motor",), "V", ""),
+    "motor_cmd_v": (("motor", "cmd"), "V", ""),
+    "cmd_voltage_v": (("cmd", "voltage"), "V", ""),
+    "bus_v": (("bus",), "V", ""),
+    # Velocities of a vehicle, of a joint and of a motor.
+    "cmd_v": (("cmd", "v"), "", ""),
+    "joint_v": (("joint", "v"), "", ""),
+    "motor_v": (("motor", "v"), "", ""),
     # Input, motor and phase, but no inches, metres and amperes.
     "current_in": (("current", "in"), "", ""),
     "motor_in": (("motor", "in"), "", ""),

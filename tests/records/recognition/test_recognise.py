@@ -105,6 +105,15 @@ LOGS = {
         {"t": T, "M_soll_%": U, "Drehzahl_%": SPEED},
         {"command": ("M_soll_%", "%"), "velocity": ("Drehzahl_%", "%")},
     ),
+    "a voltage by its unit in small letters": (
+        {"t": T, "motor_cmd_v": U, "position_rad": ANGLE, "velocity_rad_s": SPEED, "bus_v": 12 + 0 * T},
+        {
+            "command": ("motor_cmd_v", "V"),
+            "position": ("position_rad", "rad"),
+            "velocity": ("velocity_rad_s", "rad/s"),
+            "supply": ("bus_v", "V"),
+        },
+    ),
     "temperature and supply": (
         {"t": T, "duty": U, "angle": ANGLE, "motor_temp": 20 + T, "vbus": 12 + 0 * T, "error": 0 * T},
         {

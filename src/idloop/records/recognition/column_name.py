@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from idloop.records.recognition.unit_behind_name import is_unit_behind
+from idloop.records.recognition.unit_behind_name import is_in_volts, is_unit_behind
 from idloop.records.tables.base_units import known_unit
 
 # A unit behind a name: in brackets, or as in "speed in rpm" and "n / rpm".
@@ -107,6 +107,8 @@ def _parts(word: str) -> list[str]:
 
 def _unit_of_last_words(words: list[str]) -> tuple[str, list[str]]:
     """Unit in the last words of a name, as in ``speed_rad_s``, and the words before it."""
+    if words[-1:] == ["v"] and is_in_volts(map(str.lower, words[:-1]), WANTED):
+        return "V", words[:-1]
     for count in (3, 2, 1):
         if len(words) <= count - (count == 1 and len(words) == 1):
             continue

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 
 _VOLTAGES, _CURRENTS, _TIMES = {"V"}, {"A"}, {"s"}
 # Units of the quantities that words of a name state, among the units that mean other things behind a name as well.
@@ -31,8 +31,19 @@ _UNITS_OF_WORDS: tuple[tuple[set[str], set[str]], ...] = (
         {"m", "in"},
     ),
 )  # fmt: skip
+# A small v behind these is in volts, and so is one behind the command of a motor; other ones are velocities.
+_IN_VOLTS = {
+    "voltage", "volt", "spannung", "supply", "bus", "vbus", "battery", "bat", "vbat", "u", "uq", "ud", "pwm",
+}  # fmt: skip
+_MOTORS = {"motor", "drive", "actuator", "servo", "armature"}
 # Behind a name most often the way in, and a unit only where the name says that it is a length.
 _WAY_IN = "in"
+
+
+def is_in_volts(words: Iterable[str], wanted: Container[str]) -> bool:
+    """Whether a small v behind words in small letters is the unit of a voltage; `wanted` are those of a set-point."""
+    rest = set(words)
+    return bool(rest & _IN_VOLTS) or (bool(rest & _MOTORS) and any(word in wanted for word in rest))
 
 
 def is_unit_behind(suffix: str, words: Iterable[str]) -> bool:
