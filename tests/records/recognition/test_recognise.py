@@ -101,10 +101,6 @@ LOGS = {
         {"Zeit_ms": 1e3 * T, "M_soll_%": U, "M_ist_%": 0.9 * U, "n_soll_1/min": 0 * T, "n_ist_1/min": SPEED * 30 / pi},
         {"command": ("M_soll_%", "%"), "velocity": ("n_ist_1/min", "rpm"), "effort": ("M_ist_%", "%")},
     ),
-    "a velocity as a part of the nominal one": (
-        {"t": T, "M_soll_%": U, "Drehzahl_%": SPEED},
-        {"command": ("M_soll_%", "%"), "velocity": ("Drehzahl_%", "%")},
-    ),
     "a voltage by its unit in small letters": (
         {"t": T, "motor_cmd_v": U, "position_rad": ANGLE, "velocity_rad_s": SPEED, "bus_v": 12 + 0 * T},
         {
@@ -374,6 +370,12 @@ def test_a_unit_that_is_written_and_not_known_is_shown():
     assert any(
         "the unit 'furlong/h' of the velocity is not known and taken as rad/s" in one for one in found.all_doubts()
     )
+
+
+def test_a_velocity_in_per_cent_is_one_of_an_unknown_unit():
+    roles, found = _roles({"t": T, "M_soll_%": U, "Drehzahl_%": SPEED})
+    assert roles == {"command": ("M_soll_%", "%"), "velocity": ("Drehzahl_%", "rad/s")}
+    assert any("the unit '%' of the velocity is not known and taken as rad/s" in one for one in found.all_doubts())
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

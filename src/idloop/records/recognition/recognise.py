@@ -144,9 +144,11 @@ class _Column:
 
     def as_guess(self, role: str) -> Guess:
         """What it is in this role, by its name or by the drive whose log it is of."""
-        by_name = self.by_name
+        by_name, unit = self.by_name, self.parsed.unit
+        if unit == "%" and role in (*MOTION, "reference", "reference velocity"):
+            unit = ""  # of what, nothing says
         measured = by_name.role == "effort"
-        return Guess(role, self.name, self.parsed.unit, by_name.reason, self.doubt, dict(self.options), measured)
+        return Guess(role, self.name, unit, by_name.reason, self.doubt, dict(self.options), measured)
 
     @property
     def moves(self) -> bool:
@@ -904,7 +906,7 @@ def _command_unit(command: Guess) -> Guess:
 
 def _without_unit(guess: Guess) -> str:
     """Say that a unit is not written down, or that what is written is none that is known."""
-    written = unknown_unit(guess.column)
+    written = unknown_unit(guess.column) or "%" * ("%" in guess.column)
     return (
         f"the unit {written!r} of the {guess.role} is not known"
         if written
