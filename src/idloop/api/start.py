@@ -157,9 +157,8 @@ class Start(Result):
         return f"{command}; so with every other record" if len(self.log.runs) > 1 else command
 
     def said(self) -> Iterator[str]:
-        """Yield what the inspection found: grade and faults of each record, then the faults between them."""
-        lines = [line for one in self.inspections for line in recording_lines(one)]
-        lines += between_lines(self.between)
+        """Yield what the inspection found: grade and faults of the records, then the faults between them."""
+        lines = [*recording_lines(self.inspections), *between_lines(self.between)]
         yield from self._names(lines)
         yield from lines
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from idloop.records import inspect_bag, make_stream, write_bag
 from idloop.reporting.text.blocks import as_text
-from idloop.reporting.text.inspection import comparison_blocks, inspection_blocks
+from idloop.reporting.text.inspection import comparison_blocks, inspection_blocks, recording_lines
 
 
 def _bag(path):
@@ -34,3 +36,16 @@ def test_rows_of_several_recordings(tmp_path):
     lines = as_text(comparison_blocks(found, [])).splitlines()
     assert [line.split()[0] for line in lines[2:4]] == ["a.1", "a.2"]
     assert any(line.startswith("No fault between the recordings") for line in lines)
+
+
+def test_what_several_recordings_have_in_common_is_said_once(tmp_path):
+    found = [inspect_bag(_bag(tmp_path / name)) for name in ("a", "b", "c")]
+    found[2] = replace(found[2], findings=[])
+    lines = list(recording_lines(found))
+    assert [line.partition(": ")[0] for line in lines[:3]] == ["a", "b", "c"]
+    shared = lines[3:]
+    assert len(shared) == len(found[0].faults) > 1
+    assert all(line.startswith("warning in 2 of 3 records (a, b), here a: ") for line in shared)
+    lines = list(recording_lines(found[:2]))
+    assert all(line.startswith("warning in all 2 records, here a: ") for line in lines[2:])
+    assert shared[0].partition(": ")[2] in as_text(inspection_blocks(found[0]))

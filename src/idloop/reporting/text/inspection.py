@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from idloop.records.inspection.grade import what
 from idloop.reporting.text.blocks import Block, Table, number
+from idloop.spelling import listed
 
 if TYPE_CHECKING:
     from idloop.records import Finding, Inspection
@@ -36,6 +38,7 @@ _COMMANDS = (
     "at limits %",
     "zero %",
 )
+_NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 _MEASURED = ("measured", "topic", "min", "max", "step", "moves", "reversals")
 
 
@@ -79,17 +82,40 @@ def comparison_blocks(inspections: Sequence[Inspection], between: Sequence[Findi
     )
     yield ""
     yield from _lines(between) if between else ["No fault between the recordings: joints, units, sample times, gains."]
+    if faulty := [one for one in inspections if one.faults]:
+        yield ""
+        yield from recording_lines(faulty, len(inspections))
+
+
+def recording_lines(inspections: Sequence[Inspection], count: int = 0) -> Iterator[str]:
+    """Yield the grade of each recording with its own faults, then the faults that several have, each once.
+
+    The reason for a grade follows it where no fault says it. `count` is that of all recordings, where some are left
+    out.
+    """
+    having: dict[tuple[str, ...], list[tuple[str, Finding]]] = {}
     for one in inspections:
-        if one.faults:
-            yield ""
-            yield from recording_lines(one)
+        for fault in one.faults:
+            having.setdefault(_alike(fault), []).append((one.path.name, fault))
+    for one in inspections:
+        known = any(what(fault) in one.grade_reason for fault in one.faults)
+        yield f"{one.path.name}: {_graded(one)}{'' if known else f': {one.grade_reason}'}"
+        yield from _lines([fault for fault in one.faults if len(having[_alike(fault)]) == 1])
+    for those in having.values():
+        if len(those) == 1:
+            continue
+        names = list(dict.fromkeys(name for name, _ in those))
+        name, worst = max(those, key=lambda one: one[1].count)
+        every = count or len(inspections)
+        where = (
+            f"all {every} records" if len(names) == every else f"{len(names)} of {every} records ({listed(names, 6)})"
+        )
+        yield from _lines([worst], f" in {where}, here {name}")
 
 
-def recording_lines(inspection: Inspection) -> Iterator[str]:
-    """Yield the grade of a recording, and its faults; the reason for the grade where no fault says it."""
-    known = any(what(fault) in inspection.grade_reason for fault in inspection.faults)
-    yield f"{inspection.path.name}: {_graded(inspection)}{'' if known else f': {inspection.grade_reason}'}"
-    yield from _lines(inspection.faults)
+def _alike(fault: Finding) -> tuple[str, ...]:
+    """What faults of several recordings have in common that are said once: all but their numbers."""
+    return fault.level, fault.kind, fault.where, _NUMBER.sub("", fault.cure)
 
 
 def between_lines(between: Sequence[Finding]) -> Iterator[str]:
@@ -103,10 +129,10 @@ def _graded(inspection: Inspection) -> str:
     return f"{inspection.grade}{without}"
 
 
-def _lines(findings: Sequence[Finding]) -> Iterator[str]:
+def _lines(findings: Sequence[Finding], where: str = "") -> Iterator[str]:
     for finding in findings:
         more = "" if finding.cure in finding.text else f"; {finding.cure}"
-        yield f"{finding.level}: {finding.text}{more}"
+        yield f"{finding.level}{where}: {finding.text}{more}"
 
 
 def _tables(inspection: Inspection) -> Iterator[Block]:
