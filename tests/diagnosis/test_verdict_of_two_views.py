@@ -6,7 +6,13 @@ import pytest
 
 from idloop.diagnosis.candidate import Candidate
 from idloop.diagnosis.ladder import Ladder, Step
+from idloop.diagnosis.options import Options
+from idloop.diagnosis.refine import _Refinement
+from idloop.estimation.likelihood.estimation_problem import prepare_estimation
+from idloop.estimation.likelihood.refit import refit
 from idloop.physics import load_model
+
+from .conftest import record_of
 
 
 def candidate(effect: str, testable: str, why: str) -> Candidate:
@@ -45,3 +51,19 @@ def test_the_stricter_verdict_stands(first: str, second: str, both: str):
     found = ladder(first, *BALANCE).merged_with(ladder(second, *PREDICTIONS))
     assert found.verdict == both
     assert found.untestable == ()
+
+
+@pytest.mark.parametrize("torque", [0.0, 0.05])
+def test_what_the_balance_named_and_precise_predictions_do_not_see_is_no_step(torque: float) -> None:
+    plain = load_model("axis")
+    machine = plain.with_effects([f"load_torque@axis(torque={torque})"])
+    record = record_of(machine, 4)
+    named = plain.with_effects(["load_torque@axis(torque=0.05)"])
+    named = named.with_values({}, {"load_torque@axis.torque": 0.01})  # standard error of the balance
+    candidate = Candidate("load_torque", "axis", "yes", "", "")
+    ladder = Ladder((Step(None, plain), Step(candidate, named)), criterion="force")
+    task = _Refinement(plain, [record], (), Options(), 8, None)
+    estimation = prepare_estimation(named, [record], "prediction")
+    found, fit = task._without_unseen(ladder, estimation, refit(estimation, named))
+    assert bool(found.added) is bool(torque)
+    assert fit.model.effect_names == found.added

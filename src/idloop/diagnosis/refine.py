@@ -42,6 +42,8 @@ from idloop.records import Record
 
 # Other parameters compensate for an effect that was not missing: the unexplained force grows by a tenth or more.
 _WORSE = 1.1
+# Standard errors from its neutral value within which the strength of an effect may be zero.
+_CERTAIN = 2.0
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
@@ -189,16 +191,38 @@ class _Refinement:
         # Where a disturbance absorbs a part of the force, predictions show no more than the balance.
         if fit is None or (self._worse(ladder.model, fit.model) if ladder.added else last.contradicts(fit.model)):
             return ladder
+        agrees = not (last.model_error_dominates or last.contradicts(fit.model))
+        if agrees:
+            ladder, fit = self._without_unseen(ladder, view.estimation, fit)
+            ladder = self._as_predicted(ladder, -1, fit)
         # Predictions would take for noise what the balance leaves beyond its noise: they evaluate only what the balance
         # cannot show. Where they need no whitening they are the more sensitive view.
         balanced = last.reliable and any(fit.problem.orders)
         view = view.beside(ladder.model, balanced=balanced)
         if view.choices(ladder.model) == []:
             return ladder
-        agrees = not (last.model_error_dominates or last.contradicts(fit.model))
-        ladder = self._as_predicted(ladder, -1, fit if agrees else None)
         more, _ = replace(self._climb(view, PREDICTION), worse=self._worse)(fit, ladder)
         return ladder.merged_with(more) if balanced and more.added == ladder.added else more
+
+    def _without_unseen(self, ladder: Ladder, estimation: EstimationProblem, fit: Refit) -> tuple[Ladder, Refit]:
+        """The ladder without effects that predictions, more precise than the balance, do not see."""
+        found = {step.added.name for step in ladder.steps if step.added is not None and step.chosen_by == "diagnosis"}
+        predicted = {one.name: one for one in fit.with_stderr().parameters}
+        balanced = {one.name: one for one in ladder.model.parameters}
+        names = []
+        for active in ladder.model.effects:
+            strength = active.effect.strength
+            if active.name not in found or not strength:
+                continue
+            seen, before = predicted[f"{active.name}.{strength}"], balanced[f"{active.name}.{strength}"]
+            error, moved = seen.stderr or math.inf, abs(seen.value - active.effect.spec(strength).neutral)
+            if error < (before.stderr or 0.0) and moved < _CERTAIN * error:
+                names.append(active.name)
+        without = refit_or_none(estimation, fit.model.without_effects(names), None, fit) if names else None
+        if without is None or self._worse(ladder.model, without.model):
+            return ladder, fit
+        left = tuple(one for one in ladder.steps if one.added is None or one.added.name not in names)
+        return replace(ladder, steps=left), without
 
     def _climb(self, view: View[FitT], criterion: str) -> Climb[FitT]:
         options = self.options
