@@ -55,6 +55,9 @@ NAMES = {
     "MOTORSTROM": (("motor", "strom"), "", ""),
     "Versorgungsspannung": (("versorgung", "spannung"), "", ""),
     "Winkelbeschleunigung": (("winkelbeschleunigung",), "", ""),
+    "Posición medida": (("posicion", "medida"), "", ""),
+    "Vitesse mesurée [tr/min]": (("vitesse", "mesuree"), "rpm", ""),
+    "Führungsgröße": (("führungsgröße",), "", ""),
 }
 
 

@@ -97,6 +97,22 @@ LOGS = {
             "reference velocity": ("Drehzahlsollwert", "rad/s"),
         },
     ),
+    "set-points in French": (
+        {"Temps": T, "Consigne position": ANGLE + 0.1, "Position mesurée": ANGLE, "Consigne courant": U},
+        {
+            "command": ("Consigne courant", "A"),
+            "position": ("Position mesurée", "rad"),
+            "reference": ("Consigne position", "rad"),
+        },
+    ),
+    "set-points in Spanish": (
+        {"Tiempo": T, "Velocidad consigna": SPEED + 0.1, "Velocidad medida": SPEED, "Corriente consigna": U},
+        {
+            "command": ("Corriente consigna", "A"),
+            "velocity": ("Velocidad medida", "rad/s"),
+            "reference velocity": ("Velocidad consigna", "rad/s"),
+        },
+    ),
     "the letters of a cascade": (
         {"Zeit_ms": 1e3 * T, "M_soll_%": U, "M_ist_%": 0.9 * U, "n_soll_1/min": 0 * T, "n_ist_1/min": SPEED * 30 / pi},
         {"command": ("M_soll_%", "%"), "velocity": ("n_ist_1/min", "rpm"), "effort": ("M_ist_%", "%")},

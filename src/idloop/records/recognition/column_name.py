@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from unicodedata import normalize
 
 from idloop.records.recognition.unit_behind_name import is_in_volts, is_unit_behind
 from idloop.records.tables.base_units import known_unit
@@ -17,17 +18,19 @@ _INDEX = re.compile(r"\d+")
 WANTED = frozenset({
     "ref", "reference", "target", "goal", "setpoint", "desired", "des", "soll", "sollwert", "sp", "demand", "demanded",
     "command", "commands", "commanded", "cmd", "planned", "desire", "setp", "request", "requested",
+    "vorgabe", "führungsgröße", "consigne", "consigna", "referencia", "riferimento", "börvärde", "gewenst",
 })  # fmt: skip
 MEASURED = frozenset({
     "actual", "act", "meas", "measured", "measurement", "feedback", "fb", "ist", "istwert", "est", "estimate",
     "estimated", "present", "sensor", "filtered", "filt",
+    "messwert", "mesure", "mesuree", "medida", "medido", "misurata", "misurato", "ärvärde", "gemeten",
 })  # fmt: skip
 # A German compound: its last noun is the quantity, set-point or measured are said before or behind it.
 _COMPOUND = re.compile(
     r"(soll|ist)?(\w*?)(soll|ist)?"
     r"(geschwindigkeit|drehzahl|drehmoment|moment|kraft|strom|spannung|position|lage|winkel|weg|temperatur"
     r"|fehler|abweichung)"
-    r"(?:s|en)?(sollwert|istwert|soll|ist)?"
+    r"(?:s|en)?(sollwert|istwert|messwert|vorgabe|soll|ist)?"
 )
 
 
@@ -72,7 +75,7 @@ def parse_column_name(name: str, unit: str = "") -> ColumnName:
             index = inside
         else:
             found = found or known_unit(inside) or known_unit(inside.upper())
-    text = BRACKETS.sub(" ", text)
+    text = BRACKETS.sub(" ", _without_accents(text))
     behind = None if found else _BEHIND.search(text)
     if behind is not None and known_unit(behind[1]):
         found, text = known_unit(behind[1]), text[: behind.start()]
@@ -96,6 +99,11 @@ def unknown_unit(name: str) -> str:
     if any(known_unit(text) or known_unit(text.upper()) for text in inside):
         return ""
     return next((text for text in reversed(inside) if text and not _INDEX.fullmatch(text)), "")
+
+
+def _without_accents(text: str) -> str:
+    """A text with plain letters for those with accents, but for umlauts: posición, vitesse mesurée."""
+    return "".join(one if one in "äöüÄÖÜ" else normalize("NFD", one)[0] for one in normalize("NFC", text))
 
 
 def _parts(word: str) -> list[str]:

@@ -20,7 +20,7 @@ from idloop.records.formats.known_columns import recognise as known_drive
 from idloop.records.inspection.motion import white_noise
 from idloop.records.recognition.column_name import WANTED, ColumnName, parse_column_name, unknown_unit
 from idloop.records.recognition.guess import Given, Guess
-from idloop.records.recognition.roles import BY_UNIT, RoleByName, may_be_measured, may_be_supply, role_by_name
+from idloop.records.recognition.roles import BY_UNIT, CURRENTS, RoleByName, may_be_measured, may_be_supply, role_by_name
 from idloop.records.recognition.signal_units import (
     find_decoding,
     find_wrap,
@@ -66,7 +66,7 @@ _COMMAND_WORDS = {"V", "mV", "A", "mA", "%"}
 # Names of units by the word that a column of the command has.
 _UNITS_OF_WORDS = (
     ({"voltage", "volt", "volts", "vin", "spannung"}, "V"),
-    ({"current", "i", "iq", "strom"}, "A"),
+    (CURRENTS, "A"),
     ({"torque", "tau", "moment", "drehmoment", "effort", "efforts"}, "N·m"),
     ({"force", "kraft"}, "N"),
 )

@@ -74,13 +74,13 @@ _COMMANDS = {
     "lbf·ft",
     "ozf·in",
 }
-_CURRENTS = {"current", "i", "iq", "strom", "corriente", "courant", "corrente"}
+CURRENTS = {"current", "i", "iq", "strom", "corriente", "courant", "corrente"}
 # Which of several columns is the command: what says so, then what acts first in the chain from command to force.
 _ORDER = (
     {"u", "input", "cmd", "command", "commands", "stellgroesse", "stellgröße"},
     {*_VOLTAGES, "v", "uq", "vq", "pwm", "duty", "dutycycle", "throttle", "motorpwm", "esc"},
     {"torque", "tau", "force", "effort", "efforts", "moment", "drehmoment", "kraft"},
-    _CURRENTS,
+    CURRENTS,
 )
 
 
@@ -153,7 +153,7 @@ def may_be_supply(name: ColumnName) -> bool:
 def may_be_measured(name: ColumnName) -> bool:
     """Whether a current is named and no command: ``motor_current``; that of a drive is measured as often as not."""
     words = set(name.words)
-    current = name.unit in ("A", "mA") or bool(_axes_joined(words) & _CURRENTS)
+    current = name.unit in ("A", "mA") or bool(_axes_joined(words) & CURRENTS)
     return current and not words & (WANTED | _ORDER[0] | {"output", "out", "pid"})
 
 
