@@ -36,6 +36,11 @@ NAMES = {
     "cmd_v": (("cmd", "v"), "", ""),
     "joint_v": (("joint", "v"), "", ""),
     "motor_v": (("motor", "v"), "", ""),
+    "motorcurrent": (("motor", "current"), "", ""),
+    "targetvel": (("target", "vel"), "", ""),
+    "positionref": (("position", "ref"), "", ""),
+    "motorPwm": (("motor", "pwm"), "", ""),
+    "overcurrent": (("overcurrent",), "", ""),
     # Input, motor and phase, but no inches, metres and amperes.
     "current_in": (("current", "in"), "", ""),
     "motor_in": (("motor", "in"), "", ""),

@@ -32,6 +32,13 @@ _COMPOUND = re.compile(
     r"|fehler|abweichung)"
     r"(?:s|en)?(sollwert|istwert|messwert|vorgabe|soll|ist)?"
 )
+# English words that are written as one.
+_SIDES = "actual|act|measured|desired|target|reference|ref|setpoint|command|commanded|cmd|feedback"
+_TOGETHER = re.compile(
+    rf"({_SIDES}|motor|joint|axis|shaft|wheel|rotor|servo)?"
+    r"(position|pos|angle|velocity|vel|speed|current|torque|voltage|effort|force|pwm)"
+    rf"({_SIDES})?"
+)
 
 
 @dataclass(frozen=True)
@@ -108,6 +115,8 @@ def _without_accents(text: str) -> str:
 
 def _parts(word: str) -> list[str]:
     """Words of a compound in small letters; the word itself where it is none."""
+    if match := _TOGETHER.fullmatch(word):
+        return [part for part in match.groups() if part]
     match = _COMPOUND.fullmatch(word)
     # An s joins the words: versorgungs-spannung.
     return [part.removesuffix("s") for part in match.groups() if part] if match else [word]

@@ -898,7 +898,7 @@ def _command_unit(command: Guess) -> Guess:
             f"{_without_unit(command)} and taken as {unit}: --command '{command.column}=UNIT'"
         )
     # A duty cycle has no unit, and of an unknown one only ratios of the parameters matter.
-    duty = bool(words & {"pwm", "duty", "dutycycle", "throttle", "motorpwm"})
+    duty = bool(words & {"pwm", "duty", "dutycycle", "throttle"})
     text = "" if duty else f"the unit of the command is not known: --command '{command.column}=UNIT'"
     found = replace(command, unit="-")
     return found.with_doubt(text) if text else found

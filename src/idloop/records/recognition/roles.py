@@ -19,7 +19,7 @@ _FORCES = {
     "u", "voltage", "volt", "volts", "pwm", "duty", "dutycycle", "throttle", "effort", "efforts", "torque", "tau",
     "force", "current", "i", "iq", "uq", "vq", "vin", "spannung", "strom", "moment", "drehmoment", "kraft",
     "stellgroesse", "stellgröße", "input", "output", "out", "pid", "tension", "corriente", "courant", "corrente",
-    "couple", "drive", "load", "motorpwm", "esc", "power", "signal", "servo", "pulse", "pulsewidth",
+    "couple", "drive", "load", "esc", "power", "signal", "servo", "pulse", "pulsewidth",
 }  # fmt: skip
 _POSITIONS = {
     "position", "positions", "pos", "angle", "theta", "q", "phi", "enc", "encoder", "count", "counts", "ticks", "tick",
@@ -78,7 +78,7 @@ CURRENTS = {"current", "i", "iq", "strom", "corriente", "courant", "corrente"}
 # Which of several columns is the command: what says so, then what acts first in the chain from command to force.
 _ORDER = (
     {"u", "input", "cmd", "command", "commands", "stellgroesse", "stellgröße"},
-    {*_VOLTAGES, "v", "uq", "vq", "pwm", "duty", "dutycycle", "throttle", "motorpwm", "esc"},
+    {*_VOLTAGES, "v", "uq", "vq", "pwm", "duty", "dutycycle", "throttle", "esc"},
     {"torque", "tau", "force", "effort", "efforts", "moment", "drehmoment", "kraft"},
     CURRENTS,
 )

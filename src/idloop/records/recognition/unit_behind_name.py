@@ -12,7 +12,7 @@ _UNITS_OF_WORDS: tuple[tuple[set[str], set[str]], ...] = (
     ({"force", "kraft", "tension"}, {"N"}),
     ({"torque", "tau", "moment", "drehmoment", "couple"}, set()),
     ({"u", "effort", "efforts", "stellgroesse", "stellgröße"}, {"V", "A", "N"}),
-    ({"pwm", "duty", "dutycycle", "motorpwm", "throttle", "pulse", "pulsewidth"}, _TIMES),
+    ({"pwm", "duty", "dutycycle", "throttle", "pulse", "pulsewidth"}, _TIMES),
     (
         {
             "theta", "phi", "alpha", "beta", "angle", "winkel", "angulo", "angolo", "omega", "w", "rpm", "erpm", "rps",
