@@ -498,3 +498,20 @@ def test_a_record_with_a_dead_sensor_is_to_be_left_out(record, tmp_path):
     assert "dead: axis.position stays at 1.2 while" in begun.not_fitted
     assert begun.not_fitted.endswith("; leave dead out, as the last command below does")
     assert begun.commands[-1].endswith(f"fit {tmp_path}/begun/model.yaml {tmp_path}/begun/bags/good")
+
+
+def test_a_record_with_a_dead_sensor_and_a_held_command_is_to_be_left_out(tmp_path):
+    t = np.arange(0.0, 3.0, 0.01)
+    settled = 1.0 - np.exp(-5.0 * t)
+    noise = np.random.default_rng(0).normal(size=(2, t.size)) * 1e-3
+    logs = []
+    for u in (-2.0, 1.0, 3.0):
+        angle, speed = 40.0 * u * (t - 0.2 * settled) + noise[0], 40.0 * u * settled + noise[1]
+        if u == 1.0:
+            # Alone, a constant command is what is wrong with it: the motion begins later.
+            angle, speed = 0.0 * angle, np.where(t < 0.2, noise[1], np.roll(speed, 20))
+        logs.append(_write(tmp_path / f"held{len(logs)}.csv", "t,torque,angle,speed", t, 0 * t + u, angle, speed))
+    begun = idloop.start(logs, tmp_path / "begun")
+    assert begun.fit is None
+    assert begun.not_fitted.endswith("; leave held1 out, as the last command below does")
+    assert begun.commands[-1].endswith("bags/held0 " + str(tmp_path / "begun/bags/held2"))

@@ -122,7 +122,7 @@ def first_fit(
         try:
             records = read_bags(long, model)  # refuses what no fit can use
         except InputError as error:
-            if not (sound := _sound(long, model, str(error))):
+            if not (sound := _sound(long, model)):
                 raise
             why = f"{error}{left_out(long, sound)}"
             return FirstFit(model, why_not=why, asked=fitted, apart=(sound,), notes=notes)
@@ -142,18 +142,19 @@ def left_out(bags: Sequence[Path], sound: Sequence[Path]) -> str:
     return f"; leave {joined_names(names)} out, as the last command below does" if sound else ""
 
 
-def _sound(bags: Sequence[Path], model: Model, why: str) -> tuple[Path, ...]:
-    """The bags that can be read together without those that are refused alone for the same reason; none if none is."""
+def _sound(bags: Sequence[Path], model: Model) -> tuple[Path, ...]:
+    """The bags that can be fitted together without those that are refused alone; none where there are no such bags."""
     from idloop.api.data import read_bags
 
-    def refused(some: Sequence[Path]) -> str:
+    def refused(some: Sequence[Path], *, excited: bool = True) -> bool:
         try:
-            read_bags(some, model)
-        except InputError as error:
-            return str(error)
-        return ""
+            read_bags(some, model, excited=excited)
+        except InputError:
+            return True
+        return False
 
-    sound = tuple(bag for bag in bags if refused([bag]) != why)
+    # A command that is held through a bag may be another one in the next.
+    sound = tuple(bag for bag in bags if not refused([bag], excited=False))
     return sound if 0 < len(sound) < len(bags) and not refused(sound) else ()
 
 
