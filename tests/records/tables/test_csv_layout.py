@@ -182,6 +182,8 @@ def test_pairs_of_stamps_and_values(tmp_path):
     assert list(table.columns) == ["Angle Time [ms]", "Angle Value", "Voltage Time [ms]", "Voltage Value"]
     assert table.clocks == {}  # the stamps are the same
     assert table.units["Angle Time [ms]"] == "ms"
+    table = _read(tmp_path, "# t,u,t,y\n0,1,0.5,2\n1,2,1.5,3\n")
+    assert table.clocks == {"u": "t", "y": "t (2)"}
 
 
 CELLS = {

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-import numpy as np
-
 from idloop.documents import MOST_TABLE
 from idloop.errors import InputError
 from idloop.records.formats.form import Form, Options, text_of
 from idloop.records.formats.text_table import read_text_table
 from idloop.records.tables.csv_layout import is_number
+from idloop.records.tables.paired_columns import cut_at_ends
 from idloop.records.tables.table import Table
 
 _DELIMITERS = (";", "\t", ",")
@@ -50,16 +49,11 @@ def read_twincat(path: Path, options: Options) -> Table:
     table.columns = {}
     for name, stamps, values in zip(names, columns[::2], columns[1::2], strict=True):
         clock = f"{name}.time"
-        # A channel that is sampled less often ends before the others.
-        known = np.isfinite(stamps) if isinstance(stamps, np.ndarray) else np.ones(len(stamps), dtype=bool)
-        table.columns |= {name: _rows(values, known), clock: _rows(stamps, known)}
+        table.columns |= {name: values, clock: stamps}
         table.clocks[name], table.units[clock] = clock, "ms"
+    cut_at_ends(table.columns, table.clocks)
     table.units |= {name: unit for name, unit in zip(names, keys.get(_UNIT, []), strict=False) if unit}
     return table
-
-
-def _rows(column: object, known: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> object:
-    return column[known] if isinstance(column, np.ndarray) else column
 
 
 def _is_row(line: str) -> bool:

@@ -7,7 +7,7 @@ import csv
 import itertools
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TextIO, TypeAlias
@@ -30,6 +30,7 @@ from idloop.records.tables.csv_layout import (
     is_number,
     repeated,
 )
+from idloop.records.tables.paired_columns import are_alike, clocks_of, cut_at_ends, numbered
 from idloop.spelling import listed
 
 # Consecutive cells of one column: numbers, or texts where one of them is no number.
@@ -86,19 +87,6 @@ class CsvTable:
     cut_rows: list[int] = field(default_factory=list)
     ends_within: bool = False
     clocks: dict[str, str] = field(default_factory=dict)
-
-    def set_clocks(self, clocks: Mapping[str, str]) -> None:
-        """Keep which column holds the stamps of each, where they are not the same for all."""
-        stamps = [self.columns[clock] for clock in dict.fromkeys(clocks.values())]
-        if all(_equal(stamps[0], other) for other in stamps[1:]):
-            return
-        self.clocks = dict(clocks)
-        for clock in set(clocks.values()):
-            # A column that was read less often ends before the others.
-            known = _known(self.columns[clock])
-            for name in (clock, *(name for name, own in clocks.items() if own == clock)):
-                column = self.columns[name]
-                self.columns[name] = column[known] if isinstance(column, np.ndarray) else _at(column, known)
 
     @property
     def skipped(self) -> bool:
@@ -180,9 +168,10 @@ def _read(path: Path, stream: TextIO, options: dict[str, Any], found: CsvTable, 
     table.check_lengths(width, layout.delimiter)
     names = [cell.strip() or str(index) for index, cell in enumerate(names)] or list(map(str, range(width)))
     names = names[:width]
-    clocks = _clocks((layout.own_names or names)[:width])
+    own_names = layout.own_names or names
+    clocks = clocks_of(own_names[:width])
     if clocks:
-        names = _numbered(names)
+        names = numbered(names)
     if twice := repeated(names):
         raise InputError(f"{path}: column {twice[0]!r} occurs twice; rename one in the header")
     columns = table.columns[:width]
@@ -197,48 +186,12 @@ def _read(path: Path, stream: TextIO, options: dict[str, Any], found: CsvTable, 
         said = listed([f"{name} in {unit}" for name, unit in taken.items()], 12)
         found.notes.append(f"units are read from the cells: {said}")
     for clock in set(clocks.values()):
-        found.units.setdefault(names[clock], clock_unit((layout.own_names or layout.names)[clock]) or "")
-    found.set_clocks({names[place]: names[clock] for place, clock in clocks.items()})
-    return found
-
-
-def _equal(one: Any, other: Any) -> bool:
-    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
-        return np.array_equal(one, other, equal_nan=True)
-    return list(one) == list(other)
-
-
-def _known(column: Any) -> NDArray[np.bool_]:
-    """Which cells hold something."""
-    if isinstance(column, np.ndarray):
-        return np.isfinite(column)
-    return np.array([bool(str(cell).strip()) for cell in column])
-
-
-def _at(cells: list[Any], known: NDArray[np.bool_]) -> list[Any]:
-    return [cell for cell, good in zip(cells, known, strict=True) if good]
-
-
-def _clocks(names: Sequence[str]) -> dict[int, int]:
-    """Column with the stamps of each, by places: where several of one name hold stamps, the last one before it."""
-    stamps = [name for name in repeated(names) if clock_unit(name) is not None]
-    found: dict[int, int] = {}
-    clock = None
-    for place, name in enumerate(map(str.strip, names)):
-        if name in stamps:
-            clock = place
-        elif clock is not None:
-            found[place] = clock
-    return found
-
-
-def _numbered(names: Sequence[str]) -> Row:
-    """Names of which each but the first of its kind has its number behind it."""
-    before: Counter[str] = Counter()
-    found = []
-    for name in names:
-        before[name] += 1
-        found.append(f"{name} ({before[name]})" if before[name] > 1 else name)
+        found.units.setdefault(names[clock], clock_unit(own_names[clock]) or "")
+    if clocks:
+        own = {names[place]: names[clock] for place, clock in clocks.items()}
+        if not are_alike([found.columns[clock] for clock in dict.fromkeys(own.values())]):
+            found.clocks = own
+            cut_at_ends(found.columns, own)
     return found
 
 
