@@ -12,7 +12,7 @@ from idloop.diagnosis.candidate import Candidate, effect_parameters
 from idloop.diagnosis.diagnosis import candidate_of, findings_of_model
 from idloop.diagnosis.evidence.deciding_view import UNEXPLAINED, DecidingView, as_predicted, requested_force_fit
 from idloop.diagnosis.evidence.force_view import ForceView, fitted_model
-from idloop.diagnosis.evidence.prediction_view import PredictionView, delay_or_lag
+from idloop.diagnosis.evidence.prediction_view import CERTAIN, PredictionView, delay_or_lag
 from idloop.diagnosis.evidence.quantisation import quantised_outputs
 from idloop.diagnosis.ladder import Ladder, Step
 from idloop.diagnosis.model_errors import model_errors
@@ -42,8 +42,6 @@ from idloop.records import Record
 
 # Other parameters compensate for an effect that was not missing: the unexplained force grows by a tenth or more.
 _WORSE = 1.1
-# Standard errors from its neutral value within which the strength of an effect may be zero.
-_CERTAIN = 2.0
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
@@ -216,7 +214,7 @@ class _Refinement:
                 continue
             seen, before = predicted[f"{active.name}.{strength}"], balanced[f"{active.name}.{strength}"]
             error, moved = seen.stderr or math.inf, abs(seen.value - active.effect.spec(strength).neutral)
-            if error < (before.stderr or 0.0) and moved < _CERTAIN * error:
+            if error < (before.stderr or 0.0) and moved < CERTAIN * error:
                 names.append(active.name)
         without = refit_or_none(estimation, fit.model.without_effects(names), None, fit) if names else None
         if without is None or self._worse(ladder.model, without.model):

@@ -15,6 +15,7 @@ from idloop.diagnosis.evidence.prediction_view import (
     _may_become_significant,
     bound_reached,
     earlier_command,
+    undetermined_strength,
 )
 from idloop.diagnosis.options import Options
 from idloop.diagnosis.screening.command_response import CommandResponse
@@ -69,6 +70,15 @@ def test_the_strength_of_an_effect_is_what_it_has_beyond_a_simpler_one(ratio: fl
     model = load_model("axis").with_effects(["coulomb_friction@axis(level=0.1)"])
     (proposal,) = proposals(model, ["asymmetric_friction"])
     assert bool(bound_reached(proposal.model({"level": 0.1, "ratio": ratio}), proposal)) is reported
+
+
+@pytest.mark.parametrize(("offset", "error", "refused"), [(-3.7, 8.5, True), (0.02, 0.001, False)])
+def test_a_strength_that_may_as_well_be_none_is_not_named(offset: float, error: float, refused: bool) -> None:
+    (proposal,) = proposals(load_model("axis"), ["sensor_offset@position[axis]"])
+    name = f"{proposal.name}.offset"
+    fit: Any = SimpleNamespace(with_stderr=lambda: proposal.model({"offset": offset}).with_values({}, {name: error}))
+    text = undetermined_strength(fit, proposal)
+    assert text == (f"its offset is not determined: {offset} with a standard error of {error}" if refused else "")
 
 
 @pytest.mark.parametrize("share", [0.0, 1.0])

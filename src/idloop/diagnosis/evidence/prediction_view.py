@@ -50,6 +50,8 @@ from idloop.validation.measures import NEGLIGIBLE
 
 # Below this part of the deviation the error of a free run counts as this: another integration method changes it.
 _LEAST_FREE_RUN_ERROR = 0.01
+# Standard errors from its neutral value within which the strength of an effect may be none.
+CERTAIN = 2.0
 # Accuracy of the shift of a command [samples], and rounds of the search at each.
 _SHIFT_STEP, _SHIFT_ROUNDS = 0.001, 2
 # Effects, one or two, and the model that has them fitted.
@@ -275,7 +277,7 @@ class PredictionView(View[Refit]):
     def _rejection(self, step: PredictionStep, proposal: Proposal, fit: Refit, responds: bool) -> str:
         """Why a significant effect is not named; empty where it is."""
         model, effect = fit.model, proposal.effect
-        if why := bound_reached(model, proposal):
+        if why := bound_reached(model, proposal) or undetermined_strength(fit, proposal):
             return why
         if proposal.replaces is None and (effect.site == OUTPUT or effect.hidden_by_start):
             without = model.without_effect(proposal.name)
@@ -456,6 +458,22 @@ def bound_reached(model: Model, proposal: Proposal) -> str:
             if math.isfinite(way) and way > 0.0 and abs(model.values[key] - bound) <= 1e-3 * way:
                 return f"its {spec.name} ended at the bound of what makes sense, {bound:g}"
     return ""
+
+
+def undetermined_strength(fit: Refit, proposal: Proposal) -> str:
+    """Say that the strength of a fitted effect may as well be none; empty where it may not.
+
+    The evidence for it is then something else's: another effect takes its place, such as the phase of a wave that of an
+    offset.
+    """
+    strength = proposal.effect.strength
+    if not strength or proposal.replaces is not None:
+        return ""
+    found = next(one for one in fit.with_stderr().parameters if one.name == f"{proposal.name}.{strength}")
+    distance = abs(found.value - proposal.effect.spec(strength).neutral)
+    if found.stderr is None or distance > CERTAIN * found.stderr:
+        return ""
+    return f"its {strength} is not determined: {found.value:.3g} with a standard error of {found.stderr:.3g}"
 
 
 def _best_of_each(found: Sequence[Confirmed]) -> list[Confirmed]:
