@@ -515,3 +515,11 @@ def test_a_record_with_a_dead_sensor_and_a_held_command_is_to_be_left_out(tmp_pa
     assert begun.fit is None
     assert begun.not_fitted.endswith("; leave held1 out, as the last command below does")
     assert begun.commands[-1].endswith("bags/held0 " + str(tmp_path / "begun/bags/held2"))
+
+
+def test_a_file_that_cannot_be_read_beside_others_is_to_be_left_out(record, tmp_path):
+    c = _columns(record)
+    good = _write(tmp_path / "good.csv", "t,u,q", c["t"], c["u"], c["q"])
+    (tmp_path / "empty.csv").write_text("")
+    with pytest.raises(InputError, match=f"leave empty.csv out, with the options as they are: idloop start {good}$"):
+        recognise([tmp_path / "empty.csv", good])

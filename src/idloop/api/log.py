@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from idloop.records.recognition.time_base import TimeBase
     from idloop.records.tables.table import Table as Columns
 
+_Read = TypeVar("_Read")
 _TURNED = re.compile(r"-(\w+|`[^`]*`)")
 _SHORTEST_NAME = 2  # letters that several names must have in common to give one
 # A time starts again at each run, and may stand where stamps are rounded.
@@ -187,7 +188,7 @@ def recognise(
     if any(is_bag(path) for path in paths):
         return _of_bags(paths, given or {})
     options = {"skip_text": True, **(csv or {})}
-    tables = [read_table(path, options=options) for path in paths]
+    tables = _each([partial(read_table, path, options=options) for path in paths], paths)
     said = _given(given or {}, [name for table in tables for name in table.columns])
     if "time" in said:
         for table in tables:
@@ -257,12 +258,12 @@ def _check_time(table: Columns, column: str) -> None:
 # ---------------------------------------------------------------- several files
 
 
-def _each(recognisers: Sequence[Callable[[], Recognition]], paths: Sequence[Path]) -> list[Recognition]:
-    """Recognise every file; a refusal of some of them says how to go on with the others."""
+def _each(readers: Sequence[Callable[[], _Read]], paths: Sequence[Path]) -> list[_Read]:
+    """Read or recognise every file; a refusal of some of them says how to go on with the others."""
     found, errors = [], {}
-    for path, recogniser in zip(paths, recognisers, strict=True):
+    for path, reader in zip(paths, readers, strict=True):
         try:
-            found.append(recogniser())
+            found.append(reader())
         except InputError as error:
             errors[path] = error
     if not errors:
@@ -399,17 +400,19 @@ def _apart(bases: Mapping[str, TimeBase]) -> Iterator[str]:
 
 def _of_bags(paths: tuple[Path, ...], given: Mapping[str, str]) -> Log:
     """Recognise the topics of bags, each a record."""
+    found = _each([partial(_of_bag, path, given) for path in paths], paths)
+    return Log(paths, tuple(found), between=tuple(_read_otherwise(found)))
+
+
+def _of_bag(path: Path, given: Mapping[str, str]) -> Recognition:
     from idloop.records.recognition.bag_table import bag_table
     from idloop.records.recognition.recognise import recognise_table
 
-    found = []
-    for path in paths:
-        read = bag_table(path)
-        said = _given(given, list(read.table.columns))
-        one = recognise_table(read.table, said, sources=read.sources, joints=read.joints)
-        one = replace(one, definitions=read.definitions)
-        found.append(_by_receipt(one) if read.received else one)
-    return Log(paths, tuple(found), between=tuple(_read_otherwise(found)))
+    read = bag_table(path)
+    said = _given(given, list(read.table.columns))
+    one = recognise_table(read.table, said, sources=read.sources, joints=read.joints)
+    one = replace(one, definitions=read.definitions)
+    return _by_receipt(one) if read.received else one
 
 
 def _by_receipt(found: Recognition) -> Recognition:
