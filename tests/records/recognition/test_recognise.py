@@ -113,6 +113,15 @@ LOGS = {
             "reference velocity": ("Velocidad consigna", "rad/s"),
         },
     ),
+    "set and actual in brackets": (
+        {"t": T, "Speed (set) [rad/s]": SPEED + 0.1, "Speed (actual) [rad/s]": SPEED, "set current": U, "current": U},
+        {
+            "command": ("set current", "A"),
+            "velocity": ("Speed (actual) [rad/s]", "rad/s"),
+            "effort": ("current", "A"),
+            "reference velocity": ("Speed (set) [rad/s]", "rad/s"),
+        },
+    ),
     "the letters of a cascade": (
         {"Zeit_ms": 1e3 * T, "M_soll_%": U, "M_ist_%": 0.9 * U, "n_soll_1/min": 0 * T, "n_ist_1/min": SPEED * 30 / pi},
         {"command": ("M_soll_%", "%"), "velocity": ("n_ist_1/min", "rpm"), "effort": ("M_ist_%", "%")},

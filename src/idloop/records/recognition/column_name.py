@@ -17,7 +17,7 @@ _INDEX = re.compile(r"\d+")
 # What was wanted, and what was measured of it.
 WANTED = frozenset({
     "ref", "reference", "target", "goal", "setpoint", "desired", "des", "soll", "sollwert", "sp", "demand", "demanded",
-    "command", "commands", "commanded", "cmd", "planned", "desire", "setp", "request", "requested",
+    "command", "commands", "commanded", "cmd", "planned", "desire", "setp", "request", "requested", "set",
     "vorgabe", "führungsgröße", "consigne", "consigna", "referencia", "riferimento", "börvärde", "gewenst",
 })  # fmt: skip
 MEASURED = frozenset({
@@ -33,7 +33,7 @@ _COMPOUND = re.compile(
     r"(?:s|en)?(sollwert|istwert|messwert|vorgabe|soll|ist)?"
 )
 # English words that are written as one.
-_SIDES = "actual|act|measured|desired|target|reference|ref|setpoint|command|commanded|cmd|feedback"
+_SIDES = "actual|act|measured|desired|target|reference|ref|setpoint|command|commanded|cmd|feedback|set"
 _TOGETHER = re.compile(
     rf"({_SIDES}|motor|joint|axis|shaft|wheel|rotor|servo)?"
     r"(position|pos|angle|velocity|vel|speed|current|torque|voltage|effort|force|pwm)"
@@ -82,7 +82,7 @@ def parse_column_name(name: str, unit: str = "") -> ColumnName:
             index = inside
         else:
             found = found or known_unit(inside) or known_unit(inside.upper())
-    text = BRACKETS.sub(" ", _without_accents(text))
+    text = BRACKETS.sub(lambda match: f" {match[1]} " if _says_which(match[1]) else " ", _without_accents(text))
     behind = None if found else _BEHIND.search(text)
     if behind is not None and known_unit(behind[1]):
         found, text = known_unit(behind[1]), text[: behind.start()]
@@ -90,7 +90,9 @@ def parse_column_name(name: str, unit: str = "") -> ColumnName:
     path = re.split(r"[/.]", text.strip("/. "))
     text = " ".join(path[-2:]) if len(path) > 1 else path[0]
     words = [word for word in _WORD.findall(text) if word]
-    if not found:
+    if text.rstrip().endswith("*"):
+        words.append("setpoint")  # as i_q* in the literature on drives
+    elif not found:
         found, words = _unit_of_last_words(words)
     numbers = [word for word in words if word.isdigit()]
     plain = [word for word in words if not word.isdigit()]
@@ -105,7 +107,13 @@ def unknown_unit(name: str) -> str:
     inside = [match[1].strip() for match in BRACKETS.finditer(name)]
     if any(known_unit(text) or known_unit(text.upper()) for text in inside):
         return ""
-    return next((text for text in reversed(inside) if text and not _INDEX.fullmatch(text)), "")
+    open_ = (text for text in reversed(inside) if text and not _INDEX.fullmatch(text) and not _says_which(text))
+    return next(open_, "")
+
+
+def _says_which(inside: str) -> bool:
+    """Whether brackets hold what was wanted or measured: Speed (actual) [rpm]."""
+    return not (WANTED | MEASURED).isdisjoint(map(str.lower, _WORD.findall(inside)))
 
 
 def _without_accents(text: str) -> str:
