@@ -55,6 +55,13 @@ def test_what_is_given_counts():
         _base({"a": K}, Given("a", "rad"))
 
 
+def test_dates_that_the_file_gives_to_its_signals():
+    dates = [f"2024-01-01T00:00:{0.1 * k:06.3f}" for k in range(200)]
+    base = base_of_clock(Table("log.csv", {"t": dates}), "t", "", "")
+    assert (base.time.column, base.time.unit) == ("t", "iso8601")
+    np.testing.assert_allclose(np.diff(base.seconds), 0.1, atol=1e-6)
+
+
 def test_a_column_without_a_name_that_rises_evenly_is_a_doubtful_time():
     base = _base({"0": np.sin(K), "1": 0.01 * K})
     assert base.time.column == "1"

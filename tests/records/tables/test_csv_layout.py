@@ -173,6 +173,11 @@ def test_names_that_are_alike_are_told_apart_by_their_groups(tmp_path, name):
     assert not table.preamble
 
 
+def test_units_are_no_groups(tmp_path):
+    with pytest.raises(InputError, match="'Set' occurs twice"):
+        _read(tmp_path, "Time;Speed;;Torque;\ns;rpm;;Nm;\n;Set;Act;Set;Act\n0;1;2;3;4\n1;1;2;3;4\n")
+
+
 def test_pairs_of_stamps_and_values(tmp_path):
     table = _read(tmp_path, "Time,Value,Time,Value,,\n0,1,0.5,2,,\n1,2,1.5,3,,\n2,3,,,,\n")
     assert table.clocks == {"Value": "Time", "Value (2)": "Time (2)"}

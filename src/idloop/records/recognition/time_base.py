@@ -176,7 +176,10 @@ def base_of_clock(table: Table, name: str, said: str, given: str) -> TimeBase:
     InputError
         What is given is no unit of time.
     """
-    value, reason = table.numbers(name), "the file has stamps for every signal"
+    reason = "the file has stamps for every signal"
+    if any(isinstance(cell, str) for cell in table.raw(name)[:1]):
+        return _of_column(table, {}, name, "", reason)
+    value = table.numbers(name)
     if given and known_unit(given) not in SECONDS:
         raise InputError(f"{table.path}: --time ={given}: not a unit of time; known are {', '.join(SECONDS)}")
     unit, doubt = known_unit(given) or said, ""

@@ -137,7 +137,8 @@ def find_layout(lines: Sequence[str], *, delimiter: str | None = None, header: b
     if repeated(names) and not units and _are_units(names):
         # Volt, Volt: the columns have units and no names.
         return Layout(chosen, head, [], (names,), width)
-    if head and repeated(names) and (found := _in_groups(rows[head - 1], names)):
+    groups = rows[head - 1] if head and not _are_units(rows[head - 1]) else []
+    if groups and repeated(names) and (found := _in_groups(groups, names)):
         return Layout(chosen, head, found, tuple(units), width, names)
     below = units[0] if units and not _are_units(units[0]) else []
     gaps = any(cell.strip() and not name.strip() for cell, name in zip(below, names, strict=False))

@@ -63,10 +63,10 @@ def _values(numbers: dict[str, np.ndarray], column: str) -> np.ndarray | None:
 
 
 def _stamps(found: Recognition, column: str, count: int) -> np.ndarray:
-    from idloop.records.tables.base_units import SECONDS
+    from idloop.records.recognition.time_base import base_of_clock
 
     clock = found.clocks.get(column)
     if clock is not None and clock.column is not None:
-        return found.table.numbers(clock.column) * SECONDS.get(clock.unit, 1.0)
+        return base_of_clock(found.table, str(clock.column), clock.unit, "").seconds
     seconds = found.base.seconds
     return seconds if seconds.size == count else np.arange(count, dtype=np.float64)
