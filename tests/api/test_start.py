@@ -523,3 +523,22 @@ def test_a_file_that_cannot_be_read_beside_others_is_to_be_left_out(record, tmp_
     (tmp_path / "empty.csv").write_text("")
     with pytest.raises(InputError, match=f"leave empty.csv out, with the options as they are: idloop start {good}$"):
         recognise([tmp_path / "empty.csv", good])
+
+
+def test_a_command_without_its_sign_is_answered_with_the_formula_that_gives_it(record, tmp_path):
+    c = _columns(record)
+    log = _write(tmp_path / "log.csv", "t,torque,q,high", c["t"], np.abs(c["u"]), c["q"], np.sign(c["u"]))
+    begun = idloop.start(log, tmp_path / "begun", {"command": "torque"})
+    assert "run again with --command 'torque * sign(COLUMN)=N·m'" in begun.summary()
+    again = idloop.start(log, tmp_path / "again", {"command": "torque * sign(high)=N·m"})
+    assert again.fit is not None
+
+
+def test_a_doubt_that_is_answered_in_the_mapping_names_it(record, tmp_path):
+    c = _columns(record)
+    head = "ms_today,input_voltage,temp_mos_max,current_motor,current_in,erpm,duty_cycle"
+    steady = [0.0 * c["t"] + value for value in (24.0, 30.0)]
+    columns = (1e3 * c["t"], *steady, c["u"], c["u"], c["w"] * 30 / np.pi, c["u"])
+    begun = idloop.start(_write(tmp_path / "log.csv", head, *columns), tmp_path / "begun", fitted=False)
+    assert any("set its `scale:` in the mapping to 1 divided by their number" in one for one in begun.log.doubts)
+    assert f"the mapping is {tmp_path}/begun/mapping.yaml: change it there" in begun.summary()

@@ -134,9 +134,16 @@ class Log:
     @property
     def turned_command(self) -> str:
         """The option that turns the sign of the command; empty where there is none."""
+        return self._command(self.turned_column) if self.turned_column else ""
+
+    @property
+    def signed_command(self) -> str:
+        """The option that gives the command the sign of a column; empty where there is none."""
+        return self._command(f"{self.turned_column.removeprefix('-')} * sign(COLUMN)") if self.turned_column else ""
+
+    def _command(self, formula: str) -> str:
         one = self.recognition.of("command")
-        unit = f"={one.unit}" if one is not None and one.unit else ""
-        return f"--command '{self.turned_column}{unit}'" if self.turned_column else ""
+        return f"--command '{formula}{f'={one.unit}' if one is not None and one.unit else ''}'"
 
     def blocks(self) -> Iterator[Block]:
         """Yield a table of what each column is taken for, and what is uncertain."""

@@ -31,7 +31,7 @@ __all__ = ["Log", "Start", "begin", "recognise", "start"]
 
 MAPPING, MODEL, FITTED, PICTURE, BAGS = "mapping.yaml", "model.yaml", "fitted.yaml", "log.png", "bags"
 _OF_MAPPING = ("mapping", "`rows:`")  # words of a cure that is a key of the mapping
-_TURNED = "turned_command"  # the fault whose cure is an option
+_TURNED, _SIGN_LOST = "turned_command", "sign_lost"  # the faults whose cure is an option
 
 
 @dataclass(frozen=True)
@@ -133,8 +133,11 @@ class Start(Result):
             yield f"not fitted: {self.not_fitted}"
         if self.done.reversed and (flag := self.log.turned_command):
             yield f"run again with {flag} and another --output"
+        lost = any(fault.kind == _SIGN_LOST for one in self.inspections for fault in one.faults)
+        if lost and (flag := self.log.signed_command):
+            yield f"where a column has the sign, such as that of a direction pin, run again with {flag}"
         yield ""
-        if any(word in line for word in _OF_MAPPING for line in said):
+        if any(word in line for word in _OF_MAPPING for line in (*said, *self.log.doubts)):
             yield f"the mapping is {self.folder / MAPPING}: change it there, then {self._import_again()}"
         yield f"written: {self.folder}/ ({MAPPING}, {MODEL}, {BAGS}, {PICTURE}{', ' + FITTED if self.fit else ''})"
         if commands := self.commands:

@@ -530,3 +530,27 @@ def test_the_flicker_of_a_coarse_sensor_is_no_command():
 def test_the_slope_of_a_position_in_a_unit_is_no_command():
     with pytest.raises(InputError, match="no column is a command"):
         _roles({"t": T, "angle": ANGLE, "sig": SPEED * 30 / pi})
+
+
+def test_the_unit_of_a_condition_that_nothing_says_is_doubted():
+    columns = {"t [s]": T, "u [V]": U, "angle [deg]": ANGLE, "batteryVoltage": 7931.0 + 0 * T, "temp": 20.0 + T}
+    roles, found = _roles(columns)
+    assert (roles["supply"], roles["temperature"]) == (("batteryVoltage", ""), ("temp", ""))
+    doubts = found.all_doubts()
+    assert "the unit of the supply is not written down: --supply 'batteryVoltage=UNIT'" in doubts
+    assert "the unit of the temperature is not written down: --temperature 'temp=UNIT'" in doubts
+    given = {"supply": Given("batteryVoltage", "mV"), "temperature": Given("25", "")}
+    _, found = _roles(columns, given=given)
+    assert [one for one in found.all_doubts() if "not written down" in one] == [
+        "the unit of the temperature is not written down: --temperature '25=UNIT'"
+    ]
+
+
+@pytest.mark.parametrize(("column", "turned"), [("motor [A]", "-`motor [A]`"), ("a * 2", "-(a * 2)")])
+def test_a_sign_before_a_unit_is_answered_with_the_formula_that_turns_it(column, turned):
+    columns = {"t": T, "motor [A]": U, "a": U, "angle": ANGLE}
+    with pytest.raises(InputError) as refused:
+        _roles(columns, given={"command": Given(column, "-A")})
+    assert str(refused.value).endswith(f"--command '{turned}=A'")
+    roles, _ = _roles(columns, given={"command": Given(turned, "A")})
+    assert roles["command"] == (turned, "A")

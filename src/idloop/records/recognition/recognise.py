@@ -407,7 +407,8 @@ def _of_known_drive(columns: dict[str, _Column], sources: Map[str, Map[str, str]
         doubts = [f"{entry.role}: {entry.note}"] if entry.note else []
         if entry.divide_by:
             doubts.append(
-                f"{name!r} counts by {entry.divide_by}, taken as 1: divide `scale` in the mapping by their number"
+                f"{name!r} counts by {entry.divide_by}, taken as 1: set its `scale:` in the mapping to"
+                f" {entry.scale:.6g} divided by their number"
             )
         columns[name] = replace(
             column,
@@ -525,6 +526,10 @@ def _with_unit(guess: Guess, unit: str) -> Guess:
         options = {**guess.options, "scale": 2.0 * pi / float(counts)}
         target = "rad/s" if "velocity" in guess.role else "rad"
         return replace(guess, unit=target, options=options, reason=f"{guess.reason}; {counts} counts per turn as given")
+    if unit.startswith("-") and known_unit(unit[1:]) and guess.column:
+        column = f"({guess.column})" if "compute" in guess.options else _quoted(guess.column)
+        turned = f"-{column}={unit[1:]}"
+        raise InputError(f"{guess.role}: a unit has no sign, but a formula has: --{guess.role} '{turned}'")
     if known_unit(unit) in ("", "counts", *SECONDS):
         raise InputError(f"{guess.role}: unknown unit {unit!r}; of an encoder give =counts/N with N counts per turn")
     return replace(guess, unit=known_unit(unit))
@@ -881,6 +886,10 @@ def _units(base: TimeBase, chosen: dict[str, Guess], columns: dict[str, _Column]
             f"the size of a count is not known; one is taken as 1 rad: --velocity '{speed.column}=counts/N'"
         )
     _reference_units(chosen)
+    for role, one in chosen.items():
+        if not one.unit:
+            column = one.column or f"{one.options['value']:g}"
+            chosen[role] = one.with_doubt(f"{_without_unit(one)}: --{role} '{column}=UNIT'")
     return base
 
 
