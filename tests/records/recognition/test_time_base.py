@@ -55,6 +55,22 @@ def test_what_is_given_counts():
         _base({"a": K}, Given("a", "rad"))
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "period"),
+    [("Ts", 0.01, 0.01), ("config.dt", 0.002, 0.002), ("fs", 500.0, 0.002), ("config.action_hz", 50.0, 0.02),
+     ("sample_rate", 1000.0, 0.001)],
+)  # fmt: skip
+def test_a_period_or_a_rate_beside_the_columns(name, value, period):
+    base = _base({"u": np.sin(K)}, attributes={"gain": 3.0, name: value})
+    assert base.time.period == pytest.approx(period)
+    assert name in base.reason
+
+
+def test_a_period_deep_in_a_file_is_of_something_else():
+    with pytest.raises(InputError, match="no column is a time"):
+        _base({"u": np.sin(K)}, attributes={"model.report.Ts": 0.015, "pwm_freq": 20e3})
+
+
 def test_dates_that_the_file_gives_to_its_signals():
     dates = [f"2024-01-01T00:00:{0.1 * k:06.3f}" for k in range(200)]
     base = base_of_clock(Table("log.csv", {"t": dates}), "t", "", "")

@@ -24,7 +24,7 @@ _FEWEST_ROWS = 3
 
 
 def arrays_of_runs(name: str, value: Any, others: Mapping[str, Any]) -> list[str]:
-    """Return the arrays that each of several runs has, of one length in a run; empty where a list is none of runs.
+    """Return the arrays that each run has, of one length in a run; empty where a list is none of runs.
 
     Samples with vectors are more than the vectors are long, and all of theirs are of one length. Signals are named.
 
@@ -36,7 +36,7 @@ def arrays_of_runs(name: str, value: Any, others: Mapping[str, Any]) -> list[str
     others : mapping of str to object
         What stands beside the list: an array of their length belongs to all, as the stamps of several joints do.
     """
-    if not isinstance(value, list) or len(value) < 2 or not all(isinstance(run, Mapping) for run in value):
+    if not isinstance(value, list) or not value or not all(isinstance(run, Mapping) for run in value):
         return []
     lengths = [{key: len(one) for key, one in run.items() if _is_array(one)} for run in value]
     names = [key for key in lengths[0] if all(key in one for one in lengths)]
@@ -66,7 +66,8 @@ def table_of_runs(path: Path, runs: list[Mapping[str, Any]], names: list[str], o
     table = table_of_tree(path, {name: list(chain.from_iterable(run[name] for run in runs)) for name in names})
     table.begins = tuple(accumulate((len(run[names[0]]) for run in runs[:-1]), initial=0))
     table.attributes = table_of_tree(path, others).attributes
-    table.notes.append(f"it holds a list of {len(runs)} runs, each with {joined_names(names)}")
+    if len(runs) > 1:
+        table.notes.append(f"it holds a list of {len(runs)} runs, each with {joined_names(names)}")
     return table
 
 

@@ -40,8 +40,13 @@ _NEAR = 0.05  # of its range, in which a time starts again
 _SAME = 0.02  # difference of two periods that agree
 _BACKWARDS = "runs backwards: turn the order of the rows"
 _WAYS = "numbers nor times such as 10:03:29.5 or 2025-11-12T10:03:29.5"
-# Columns of oscilloscopes whose one value is the sampling period [s].
-_INCREMENTS = {"increment", "xincrement", "x increment", "sample interval", "delta_x"}
+# Names whose one value is the sampling period [s]: of oscilloscopes, and beside arrays.
+_INCREMENTS = {
+    "increment", "xincrement", "x increment", "sample interval", "delta_x", "dt", "ts", "sample_time", "sampling_time",
+    "sampling_period", "sample_period",
+}  # fmt: skip
+# Names whose one value is the rate [Hz].
+_RATE = re.compile(r"fs|((sampl(e|ing)|control|action|data|log(ging)?|update)_?)?(rate|frequency|freq|hz)(_hz)?")
 
 
 @dataclass(frozen=True)
@@ -224,9 +229,12 @@ def _disagreement(table: Table, numbers: dict[str, Floats], period: float) -> st
 
 
 def _increment(table: Table) -> tuple[float, str] | None:
-    """Sampling period [s] that a column of an oscilloscope holds once, and why."""
+    """Sampling period [s] that the file holds once, or its rate, and why."""
     for name in [*table.columns, *table.attributes]:
-        if name.lower().strip() not in _INCREMENTS:
+        *within, plain = name.lower().strip().split(".")
+        rate = _RATE.fullmatch(plain) is not None
+        # Deep in a file it is that of something else.
+        if len(within) > 1 or (plain not in _INCREMENTS and not rate):
             continue
         try:
             raw = [table.attributes[name]] if name in table.attributes else table.numbers(name)
@@ -235,7 +243,8 @@ def _increment(table: Table) -> tuple[float, str] | None:
             continue
         once = value[np.isfinite(value)]
         if once.size == 1 and once[0] > 0.0:
-            return float(once[0]), f"{name!r} says every {once[0]:g} s"
+            period = 1.0 / float(once[0]) if rate else float(once[0])
+            return period, f"{name!r} says every {period:g} s"
     return None
 
 
