@@ -7,7 +7,7 @@ from math import pi
 import numpy as np
 import pytest
 
-from idloop.records.recognition.signal_units import find_decoding, find_wrap, motion_units
+from idloop.records.recognition.signal_units import find_decoding, find_wrap, motion_units, slope_of
 
 T = np.arange(4000) * 0.005
 ANGLE = 3.0 * np.sin(2.0 * T) + np.sin(7.0 * T)
@@ -55,3 +55,13 @@ def test_unsigned_numbers():
     assert find_decoding(signed) == ""
     assert find_decoding(np.abs(signed)) == ""
     assert find_decoding(np.abs(signed) * 200.0) == "", "a signal that takes all values is no unsigned one"
+
+
+def test_the_slope_is_found_over_runs_of_which_some_show_nothing():
+    runs = [slice(0, 1500), slice(1500, 1510), slice(1510, 2000), slice(2000, 4000)]
+    time = np.concatenate([T[run] - T[run.start] for run in runs])
+    rate = np.where((time > 0) & (np.arange(T.size) // 500 != 3), SPEED, np.nan)
+    found = slope_of(time, ANGLE, rate, runs)
+    assert found is not None
+    assert found.value == pytest.approx(1.0, abs=0.01)
+    assert slope_of(time, np.full(T.size, np.nan), rate, runs) is None

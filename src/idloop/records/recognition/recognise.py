@@ -184,11 +184,11 @@ class _Column:
         """
         if self.by_name.role in ("", "position") and not self.parsed.unit and counts_rows(self.value):
             return True
-        if self.by_name.role or self.value.size != seconds.size or not np.isfinite([self.value, seconds]).all():
+        if self.by_name.role or not self.moves or self.value.size != seconds.size:
             return False
-        spread = float(np.std(self.value))
-        lines = (np.polynomial.Polynomial.fit(one, self.value, 1)(one) for one in (seconds, np.arange(seconds.size)))
-        return self.moves and any(float(np.std(self.value - line)) < _LINE * spread for line in lines)
+        # A value that is not finite leaves no correlation.
+        along = np.corrcoef([self.value, seconds, np.arange(seconds.size)])[0, 1:]
+        return bool((1.0 - along**2 < _LINE**2).any())
 
 
 def numbers_of(table: Table) -> dict[str, Floats]:

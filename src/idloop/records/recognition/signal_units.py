@@ -22,6 +22,7 @@ _AGREES, _BADLY = 0.04, 1.25
 # A column runs with the slope of a position from this correlation on, over windows in which it moves by so many times
 # its noise and its step; samples at least, and windows side by side.
 _RUNS_WITH, _ABOVE, _FEWEST, _WINDOWS = 0.97, 5.0, 50, 16
+_MOST = 100_000  # increments of a long record that are compared
 # Ranges after which positions start again: a turn in each unit, encoders of 8 to 24 bits.
 _TURNS = {"rad": 2.0 * pi, "deg": 360.0, "rev": 1.0}
 _COUNTS = tuple(float(2**bits) for bits in range(8, 25))
@@ -127,16 +128,18 @@ def slope_of(time: Floats, position: Floats, rate: Floats, runs: Sequence[slice]
     for run in runs or [slice(None)]:
         piece = np.array([time[run], position[run], rate[run]])
         pieces.append(piece[:, np.isfinite(piece).all(axis=0)])
-    longest = max(piece.shape[1] for piece in pieces)
+    pieces = [piece for piece in pieces if piece.shape[1] > 1]
+    longest = max((piece.shape[1] for piece in pieces), default=0)
     if longest < _FEWEST:
         return None
     where = np.concatenate([piece[1] for piece in pieces])
     steps = np.abs(np.diff(np.unique(where)))
     least = max(white_noise(where), float(steps.min()) if steps.size else np.inf)
     series = [_with_area(*piece) for piece in pieces]
+    every = max(where.size // _MOST, 1)
     length, found = 1, None
     while length <= longest // _WINDOWS:
-        step = np.concatenate([one[:, length:] - one[:, :-length] for one in series if one.shape[1] > length], axis=1)
+        step = np.concatenate([one[:, length::every] - one[:, :-length:every] for one in series], axis=1)
         moved = float(np.std(step[0]))
         # A coarse motion that exceeds its step nowhere by far is compared over the longest windows.
         if moved > least:
