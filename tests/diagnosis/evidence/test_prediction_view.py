@@ -72,13 +72,29 @@ def test_the_strength_of_an_effect_is_what_it_has_beyond_a_simpler_one(ratio: fl
     assert bool(bound_reached(proposal.model({"level": 0.1, "ratio": ratio}), proposal)) is reported
 
 
-@pytest.mark.parametrize(("offset", "error", "refused"), [(-3.7, 8.5, True), (0.02, 0.001, False)])
-def test_a_strength_that_may_as_well_be_none_is_not_named(offset: float, error: float, refused: bool) -> None:
-    (proposal,) = proposals(load_model("axis"), ["sensor_offset@position[axis]"])
-    name = f"{proposal.name}.offset"
-    fit: Any = SimpleNamespace(with_stderr=lambda: proposal.model({"offset": offset}).with_values({}, {name: error}))
+COMPLIANCE = {"stiffness": 68.0, "damping": 0.8, "split": 0.04, "viscous_split": 0.5}
+
+
+@pytest.mark.parametrize(
+    ("effect", "values", "errors", "refused"),
+    [
+        ("sensor_offset@position[axis]", {"offset": -3.7}, {"offset": 8.5}, True),
+        ("sensor_offset@position[axis]", {"offset": 0.02}, {"offset": 0.001}, False),
+        ("compliance@axis", COMPLIANCE, {"stiffness": 4e4, "damping": 5e2, "split": 17.0, "viscous_split": 9.0}, True),
+        ("compliance@axis", COMPLIANCE, {"stiffness": 2.0, "damping": 2.0, "split": 17.0, "viscous_split": 1.0}, False),
+    ],
+)  # fmt: skip
+def test_what_may_as_well_be_none_is_not_named(
+    effect: str, values: dict[str, float], errors: dict[str, float], refused: bool
+) -> None:
+    (proposal,) = proposals(load_model("axis"), [effect])
+    named = {f"{proposal.name}.{name}": error for name, error in errors.items()}
+    fit: Any = SimpleNamespace(with_stderr=lambda: proposal.model(values).with_values({}, named))
     text = undetermined_strength(fit, proposal)
-    assert text == (f"its offset is not determined: {offset} with a standard error of {error}" if refused else "")
+    assert bool(text) is refused
+    if refused:
+        assert text.startswith("it may as well be none: ")
+        assert all(name in text for name in values)
 
 
 @pytest.mark.parametrize("share", [0.0, 1.0])

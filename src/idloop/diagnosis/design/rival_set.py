@@ -110,7 +110,8 @@ def experiment_gains(
         for j in wanted:
             loss = rivals[j].expected_loss(record, experiment.start, own, searched=searched)
             gains[i, j], alone[i, j] = loss.joint, loss.alone
-    return gains, alone
+    # Where a rival cannot be evaluated nothing is expected to show.
+    return np.nan_to_num(gains, nan=0.0, posinf=np.inf), np.nan_to_num(alone, nan=0.0, posinf=np.inf)
 
 
 def log_likelihood_loss(model: Model, other: Model, records: Sequence[Record]) -> float:

@@ -46,6 +46,7 @@ from idloop.estimation.statistics.whitening import choose_order
 from idloop.physics.effect import INPUT, OUTPUT
 from idloop.physics.model import Model
 from idloop.records import Record
+from idloop.spelling import joined_names
 from idloop.validation.measures import NEGLIGIBLE
 
 # Below this part of the deviation the error of a free run counts as this: another integration method changes it.
@@ -461,19 +462,25 @@ def bound_reached(model: Model, proposal: Proposal) -> str:
 
 
 def undetermined_strength(fit: Refit, proposal: Proposal) -> str:
-    """Say that the strength of a fitted effect may as well be none; empty where it may not.
+    """Say that a fitted effect may as well be none; empty where it may not.
 
-    The evidence for it is then something else's: another effect takes its place, such as the phase of a wave that of an
-    offset.
+    Its strength, or all that it has where there is none, lies within the standard errors of its neutral value. The
+    evidence is then something else's: another effect takes its place, such as the phase of a wave that of an offset.
     """
-    strength = proposal.effect.strength
-    if not strength or proposal.replaces is not None:
+    if proposal.replaces is not None:
         return ""
-    found = next(one for one in fit.with_stderr().parameters if one.name == f"{proposal.name}.{strength}")
-    distance = abs(found.value - proposal.effect.spec(strength).neutral)
-    if found.stderr is None or distance > CERTAIN * found.stderr:
-        return ""
-    return f"its {strength} is not determined: {found.value:.3g} with a standard error of {found.stderr:.3g}"
+    effect, fitted = proposal.effect, {one.name: one for one in fit.with_stderr().parameters}
+    said = []
+    for spec in effect.parameters:
+        found = fitted.get(f"{proposal.name}.{spec.name}")
+        if found is None or not found.free or (effect.strength and spec.name != effect.strength):
+            continue
+        # A stiffness or a limit that is none is infinite: its interval reaches there where it reaches zero.
+        distance = abs(found.value - (spec.neutral if math.isfinite(spec.neutral) else 0.0))
+        if found.stderr is None or distance > CERTAIN * found.stderr:
+            return ""
+        said.append(f"{spec.name} {found.value:.3g} with a standard error of {found.stderr:.3g}")
+    return f"it may as well be none: {joined_names(said)}" if said else ""
 
 
 def _best_of_each(found: Sequence[Confirmed]) -> list[Confirmed]:
