@@ -10,7 +10,7 @@ from idloop.records.tables.base_units import SECONDS, known_unit
 TIME_WORDS = frozenset({
     "t", "time", "times", "timestamp", "timestamps", "stamp", "stamps", "timevec", "tout", "zeit", "clock", "elapsed",
     "elapsedtime", "sec", "seconds", "millis", "micros", "millisec", "microsec", "timeseconds", "datetime",
-    "temps", "tiempo", "tempo", "tijd", "tid",
+    "tiempo", "tempo", "tijd",
 })  # fmt: skip
 _BEHIND = re.compile(r"^(.*?)[\s_.\-]*[\[(<]?([a-zµμ]+)[\])>]?$")
 
