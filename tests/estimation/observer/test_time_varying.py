@@ -60,3 +60,19 @@ def test_the_first_gains_are_those_of_the_textbook_recursion(decay: float, seed:
         assert found.covariance[k] == pytest.approx(innovation, rel=1e-6)
         spread = transition @ (spread - gain @ output @ spread) @ transition.T + process
     assert found.steps >= 5
+
+
+def test_a_position_that_no_sensor_sees_leaves_the_gains_accurate() -> None:
+    # Two bodies on a spring by the velocity of the first: where the axis stands is unknown, and makes no difference.
+    model = load_model("axis").with_effects(["compliance@axis(stiffness=9.0, damping=0.03, split=0.33)"])
+    linear = Engine(model).linearise()
+    (velocity,) = np.flatnonzero([one.name == "axis.velocity" for one in model.outputs])
+    noise, start = np.full(len(linear.C), 0.02), np.array([1.0, 1.0, 100.0, 100.0, 1.0])
+    found = [
+        time_varying_observer(linear, [velocity], 0.002, 1e-6, noise, start * [far, far, 1, 1, 1], 10_000, 0.2)
+        for far in (1.0, 1e4)
+    ]
+    assert all(np.all(np.isfinite(one.gains)) for one in found)
+    last = [one.covariance[-1][velocity, velocity] for one in found]
+    assert last[0] == pytest.approx(last[1], rel=1e-6)
+    assert last[0] >= noise[velocity] ** 2

@@ -167,6 +167,19 @@ def scale_start(series: Any, scalings: Any, place: Any) -> None:
 
 
 @njit(cache=True, nogil=True)
+def _updated(covariance: Any, information: Any) -> Any:
+    """Covariance (P^-1 + M)^-1 beside further information, as L (I + L' M L)^-1 L' with P = L L'.
+
+    Accurate also where P is large in a direction in which M is none but for rounding, as the position of an axis of
+    which the velocity alone is measured.
+    """
+    values, vectors = np.linalg.eigh(covariance)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    back = np.ascontiguousarray(root.T)
+    return root @ np.linalg.solve(np.eye(len(values)) + back @ information @ root, back)
+
+
+@njit(cache=True, nogil=True)
 def _doubled_steps(transition: Any, output: Any, process: Any, count: int) -> Any:
     """Riccati steps of 2^j samples as (A, Q, M) of P -> Q + A P (I + M P)^-1 A', shape (count, 3, m, m).
 
@@ -178,10 +191,10 @@ def _doubled_steps(transition: Any, output: Any, process: Any, count: int) -> An
     for j in range(1, count):
         a, q, h = found[j - 1, 0], found[j - 1, 1], found[j - 1, 2]
         back = np.ascontiguousarray(a.T)
-        inverse = np.linalg.inv(np.eye(m) + q @ h)
-        ahead = inverse @ a
+        updated = _updated(q, h)
+        ahead = a - updated @ (h @ a)
         found[j, 0] = a @ ahead
-        found[j, 1] = q + a @ (inverse @ (q @ back))
+        found[j, 1] = q + a @ (updated @ back)
         found[j, 2] = h + back @ (h @ ahead)
         for part in range(1, 3):
             found[j, part] = 0.5 * (found[j, part] + found[j, part].T)
@@ -230,8 +243,7 @@ def _recursion(
             if steps_by_power.shape[0] == 0:
                 steps_by_power = _doubled_steps(transition, output, process, int(np.log2(most)) + 1)
             a, q, h = steps_by_power[level, 0], steps_by_power[level, 1], steps_by_power[level, 2]
-            inverse = np.linalg.inv(np.eye(m) + h @ covariance)
-            whole[:] = q + a @ (covariance @ inverse) @ np.ascontiguousarray(a.T)
+            whole[:] = q + a @ _updated(covariance, h) @ np.ascontiguousarray(a.T)
             for i in range(m):
                 for j in range(m):
                     covariance[i, j] = 0.5 * (whole[i, j] + whole[j, i])
