@@ -473,7 +473,7 @@ def test_without_names_the_slope_of_another_column_is_the_velocity_and_never_the
 
 def test_files_show_together_which_column_is_held_in_each():
     tables = [Table(Path(f"run{k}.csv"), _headerless(run)) for k, run in enumerate(_runs([-2.0, 1.0, 3.0]))]
-    # A sensor that stands still in one of the files is told by the others.
+    # A sensor that stands still in one of the files is recognised by the others.
     tables[1].columns["3"] = 0.0 * tables[1].columns["3"]
     shown = shown_together(tables, {})
     assert {role: one.column for role, one in shown.items()} == {"command": "0", "position": "3", "velocity": "2"}
