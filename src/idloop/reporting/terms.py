@@ -12,7 +12,8 @@ DATA_USE = {"train": FITTED, "validation": UNSEEN}
 # Effects that bear the name of someone.
 _PEOPLE = ("coulomb", "stribeck")
 # Space between a number and its unit.
-_UNIT = re.compile(r"(?<=[\d)⁰¹²³⁴⁵⁶⁷⁸⁹]) (?=(?:%|°|·|µ?s|ms|k?Hz|rad|mm?|kg|N|V|A|W|K|J|Ω)(?!\w))")
+_UNIT = re.compile(r"(?<=[\d)⁰¹²³⁴⁵⁶⁷⁸⁹]) (?=(?:%|°|·|µ?s|ms|k?Hz|rad|mm?|kg|N|V|A|W|K|J|Ω|1/s)(?!\w))")
+_P_VALUE = re.compile(r"\bp (=|<) (?=\d)")
 # A bootstrap knows no smaller p-value than its own share.
 _LEAST_P = 1e-3
 
@@ -49,8 +50,9 @@ def capitalised(text: str) -> str:
 
 
 def unbroken(text: str) -> str:
-    """A text in which a number stays on one line with its unit and its interval."""
-    return _UNIT.sub("\u00a0", text.replace(" ± ", "\u00a0±\u00a0").replace(" · 10", "\u00a0·\u00a010"))
+    """A text in which a number stays on one line with its unit and its interval, and a p-value with its sign."""
+    joined = _P_VALUE.sub("p\u00a0\\1\u00a0", text.replace(" ± ", "\u00a0±\u00a0").replace(" · 10", "\u00a0·\u00a010"))
+    return _UNIT.sub("\u00a0", joined)
 
 
 def sentence(text: str) -> str:

@@ -21,7 +21,7 @@ from idloop.reporting.figures.candidates import (
 )
 from idloop.reporting.figures.characteristic import unknown_figure
 from idloop.reporting.figures.comparison import force_figures, overlay
-from idloop.reporting.figures.evidence import MOST, Decided, evidence_figure
+from idloop.reporting.figures.evidence import MOST, Decided, drawn_lines, evidence_figure
 from idloop.reporting.figures.ladder import ROW, ladder_figures, step_names
 from idloop.reporting.figures.residual import residual_figures
 from idloop.reporting.figures.theme import DARK, LIGHT
@@ -221,9 +221,11 @@ def test_the_evidence_has_a_line_for_each_effect_its_threshold_and_marks_what_is
     assert list(drawn[0].data_source.data["y"]) == [1.0, 2.0]
     assert plot.y_range.start < -1.0
     assert plot.y_range.end > 12.0
-    (legend,) = plot.select(Legend)
-    assert len(legend.items) == MOST + 1
-    assert "7.9" in legend.items[-1].label.value
+    # The key stands in a table: every entry of a legend is built anew for every line that becomes longer.
+    assert not list(plot.select(Legend))
+    keys = drawn_lines(lines, {})
+    assert [keys[name] for name in ("slip@motor", "dead_zone@input", "cogging@load0")] == [0, 1, 2]
+    assert len(keys) == MOST
 
 
 def test_every_figure_of_the_page_has_labelled_axes_and_the_colours_of_its_theme(contents):

@@ -21,14 +21,27 @@ def floors(page):
     return [float(data["x"][0]) for data in drawn if "high" in data]
 
 
+def seen(source):
+    """The page of a browser that looks at it."""
+    page = Page(Document(), source, "light")
+    page.look["seen"] = True
+    draw(page)
+    return page
+
+
+def draw(page):
+    for _ in page.roots:
+        page.tick()
+
+
 def test_a_floor_that_the_ladder_goes_below_is_none():
     source = FakeSource()
     source.feed(3000)
-    page = Page(Document(), source, "light")
+    page = seen(source)
     assert len(floors(page)) == 2
     source.signals.noise[:] = 0.7, 0.02  # of a motion of about 0.7: the position was said to be all noise
     source.order("add", FRICTION.name)  # and is known to 2 %
-    page.tick()
+    draw(page)
     assert len(floors(page)) == 1
 
 
@@ -43,7 +56,7 @@ def test_the_floor_is_that_of_the_data_that_judge_the_ladder():
     assert judged_spread(ladder, "motor.velocity") == 0.0
     source.signals.noise[:] = 0.04, 0.02
     source.state.change(ladder=ladder)
-    page = Page(Document(), source, "light")
+    page = seen(source)
     drawn = floors(page)
     assert min(drawn) == pytest.approx(0.01)
     assert max(drawn) == pytest.approx(0.02 / 0.7, rel=0.1)

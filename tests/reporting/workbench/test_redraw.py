@@ -13,7 +13,7 @@ from bokeh.models import ColumnDataSource, DataRange1d, Range1d, Span
 from bokeh.models.annotations import Title
 
 from idloop.reporting.figures.theme import DARK, LIGHT, add_legend, new_figure
-from idloop.reporting.workbench.redraw import Canvas
+from idloop.reporting.workbench.redraw import Canvas, streamed
 
 
 def one_figure(values, name="position", limit=1.0, theme=LIGHT, lines=1, legend=""):
@@ -125,3 +125,19 @@ def test_another_theme_reaches_every_colour(canvas):
     assert plot.background_fill_color == DARK.surface
     assert plot.renderers[0].glyph.line_color == DARK.models[0]
     assert plot.select_one(Title).text_color == DARK.muted
+
+
+def test_rows_are_streamed_so_that_a_browser_does_not_build_its_legends_anew(canvas):
+    canvas.draw([one_figure([1.0, 2.0], legend="model")])
+    sent = []
+    canvas.document.on_change(sent.append)
+    canvas.draw([one_figure([3.0, 4.0, np.nan], legend="model")])
+    (event,) = [one for one in sent if one.attr == "data"]
+    assert (type(event).__name__, event.rollover) == ("ColumnsStreamedEvent", 3)
+    np.testing.assert_array_equal(values(canvas.place), [3.0, 4.0, np.nan])
+    # Where the columns have become others, they are sent whole.
+    source = ColumnDataSource({"x": np.arange(3.0), "y": ["a", "b", "c"]})
+    for data in ({"x": np.arange(3), "y": ["a"] * 3}, {"x": np.arange(3.0)}, {"x": np.zeros(0), "y": []}):
+        assert not streamed(source, data)
+    assert streamed(source, {"x": np.zeros(1), "y": ["d"]})
+    assert list(source.data["y"]) == ["d"]

@@ -183,6 +183,9 @@ def test_a_number_keeps_its_unit_on_its_line():
     assert unbroken("level 20.13 ± 0.16 N·m, 26.3 % of 12 parts") == (
         "level 20.13\u00a0±\u00a00.16\u00a0N·m, 26.3\u00a0% of 12 parts"
     )
+    assert unbroken("poles −2.37 1/s (p = 0.14, p < 0.001)") == (
+        "poles −2.37\u00a01/s (p\u00a0=\u00a00.14, p\u00a0<\u00a00.001)"
+    )
     assert unbroken("(3.110 ± 0.020) · 10⁻⁷ rad/s") == "(3.110\u00a0±\u00a00.020)\u00a0·\u00a010⁻⁷\u00a0rad/s"
 
 

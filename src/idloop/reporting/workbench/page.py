@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -11,7 +12,7 @@ import jinja2
 import numpy as np
 from bokeh.layouts import column
 from bokeh.models import ColumnDataSource
-from bokeh.models.widgets import Div
+from markupsafe import Markup
 
 from idloop.documents import read_json
 from idloop.errors import InputError
@@ -25,6 +26,7 @@ from idloop.reporting.figures.theme import LIGHT, THEMES
 from idloop.reporting.figures.where import error_along
 from idloop.reporting.sensor_noise import REFUTED, least_error
 from idloop.reporting.workbench.redraw import Canvas
+from idloop.reporting.workbench.state_json import answered
 from idloop.validation.variables import TITLES, VARIABLES
 
 if TYPE_CHECKING:
@@ -38,7 +40,7 @@ if TYPE_CHECKING:
 PERIOD = 250  # milliseconds between two looks at what is new
 SPANS = (2, 5, 10, 20, 60, 120)  # seconds that a running page shows
 FIGURES = ("where", "frequency", "residual", "evidence", "next", "ladder")
-TEMPLATE = Path(__file__).with_name("assets") / "page.html"
+ASSETS = Path(__file__).with_name("assets")
 
 
 def judged_spread(ladder: Ladder, name: str) -> float:
@@ -70,7 +72,8 @@ def make_page(doc: Document, source: Source, key: str, run: str, stop_port: int)
     doc.title = f"idloop workbench: {source.state.snapshot.title}"
     doc.template = _template()
     doc.template_variables.update(
-        key=key, run=run, stop_port=stop_port, variables=[(name, TITLES[name]) for name in VARIABLES], spans=SPANS,
+        key=key, run=run, stop_port=stop_port, themes=list(THEMES.values()), state=_first_state(source, run),
+        variables=[(name, TITLES[name]) for name in VARIABLES], spans=SPANS,
         theme=page.look["theme"],
     )  # fmt: skip
     # The page has its own words for a lost connection, and loads itself anew when the server is back.
@@ -80,9 +83,17 @@ def make_page(doc: Document, source: Source, key: str, run: str, stop_port: int)
     doc.add_periodic_callback(page.tick, PERIOD)
 
 
+def _first_state(source: Source, run: str) -> str:
+    """What the page would ask for first, as JSON that may stand in a page."""
+    return json.dumps(answered(source, run), allow_nan=False).replace("<", "\\u003c")
+
+
+@functools.cache
 def _template() -> jinja2.Template:
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, undefined=jinja2.StrictUndefined)
-    return environment.from_string(TEMPLATE.read_text(encoding="utf-8"))
+    # In the page itself: a browser shows nothing before it has them, and asks for each of them by itself.
+    environment.globals["asset"] = lambda name: Markup((ASSETS / name).read_text(encoding="utf-8"))  # noqa: S704  (ours)
+    return environment.from_string((ASSETS / "page.html").read_text(encoding="utf-8"))
 
 
 class Page:
@@ -103,7 +114,8 @@ class Page:
     def __init__(self, doc: Document, source: Source, theme: str) -> None:
         self.source = source
         self.signals: Signals = source.signals
-        self.look: dict[str, Any] = {"theme": theme, "error": "", "variable": "", "seen": True}
+        # The page itself is there sooner when no figure is drawn before the browser asks for them.
+        self.look: dict[str, Any] = {"theme": theme, "error": "", "variable": "", "seen": False}
         self._doc = doc
         self._drawn: dict[str, tuple[Any, Any]] = {}
         self.choice = ColumnDataSource(name="look", data={"json": [json.dumps(self.look)]})
@@ -112,7 +124,6 @@ class Page:
         self._canvases = {name: Canvas(root) for name, root in self.roots.items()}
         for root in (*self.roots.values(), self.choice):
             doc.add_root(root)
-        self.tick()
 
     def _chosen(self, attribute: str, old: Any, new: Any) -> None:
         try:
@@ -142,16 +153,22 @@ class Page:
         return THEMES[self.look["theme"]]
 
     def tick(self) -> None:
-        """Show what is new; a page in the background costs nothing."""
+        """Show what is new, one place of the page in each call: the strips ask the same thread for their pictures.
+
+        A page in the background costs nothing.
+        """
         if not self.look["seen"]:
             return
         self._doc.hold("combine")
         try:
-            self._draw_findings(self.source.state.snapshot)
+            more = self._draw_finding(self.source.state.snapshot)
         finally:
             self._doc.unhold()
+        if more:
+            self._doc.add_next_tick_callback(self.tick)
 
-    def _draw_findings(self, snapshot: Snapshot) -> None:
+    def _draw_finding(self, snapshot: Snapshot) -> bool:
+        """Draw the first finding that is new; whether there was one."""
         theme = self.look["theme"]
         parts: dict[str, tuple[Any, Callable[[Snapshot], list[Any]]]] = {
             "where": (snapshot.assessment, self._where),
@@ -167,6 +184,8 @@ class Page:
             if before is None or before[0] is not finding or before[1] != look:
                 self._drawn[name] = finding, look
                 self._canvases[name].draw(draw(snapshot))
+                return True
+        return False
 
     def _next(self, snapshot: Snapshot) -> list[Any]:
         found = snapshot.suggestion
@@ -181,15 +200,7 @@ class Page:
         variable = self.look["variable"] or "velocity"
         one = found.where[name]
         plot = error_along([(found.model.name, one)], variable, self._theme)
-        if plot is None:
-            why = one.left_out.get(variable, "")
-            return [
-                Div(
-                    text=f"No figure over {TITLES[variable]}: {why or 'too little data'}.",
-                    styles={"color": self._theme.muted},
-                )
-            ]
-        return [plot]
+        return [] if plot is None else [plot]
 
     def _frequency(self, snapshot: Snapshot) -> list[Any]:
         """Of the output whose error is looked at, or the first one."""

@@ -64,7 +64,7 @@ def take_picture(address: str, file: Path, *, add: int = 0, dark: bool = False, 
             _leave_alone(page)
         page.wait_for_timeout(1500)  # what was found is drawn
         page.mouse.move(0, 0)
-        page.evaluate("() => { scrollTo(0, 0); strips.paint(performance.now(), true); }")
+        page.evaluate("() => { scrollTo(0, 0); strips.whole(); }")
         page.screenshot(path=file, full_page=True)
         browser.close()
 

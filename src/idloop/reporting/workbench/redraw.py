@@ -10,7 +10,9 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from bokeh.model import Model
+from bokeh.models import ColumnDataSource
 from bokeh.models.ranges import Range1d
 
 if TYPE_CHECKING:
@@ -51,11 +53,33 @@ class Canvas:
             # Against what was drawn, not what is there: a reader's zoom and choice of tools are his own.
             for name, value in now.items():
                 if not _same(model, name, value, before[name]):
-                    setattr(model, name, value)
+                    if not (isinstance(model, ColumnDataSource) and name == "data" and streamed(model, value)):
+                        setattr(model, name, value)
                     if isinstance(model, Range1d) and name in {"start", "end"}:
                         setattr(model, f"reset_{name}", value)  # where the figure's reset goes back to
             kept.append((model, now))
         self._drawn = kept
+
+
+def streamed(source: ColumnDataSource, data: dict[str, Any]) -> bool:
+    """Replace the rows of a source by as many new ones as there are; False where they are not of the same kind.
+
+    BokehJS builds every entry of a legend anew, with a canvas each, when a source of any of its lines changes, and not
+    when rows stream in.
+    """
+    old = source.data
+    lengths = {len(column) for column in data.values()}
+    if data.keys() != old.keys() or len(lengths) != 1 or 0 in lengths:
+        return False
+    if any(_kind(data[name]) != _kind(old[name]) for name in data):
+        return False
+    source.stream(data, rollover=lengths.pop())
+    return True
+
+
+def _kind(column: Any) -> str:
+    """How a browser keeps a column: a list, or numbers of one type."""
+    return str(column.dtype) if isinstance(column, np.ndarray) else "list"
 
 
 def drawn(figures: Sequence[Model]) -> Drawn:

@@ -8,12 +8,14 @@ from numpy.typing import ArrayLike, NDArray
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
+SPARE = 8  # part of the samples that are kept, as which there is room for more of them
+
 
 class Ring:
     """Keeps the newest samples by stamp; what is older is forgotten.
 
-    The arrays are twice as long as what is kept: a window is then one contiguous view, and samples move
-    only once in every `capacity`.
+    The arrays are longer than what is kept by a part of it: a window is then one contiguous view, and samples move
+    only when that part is full.
 
     Parameters
     ----------
@@ -25,8 +27,9 @@ class Ring:
 
     def __init__(self, columns: int, capacity: int) -> None:
         self.capacity = max(int(capacity), 1)
-        self._stamps: Stamps = np.empty(2 * self.capacity, dtype=np.int64)
-        self._values: Floats = np.empty((2 * self.capacity, columns))
+        self._room = self.capacity + -(-self.capacity // SPARE)
+        self._stamps: Stamps = np.empty(self._room, dtype=np.int64)
+        self._values: Floats = np.empty((self._room, columns))
         self._first = self._end = 0
 
     def __len__(self) -> int:
@@ -72,7 +75,7 @@ class Ring:
         # Newer than everything before it, the block's own samples included.
         keep = new > np.maximum.accumulate(np.concatenate([[before], new[:-1]]))
         new, rows = new[keep][-self.capacity :], rows[keep][-self.capacity :]
-        if self._end + len(new) > 2 * self.capacity:
+        if self._end + len(new) > self._room:
             kept = max(self.capacity - len(new), 0)
             start = max(self._end - kept, self._first)
             count = self._end - start

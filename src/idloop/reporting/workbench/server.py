@@ -37,7 +37,7 @@ from idloop.reporting.workbench.admission import Admission
 from idloop.reporting.workbench.files import TYPES
 from idloop.reporting.workbench.page import make_page
 from idloop.reporting.workbench.state import ORDERS, Source
-from idloop.reporting.workbench.state_json import page_state
+from idloop.reporting.workbench.state_json import answered
 from idloop.reporting.workbench.stop_server import StopServer
 from idloop.reporting.workbench.strips import Question, answer
 
@@ -310,13 +310,7 @@ class StateHandler(_Handler):
 
     def get(self) -> None:
         """Answer with all of it, or with the version alone where the page has it already."""
-        site = self.site
-        snapshot = site.source.state.look()
-        head = {"run": site.run, "change": snapshot.version}
-        if self.get_query_argument("have", "") == f"{site.run}:{snapshot.version}":
-            self.answer(head)
-        else:
-            self.answer({**head, **page_state(snapshot, site.source.signals)})
+        self.answer(answered(self.site.source, self.site.run, self.get_query_argument("have", "")))
 
 
 class StripsHandler(_Handler, WebSocketHandler):

@@ -75,6 +75,7 @@ class Signals:
         self._lock = threading.Lock()
         self.origin: int | None = None
         self.runs = 0
+        self._known_band: tuple[tuple[int, ...], Array] | None = None
         # Grows when samples are replaced: until then a reader only lacks those that came since.
         self.version = 0
 
@@ -183,7 +184,11 @@ class Signals:
                 name: self._rings[name].window(begins.get(name, first), last, before=name in SCALARS)
                 for name in streams
             }
-            band = self._band(first, last)
+            # A browser that follows asks thirty times a second.
+            asked = (self.version, first // SECOND, last // SECOND)
+            if self._known_band is None or self._known_band[0] != asked:
+                self._known_band = asked, self._band(first, last)
+            band = self._known_band[1]
         for name, (stamps, values) in raw.items():
             seconds, old = (stamps - (self.origin or 0)) / SECOND, 0
             if len(seconds):

@@ -33,9 +33,19 @@ _LATELY = 2.0  # seconds; a page that can be seen asks more often
 ORDERS = ("assess", "diagnose", "add", "undo", "experiment", "refit", "reset", "show", "automatic")
 
 
+# Models with their versions: a page asks for those of the same two or three of them several times a second.
+_versions: dict[int, tuple[Model, str]] = {}
+_MOST_VERSIONS = 8
+
+
 def model_version(model: Model) -> str:
     """Short checksum of a model with its values: equal for what is computed from the same model."""
-    return hashlib.sha256(model.to_yaml().encode()).hexdigest()[:8]
+    known = _versions.get(id(model))
+    if known is None or known[0] is not model:
+        if len(_versions) >= _MOST_VERSIONS:
+            _versions.clear()
+        known = _versions[id(model)] = model, hashlib.sha256(model.to_yaml().encode()).hexdigest()[:8]
+    return known[1]
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from idloop.diagnosis.design.expected_outcome import describe_signal
 from idloop.diagnosis.equivalence.equivalent_effects import find_equivalent_effects, without_equivalents
 from idloop.reporting.breakdowns import along_text, is_notable, shown_first
 from idloop.reporting.estimates import held_parameters, parameter_rows
+from idloop.reporting.figures.evidence import drawn_lines
 from idloop.reporting.ladder_errors import step_evidence, step_title
 from idloop.reporting.page.equations import equations, to_mathml
 from idloop.reporting.residual_findings import residual_warnings
@@ -31,6 +32,7 @@ from idloop.reporting.verdicts import CRITERIA, basis, conclusion, ending, expla
 from idloop.reporting.workbench.files import MODEL, commands, named_model, offered
 from idloop.reporting.workbench.state import model_version
 from idloop.validation.characteristic import no_picture
+from idloop.validation.variables import TITLES
 from idloop.validation.where import DRIVE_FORCE
 from idloop.validation.words import percent, short
 
@@ -40,7 +42,7 @@ if TYPE_CHECKING:
     from idloop.reporting.residual_findings import ResidualFinding
     from idloop.reporting.workbench.assessment import Assessment
     from idloop.reporting.workbench.signals import Signals
-    from idloop.reporting.workbench.state import Evidence, Missing, Snapshot
+    from idloop.reporting.workbench.state import Evidence, Missing, Snapshot, Source
     from idloop.validation.characteristic import Characteristic
     from idloop.validation.residual import ResidualTest
     from idloop.validation.where import ErrorMap
@@ -53,6 +55,26 @@ TROUBLE = (
 _AS_THEY_ARE = ("commands", "equations", "outputs", "input")
 LEVEL = 0.01  # family-wise error rate of a diagnosis, where no ladder has another one
 ONE_SIGN = 0.6  # share of its root mean square from which on the mean of an error is worth a word
+
+
+def answered(source: Source, run: str, have: str = "") -> dict[str, Any]:
+    """Answer a browser that asks what is new.
+
+    Parameters
+    ----------
+    run : str
+        Of the server.
+    have : str
+        Run and version of the state that the browser has.
+
+    Returns
+    -------
+    dict
+        With run and version alone where it has the newest state already.
+    """
+    snapshot = source.state.look()
+    head = {"run": run, "change": snapshot.version}
+    return head if have == f"{run}:{snapshot.version}" else {**head, **page_state(snapshot, source.signals)}
 
 
 def page_state(snapshot: Snapshot, signals: Signals) -> dict[str, Any]:
@@ -223,10 +245,13 @@ def _missing(
 
 def _evidence(found: Evidence) -> dict[str, Any]:
     newest = {name: values[-1] for name, values in found.lines.items() if values}
+    keys = drawn_lines(found.lines, found.decided)
     decided = {name: f"{one.seconds:.4g} s, {one.samples} samples" for name, one in found.decided.items()}
     effects = [
         {
+            "name": name,
             "words": effect_words(name),
+            "line": keys.get(name),
             "log_e": f"{newest[name]:.1f}".replace("-", "−"),
             "decided": decided.get(name, ""),
         }
@@ -386,7 +411,10 @@ def _map(one: ErrorMap) -> dict[str, Any]:
         "variables": [b.variable for b in one.breakdowns],
         "left_out": dict(one.left_out),
         "loud": [b.variable for b in one.breakdowns if is_notable(b)],
-        "along": {b.variable: f"{sentence(along_text(b))} {_everywhere(one)}".rstrip() for b in one.breakdowns},
+        "along": {
+            **{name: f"No figure over {TITLES[name]}: {why}." for name, why in one.left_out.items()},
+            **{b.variable: f"{sentence(along_text(b))} {_everywhere(one)}".rstrip() for b in one.breakdowns},
+        },
         "stretches": [
             {"start": s.start, "stop": s.stop, "error": percent(s.error), "time": percent(s.time), "text": s.text}
             for s in one.stretches[:MOST_STRETCHES]

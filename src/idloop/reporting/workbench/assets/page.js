@@ -160,7 +160,7 @@
     const end = performance.now() + FIRST;
     while (!strips.pictures && performance.now() < end) await new Promise((resolve) => setTimeout(resolve, 10));
     for (const one of $("figures-code").content.querySelectorAll("script")) {
-      if (/bokeh-(gl|tables|mathjax)/.test(one.src)) continue; // no figure needs them
+      if (/bokeh-(gl|tables|mathjax|widgets)/.test(one.src)) continue; // no figure needs them
       const script = make("script", Object.fromEntries([...one.attributes].map(({ name, value }) => [name, value])), one.textContent);
       const loaded = one.src && new Promise((resolve) => { script.onload = script.onerror = resolve; });
       document.body.append(script);
@@ -176,8 +176,9 @@
     Bokeh.documents[0].on_event("connection_lost", () => { figuresLost = true; });
     const stored = localStorage.getItem("idloop_theme");
     const wanted = stored ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
-    taken();
+    choose({ seen: document.visibilityState === "visible" });
     if (wanted !== shown.theme) setTheme(wanted, stored !== null);
+    performance.mark("idloop-figures");
     document.body.dataset.ready = "true";
   }
 
@@ -423,15 +424,30 @@
     for (const one of document.querySelectorAll("[data-file]")) one.hidden = !s.files.includes(one.dataset.file);
   }
 
+  // Key of a line of the evidence: colour, dashes and mark, as `idloop.reporting.figures` has them.
+  const DASHES = ["", "10 4", "3 3", "10 3 3 3"];
+  const MARKS = ["M-4 0a4 4 0 1 0 8 0a4 4 0 1 0 -8 0", "M-4 -4h8v8h-8z", "M0 -4L4 4H-4z", "M0 -5L4 0L0 5L-4 0z", "M0 4L4 -4H-4z", "M-4 0L-2 -4H2L4 0L2 4H-2z"];
+  function lineKey(index) {
+    const NS = "http://www.w3.org/2000/svg";
+    const svg = document.createElementNS(NS, "svg");
+    svg.setAttribute("viewBox", "-16 -6 32 12");
+    svg.setAttribute("class", "key");
+    svg.setAttribute("aria-hidden", "true");
+    if (index == null) return svg;
+    svg.style.color = `var(--series${index % 5})`;
+    svg.innerHTML = `<path d="M-16 0H16" stroke="currentColor" stroke-width="2" stroke-dasharray="${DASHES[index % 4]}"/><path d="${MARKS[index % 6]}" fill="currentColor"/>`;
+    return svg;
+  }
+
   function showEvidence(s) {
     const e = s.evidence;
     $("evidence-panel").hidden = !e;
     if (!e) return;
     say("evidence-line", [e.ended ? `The experiment was ended: ${e.ended}.` : "", `${e.line}.`].filter(Boolean).join(" "));
-    say("evidence-hint", e.threshold ? `Fits to earlier samples score each stretch of new ones. An effect is decided where log E reaches ${e.threshold}; the threshold holds at any time. Where several are decided, a diagnosis compares them with one another.` : "");
+    say("evidence-hint", e.threshold ? `Fits to earlier samples score each stretch of new ones. An effect is decided where log E reaches the dashed line, log(m/α) = ${e.threshold}; this threshold holds at any time. Where several are decided, a diagnosis compares them with one another.` : "");
     $("evidence-numbers").hidden = !e.effects.length;
-    render("evidence-effects", e.effects, () => e.effects.map((one) => make("tr", {},
-      make("th", { scope: "row" }, one.words), make("td", {}, one.log_e), make("td", {}, one.decided || "open"))));
+    render("evidence-effects", e.effects, () => e.effects.map((one) => make("tr", { "data-evidence": one.name },
+      make("th", { scope: "row" }, lineKey(one.line), one.words), make("td", {}, one.log_e), make("td", {}, one.decided || "open"))));
     $("trust").hidden = !e.estimates.length;
     render("trust-rows", e.estimates, () => e.estimates.map((one) => make("tr", {},
       make("th", { scope: "row" }, one.name), make("td", {}, one.text),
@@ -506,6 +522,14 @@
   // -- the server ---------------------------------------------------------------------------
 
   let asking = false;
+  // The first answer comes with the page.
+  function take(answer) {
+    if (state === null) performance.mark("idloop-words");
+    have = `${answer.run}:${answer.change}`;
+    state = answer;
+    show(state);
+  }
+
   async function ask() {
     if (asking) return;
     asking = true;
@@ -521,11 +545,7 @@
         if (state) showHead(state);
       }
       failures = 0;
-      if ("title" in answer) {
-        have = `${answer.run}:${answer.change}`;
-        state = answer;
-        show(state);
-      }
+      if ("title" in answer) take(answer);
     } catch {
       failures += 1;
       if (failures >= PATIENCE) {
@@ -591,7 +611,7 @@
       next.click();
     });
   }
+  take(JSON.parse($("first-state").textContent));
   setInterval(ask, PERIOD);
-  ask();
   loadFigures();
 })();

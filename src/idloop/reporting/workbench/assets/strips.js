@@ -1,8 +1,11 @@
 // The strips: every output with its model, its residual below, and the command, on one canvas with one axis of time.
 // They ask the server for what they lack, draw it, and ask again: a slow browser sees fewer pictures, nothing queues up.
+// The canvas covers what is in sight, not all strips: a browser copies the whole of it for every picture.
 "use strict";
 const Strips = (() => {
-  const PERIOD = 60; // milliseconds between two pictures that follow
+  const PERIOD = 33; // milliseconds between two pictures that follow
+  const AHEAD = 10; // before a picture is due, the question for it is sent
+  const MARGIN = 240; // pixels beyond what is in sight that the canvas covers, so that it need not move at once
   const IDLE = 400; // between two questions when nothing moves
   const TALL = [176, 100], LOW = [136, 80]; // heights of an output and of its residual: up to two outputs, and more
   const COMMAND = 112, FOOT = 40, GAP = 12, LEFT = 78, RIGHT = 14;
@@ -98,10 +101,26 @@ const Strips = (() => {
     return { at, write };
   }
 
+  // Widen two ends until they hold some of the values. By itself, for the numbers of a loop with closures about it are
+  // objects of their own.
+  function extent(values, from, to, ends) {
+    let low = Infinity, high = -Infinity;
+    for (let i = from; i <= to; i += 1) {
+      const value = values[i];
+      if (value < low) low = value;
+      if (value > high) high = value;
+    }
+    if (low < ends[0]) ends[0] = low;
+    if (high > ends[1]) ends[1] = high;
+  }
+
   class Strips {
     // place: element; base: address of the server; moved: called when the reader moves or zooms.
     constructor(place, base, moved) {
       this.moved = moved;
+      this.place = place;
+      this.places = new Float64Array(0);
+      this.top = this.tall = 0; // the stretch of the strips that the canvas covers
       this.look = null; // { follow: seconds | null, stretch: [start, stop] | null, shown }
       this.pictures = 0;
       this.start = 0;
@@ -201,16 +220,20 @@ const Strips = (() => {
     answered(data) {
       // Drawn with the browser's next frame; a page in the background gets none and asks for nothing until it can be seen.
       requestAnimationFrame(() => {
-        const asked = this.asked, drawing = performance.now();
+        const drawing = performance.now();
         this.asked = null;
         if (this.again) { this.pull(); return; }
-        if (this.take(data)) { this.paint(drawing); this.pictures += 1; }
+        if (this.take(data)) {
+          this.paint(drawing);
+          this.pictures += 1;
+          if (this.pictures === 1) performance.mark("idloop-first-picture");
+        }
         // On a small computer the control loop needs the processor too: at most half of the time is spent on drawing.
         setTimeout(() => {
           if (this.asked !== null) return;
           const now = performance.now();
           clearTimeout(this.due);
-          this.due = setTimeout(() => this.pull(), this.look.follow ? Math.max(PERIOD, 2 * (now - drawing)) - (now - asked) : IDLE);
+          this.due = setTimeout(() => this.pull(), this.look.follow ? Math.max(PERIOD - AHEAD, 2 * (now - drawing)) - (now - drawing) : IDLE);
         });
       });
     }
@@ -239,16 +262,44 @@ const Strips = (() => {
     // -- drawing ----------------------------------------------------------------------------
 
     resize() {
-      const width = this.canvas.parentElement.clientWidth;
+      const width = this.place.clientWidth;
       if (!width || !this.height) return;
-      const scale = this.scale = Math.min(devicePixelRatio || 1, 2);
       const wider = Math.abs(width - (this.width ?? 0)) > 2;
       this.width = width;
-      this.canvas.width = Math.round(width * scale);
-      this.canvas.height = Math.round(this.height * scale);
-      this.canvas.style.height = `${this.height}px`;
+      this.place.style.height = `${this.height}px`;
+      this.tall = 0;
       this.paint(performance.now(), true);
       if (wider) this.pull();
+    }
+
+    // Lay the canvas over a stretch of the strips.
+    cover(top, tall) {
+      const scale = this.scale = Math.min(devicePixelRatio || 1, 2);
+      [this.top, this.tall] = [top, tall];
+      const [width, height] = [Math.round(this.width * scale), Math.round(tall * scale)];
+      if (this.canvas.width !== width || this.canvas.height !== height) [this.canvas.width, this.canvas.height] = [width, height];
+      this.canvas.style.height = `${tall}px`;
+      this.canvas.style.top = `${top}px`;
+    }
+
+    // Let it cover what is in sight; whether it had to move, and everything on it is to be drawn.
+    follow(seen) {
+      const low = Math.max(-seen.top, 0), high = Math.min(innerHeight - seen.top, this.height);
+      if (this.tall && (low >= high || (this.top <= low && high <= this.top + this.tall))) return false;
+      const tall = Math.min(Math.ceil(innerHeight) + 2 * MARGIN, this.height);
+      this.cover(Math.min(Math.max(Math.floor(low) - MARGIN, 0), this.height - tall), tall);
+      return true;
+    }
+
+    // All strips on one canvas, until the next `paint` after `part`: to save or to print them.
+    whole() {
+      this.cover(0, this.height);
+      this.paint(performance.now(), true);
+    }
+
+    part() {
+      this.tall = 0;
+      this.repaint();
     }
 
     repaint() {
@@ -259,21 +310,22 @@ const Strips = (() => {
     x(instant) { return LEFT + ((instant - this.start) / (this.stop - this.start)) * (this.right - LEFT); }
     instant(x) { return this.start + ((x - LEFT) / (this.right - LEFT)) * (this.stop - this.start); }
 
-    // everywhere: out of sight as well, for a picture that is saved or printed.
+    // everywhere: out of sight as well, as far as the canvas reaches.
     paint(now = performance.now(), everywhere = false) {
       if (!this.colours.surface || !this.strips.length || !this.width) return;
       const g = this.context;
-      g.setTransform(this.scale, 0, 0, this.scale, 0, 0);
-      const seen = this.canvas.getBoundingClientRect();
+      const seen = this.place.getBoundingClientRect();
       const calm = Boolean(this.look?.follow && this.calm);
-      const whole = everywhere || !calm;
+      const whole = this.follow(seen) || everywhere || !calm;
+      g.setTransform(this.scale, 0, 0, this.scale, 0, -this.top * this.scale);
       const along = ticks(this.start, this.stop, Math.max(3, (this.right - LEFT) / 110));
       const last = this.strips[this.strips.length - 1];
       for (const strip of this.strips) {
-        this.fit(strip, now, calm);
         // What is scrolled out of sight is not drawn again and again.
         const from = seen.top + strip.top;
+        if (strip.top > this.top + this.tall || strip.top + strip.height + FOOT < this.top) continue;
         if (!whole && (from > innerHeight || from + strip.height + (strip === last ? FOOT : GAP) < 0)) continue;
+        this.fit(strip, now, calm);
         g.fillStyle = this.colours.surface;
         g.fillRect(0, strip.top - GAP / 2, this.width, strip.height + (strip === last ? FOOT + GAP : GAP));
         this.axes(g, strip, along, strip === last);
@@ -294,17 +346,13 @@ const Strips = (() => {
     }
 
     fit(strip, now, calm) {
-      let low = Infinity, high = -Infinity;
+      const ends = [Infinity, -Infinity];
       for (const [name, column] of strip.lines) {
         const one = this.streams[name];
         const values = one?.values[column];
-        if (!values) continue;
-        for (let i = Math.max(one.at(this.start), 0), end = one.at(this.stop); i <= end; i += 1) {
-          const value = values[i];
-          if (value < low) low = value;
-          if (value > high) high = value;
-        }
+        if (values) extent(values, Math.max(one.at(this.start), 0), one.at(this.stop), ends);
       }
+      let [low, high] = ends;
       if (strip.band != null) {
         // About zero, so that one sees at once to which side it lies.
         const half = Math.max(this.band?.[strip.band] ?? 0, -low, high, 0);
@@ -385,24 +433,38 @@ const Strips = (() => {
       const from = Math.max(one.at(this.start) - 1, 0), to = Math.min(one.at(this.stop) + 2, one.count);
       const by = (this.right - LEFT) / (this.stop - this.start), zero = LEFT - this.start * by;
       const held = name === "command", dashed = name === "reference";
-      const path = new Path2D();
-      let down = false, before = 0;
+      // Places of the line, NaN where it is interrupted; kept, and traced for each hairline: a browser holds every
+      // Path2D until it collects its garbage, which is some MB a second.
+      const places = this.places.length >= 4 * (to - from) ? this.places : (this.places = new Float64Array(6 * (to - from)));
+      let count = 0, down = false, before = 0;
       for (let i = from; i < to; i += 1) {
         const value = values[i];
         // Dashes belong to the time: they must not run along the line while it moves.
-        if (value !== value || (dashed && Math.floor((time[i] * by) / DASH) % 2)) { down = false; continue; }
+        if (value !== value || (dashed && Math.floor((time[i] * by) / DASH) % 2)) {
+          if (down) { places[count] = NaN; count += 2; }
+          down = false;
+          continue;
+        }
         const x = zero + time[i] * by, p = y(value);
-        if (!down) path.moveTo(x, p);
-        else { if (held) path.lineTo(x, before); path.lineTo(x, p); }
+        if (down && held) { places[count] = x; places[count + 1] = before; count += 2; }
+        places[count] = x;
+        places[count + 1] = p;
+        count += 2;
         down = true;
         before = p;
       }
       g.strokeStyle = this.colours[name === "residual" ? "model" : name];
       g.lineWidth = 1 / this.scale;
       for (const [right, under] of PENS[name]) {
-        g.translate(right, under);
-        g.stroke(path);
-        g.translate(-right, -under);
+        g.beginPath();
+        let drawing = false;
+        for (let k = 0; k < count; k += 2) {
+          const x = places[k] + right;
+          if (x !== x) drawing = false;
+          else if (drawing) g.lineTo(x, places[k + 1] + under);
+          else { g.moveTo(x, places[k + 1] + under); drawing = true; }
+        }
+        g.stroke();
       }
     }
 
@@ -439,13 +501,14 @@ const Strips = (() => {
     }
 
     save(name) {
-      this.paint(performance.now(), true);
+      this.whole();
       this.canvas.toBlob((blob) => {
         const link = document.createElement("a");
         link.href = URL.createObjectURL(blob);
         link.download = name;
         link.click();
         setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+        this.part();
       });
     }
 
@@ -513,7 +576,8 @@ const Strips = (() => {
         does();
       });
       addEventListener("scroll", () => this.repaint(), { passive: true });
-      addEventListener("beforeprint", () => this.paint(performance.now(), true));
+      addEventListener("beforeprint", () => this.whole());
+      addEventListener("afterprint", () => this.part());
     }
   }
 
