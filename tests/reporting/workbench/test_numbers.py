@@ -16,10 +16,15 @@ import pytest
 
 pytest.importorskip("bokeh", reason="no Bokeh: launch_scripts/test installs it")
 
+from fake import FakeSource
+
 from idloop.cli.main import run
+from idloop.diagnosis.evidence.live_evidence import LiveEvidence
 from idloop.physics import load_model
 from idloop.physics.simulation import simulate
 from idloop.records import Record, read_record, write_bag
+from idloop.reporting.figures.evidence import MOST
+from idloop.reporting.terms import effect_words
 from idloop.reporting.workbench.offline import OfflineSource
 from idloop.reporting.workbench.server import Place, Site
 from idloop.reporting.workbench.state import model_version
@@ -42,6 +47,21 @@ COLUMNS = """place => {
       ([name, column]) => [name, [...column].map((x) => (Number.isNaN(x) ? null : x))])));
   }
   return found;
+}"""
+
+
+# Ends of the lines, the threshold and the marks of the figure of the evidence, as the browser has them.
+EVIDENCE = """() => {
+  const plot = window.Bokeh?.documents[0]?.get_model_by_name("evidence")?.children[0];
+  if (!plot) return null;
+  const end = (one, name) => [...one.data_source.data[name]].at(-1);
+  return {
+    threshold: plot.center.find((one) => one.type === "Span").location,
+    lines: plot.renderers.filter((one) => one.name === "looks")
+      .map((one) => ["name", "x", "y"].map((of) => end(one, of))),
+    decided: plot.renderers.filter((one) => one.name === "decided")
+      .map((one) => ["name", "x", "samples"].map((of) => end(one, of))),
+  };
 }"""
 
 
@@ -155,6 +175,73 @@ def test_every_number_on_the_page_is_one_of_the_command_line(machine, tmp_path, 
     finally:
         site.close()
         source.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("machine", MACHINES, ids=lambda one: one.name)
+def test_the_evidence_on_the_page_is_that_of_the_estimator(machine, tmp_path, visit, capsys):
+    """Lines, threshold and decisions are those of the published document, and `idloop diagnose` does not object."""
+    reading = pytest.importorskip("idloop_nodes.workbench_page.reading", reason="idloop_nodes is not installed")
+    (fitted, _), plain = recorded(machine, tmp_path), load_model(machine.model)
+    source, site, known = FakeSource(outputs=machine.model), None, None
+    source.state.change(missing=None)  # it is of a motor
+    try:
+        site = Site(source, Place())
+        page = visit(site.address).page
+        for document in published(plain, read_record(fitted, plain), machine.choice):
+            known = reading.evidence_of(document, known)
+            source.state.change(evidence=known)
+            newest = {one.name: one for one in document.candidates}
+            page.wait_for_function(
+                f"seconds => ({EVIDENCE})()?.lines.every((one) => one[1] === seconds)",
+                arg=document.seconds,
+            )
+            drawn = page.evaluate(EVIDENCE)
+            assert drawn["threshold"] == pytest.approx(document.threshold, rel=1e-12)
+            assert len(drawn["lines"]) == min(len(newest), MOST)
+            for name, x, y in drawn["lines"]:
+                (one,) = [one for one in newest.values() if effect_words(one.name) == name]
+                assert (x, y) == pytest.approx((document.seconds, one.log_e), rel=1e-12)
+            decided = {effect_words(one.name): one for one in newest.values() if one.decided}
+            assert {name for name, *_ in drawn["decided"]} == set(decided)
+            for name, x, samples in drawn["decided"]:
+                assert samples == decided[name].decided_samples
+                assert x == pytest.approx(document.seconds * samples / document.samples)
+            # And the table beside it.
+            page.wait_for_function(
+                "version => document.body.dataset.version === version", arg=str(source.state.snapshot.version)
+            )
+            assert f"log(m/α) = {document.threshold:.1f}" in page.inner_text("#evidence-hint").replace("\u00a0", " ")
+            for one in newest.values():
+                row = page.locator(f"[data-evidence='{one.name}'] td")
+                assert row.nth(0).inner_text() == f"{one.log_e:.1f}".replace("-", "−")
+                when = row.nth(1).inner_text().replace("\u00a0", " ")
+                assert when.endswith(f" s, {one.decided_samples} samples" if one.decided else "open")
+        choice = [word for name in machine.choice for word in ("--effects", name)]
+        said = ask(capsys, "diagnose", machine.model, fitted, *choice, "--json", "--quiet")
+        assert said["level"] == document.level
+        tested = {f"{one['effect']}@{one['at']}": one for one in said["candidates"]}
+        assert set(newest) <= set(tested)
+        assert machine.effect in document.decided
+        assert all(tested[name]["p_value"] <= said["level"] for name in document.decided)
+        page.goto("about:blank")
+    finally:
+        if site is not None:
+            site.close()
+        source.close()
+
+
+def published(model, record, effects):
+    """Documents of ``estimator/evidence`` as a graph would publish them over a recording, read back."""
+    from idloop_nodes.codec.evidence import evidence_from_statuses, evidence_to_statuses
+    from idloop_nodes.estimation.evidence_jobs import summarise_evidence
+
+    found = LiveEvidence(model, effects=effects)
+    for stop in (6.0, 8.0, 10.0, 12.0):
+        earlier, new = record.cut(0.0, stop - 2.0 - 0.5 * STEP), record.cut(stop - 2.0, stop - 0.5 * STEP)
+        found = found.update([earlier], new, round(stop * 1e9))
+        summary = summarise_evidence(found, round(stop * 1e9))
+        yield evidence_from_statuses(evidence_to_statuses("estimator", summary))
 
 
 def check(site, page, said, unseen, folder, capsys):
