@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from idloop.estimation.nonparametric import FrequencyResponse
     from idloop.validation import Comparison
 
+# Part of the largest pole below which a pole, or its imaginary part, is the rounding error of an eigenvalue solver.
+_ROUNDING = 1e-9
+
 
 @dataclass(frozen=True, eq=False)
 class FrequencyView:
@@ -36,10 +39,12 @@ class FrequencyView:
     def pole_texts(self) -> list[str]:
         """Each real pole by its value, each pair by its natural frequency and damping ratio, slow ones first."""
         texts = []
+        # What an eigenvalue solver leaves of zero.
+        nothing = _ROUNDING * float(np.max(np.abs(self.poles), initial=0.0))
         for pole in sorted(self.poles, key=abs):
             size = float(abs(pole))
-            if abs(pole.imag) <= 1e-9 * size:
-                texts.append("0 (integrator)" if size == 0.0 else f"{short(pole.real)} 1/s")
+            if abs(pole.imag) <= _ROUNDING * size:
+                texts.append("0 (integrator)" if size <= nothing else f"{short(pole.real)} 1/s")
             elif pole.imag > 0.0:
                 texts.append(f"{short(size / (2 * np.pi))} Hz, damping ratio {short(-pole.real / size)}")
         return texts

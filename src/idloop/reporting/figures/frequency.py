@@ -6,6 +6,7 @@ import numpy as np
 from bokeh.models import Range1d
 from bokeh.plotting import figure
 
+from idloop.reporting.figures.ladder import number_decades
 from idloop.reporting.figures.theme import LIGHT, Theme, add_legend, new_figure, source
 from idloop.reporting.frequency_view import FrequencyView
 
@@ -33,6 +34,8 @@ def frequency_figures(view: FrequencyView, output: int = 0, theme: Theme = LIGHT
     coherence = new_figure(
         theme, ("frequency", "Hz"), ("coherence", "-"), height=150, y_range=Range1d(start=0.0, end=1.05), **look
     )
+    for plot in (size, phase, coherence):
+        number_decades(plot, float(frequency[0]), float(frequency[-1]))
     entries = []
     modelled, found = (one.response[kept, output, 0] for one in (view.model, measured))
     angle = np.unwrap(np.angle(modelled))

@@ -35,6 +35,8 @@ Array = NDArray[np.float64]
 ROW = 48
 # Lines of a row stand below one another, this part of a row apart.
 _APART = 0.12
+# Room below the last row, in rows.
+_BELOW = 0.4
 # Over so many decades more than one tick in each is too much for a phone.
 _MANY = 2.5
 
@@ -76,17 +78,17 @@ def _draw(
     values = values[np.isfinite(values) & (values > 0.0)]
     low, high = (float(np.min(values)), float(np.max(values))) if len(values) else (0.1, 1.0)
     decades = in_decades(values)
+    # Room for the marks of the last row's last line.
+    below = max(_BELOW, _APART * (len(lines) - 1) + 0.17)
     plot = new_figure(
         theme, x, ("", None),
         x_axis_type="log" if decades else "linear",
         x_range=Range1d(start=0.8 * low, end=1.3 * high) if decades else Range1d(start=0.0, end=1.12 * high),
-        height=70 + ROW * len(names), tools="reset,save", active_drag=None,
+        height=70 + round(ROW * (len(names) + below - _BELOW)), tools="reset,save", active_drag=None,
     )  # fmt: skip
     if decades:
-        ticks = decade_ticks(0.8 * low, 1.3 * high)
-        plot.xaxis.ticker = FixedTicker(ticks=ticks)
-        plot.xaxis.major_label_overrides = {tick: f"{tick:g}" for tick in ticks}
-    places = name_rows(plot, names, theme)
+        number_decades(plot, 0.8 * low, 1.3 * high)
+    places = name_rows(plot, names, theme, below)
     entries = []
     unseen = any(line.kind == VALIDATION for line in lines)
     for number, line in enumerate(lines):
@@ -126,13 +128,22 @@ def decade_ticks(low: float, high: float) -> list[float]:
     return [tick for n in range(first, last + 1) for step in steps if low <= (tick := float(f"{step}e{n}")) <= high]
 
 
-def name_rows(plot: figure, names: Sequence[str], theme: Theme) -> Array:
+def number_decades(plot: figure, low: float, high: float) -> None:
+    """Number the horizontal axis of decades with whole numbers that leave each other room on a phone."""
+    ticks = decade_ticks(low, high)
+    plot.xaxis.ticker = FixedTicker(ticks=ticks)
+    plot.xaxis.major_label_overrides = {tick: f"{tick:g}" for tick in ticks}
+
+
+def name_rows(plot: figure, names: Sequence[str], theme: Theme, below: float = _BELOW) -> Array:
     """Lay out rows below one another, each with its words above what is drawn: they stay whole on a phone.
 
     Parameters
     ----------
     plot : figure
         Its vertical axis is hidden.
+    below : float
+        Room below the last row, in rows.
 
     Returns
     -------
@@ -143,12 +154,12 @@ def name_rows(plot: figure, names: Sequence[str], theme: Theme) -> Array:
     plot.ygrid.visible = False
     plot.min_border_left = 14
     places = -np.arange(len(names), dtype=float)
-    plot.y_range = Range1d(start=0.6 - len(names), end=0.85)
+    plot.y_range = Range1d(start=1.0 - below - len(names), end=0.85)
     for name, place in zip(names, places, strict=True):
         plot.add_layout(
             Label(
                 x=0, x_units="screen", y=place, y_offset=9, text=name, text_color=theme.text, text_font=FONT,
-                text_font_size="12px",
+                text_font_size="12px", background_fill_color=theme.surface,
             )
         )  # fmt: skip
     return places

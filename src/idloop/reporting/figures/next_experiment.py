@@ -51,10 +51,10 @@ def _heading(row: Row, suggestion: Suggestion) -> str:
     """Limits, bands and the difference of a row in words."""
     # With many rivals their differences do not fit a line; the outcomes beside the figure have the numbers.
     several = len(suggestion.rivals) > 2
-    notes = "; ".join(text for text, which in row.entries if not (several and which.isdigit()))
+    notes = [text for text, which in row.entries if not (several and which.isdigit())]
     begin = [f"from {in_words(suggestion.rivals[0][0])}"] if row.kind == "difference" else []
     # A line each: a phone cuts what is longer.
-    return "\n".join([*begin, *([notes] if notes else [])])
+    return "\n".join([*begin, *notes])
 
 
 def _draw(row: Row, theme: Theme, span: Any, buckets: int, heading: str) -> tuple[figure, list[Any]]:

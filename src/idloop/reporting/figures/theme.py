@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Any
 
-from bokeh.models import ColumnDataSource, Range1d
+from bokeh.models import BasicTickFormatter, ColumnDataSource, Range1d
 from bokeh.models.annotations import Legend, Span
 from bokeh.plotting import figure
 
@@ -117,6 +117,9 @@ def new_figure(
         axis.major_label_text_color = theme.muted
         axis.axis_line_color = axis.major_tick_line_color = theme.muted
         axis.minor_tick_line_color = None
+        for one in axis:
+            if isinstance(one.formatter, BasicTickFormatter):
+                one.formatter.power_limit_low = -5  # "0.0008" is shorter than "8.000e-4"
     plot.grid.grid_line_color = theme.grid
     return plot
 
