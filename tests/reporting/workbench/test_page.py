@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+import struct
 import threading
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -485,12 +487,39 @@ def test_a_picture_that_is_saved_has_what_is_out_of_sight_too(site, source, visi
     with page.expect_download() as download:
         page.click("#save")
     assert download.value.suggested_filename == "workbench.png"
-    surface, lowest = page.evaluate(
-        "() => { const c = strips.canvas, [r, g, b] = strips.context.getImageData(2, c.height - 3, 1, 1).data;"
-        " const asHex = (v) => v.toString(16).padStart(2, '0');"
-        " return [strips.colours.surface, `#${asHex(r)}${asHex(g)}${asHex(b)}`]; }"
+    width, height = struct.unpack(">II", Path(download.value.path()).read_bytes()[16:24])
+    assert [width, height] == page.evaluate("() => [strips.width, strips.height]")
+
+
+@pytest.mark.slow
+def test_the_canvas_covers_what_is_in_sight_and_all_of_it_on_paper(site, source, visit):
+    page = visit(site.address).page
+    page.set_viewport_size({"width": 1500, "height": 300})
+    page.wait_for_function("() => strips.streams.measured?.count > 0 && strips.tall > 0")
+    assert page.evaluate("() => strips.height") > 600
+    covered = "() => [strips.top, strips.top + strips.tall]"
+    first = page.evaluate(covered)
+    assert first[0] == 0
+    assert first[1] < page.evaluate("() => strips.height")
+    page.evaluate("() => scrollBy(0, strips.place.getBoundingClientRect().bottom - 200)")
+    page.wait_for_function("() => strips.top > 0 && strips.top + strips.tall >= strips.height")
+    page.evaluate("() => dispatchEvent(new Event('beforeprint'))")
+    assert page.evaluate(covered) == [0, page.evaluate("() => strips.height")]
+    page.evaluate("() => dispatchEvent(new Event('afterprint'))")
+    page.wait_for_function("() => strips.tall < strips.height")
+
+
+@pytest.mark.slow
+def test_words_and_strips_are_there_before_any_figure(site, source, visit):
+    """Style, scripts and the first words come with the page, and no figure is drawn before the browser asks for it."""
+    page = visit(site.address).page
+    asked = page.evaluate("() => performance.getEntriesByType('resource').map((one) => new URL(one.name).pathname)")
+    assert not [one for one in asked if one.endswith(("page.css", "page.js", "strips.js", "wire.js"))]
+    words, picture, figures = (
+        page.evaluate(f"() => performance.getEntriesByName('idloop-{one}')[0].startTime")
+        for one in ("words", "first-picture", "figures")
     )
-    assert lowest == surface
+    assert words <= picture <= figures
 
 
 @pytest.mark.slow

@@ -137,7 +137,17 @@ def test_rows_are_streamed_so_that_a_browser_does_not_build_its_legends_anew(can
     np.testing.assert_array_equal(values(canvas.place), [3.0, 4.0, np.nan])
     # Where the columns have become others, they are sent whole.
     source = ColumnDataSource({"x": np.arange(3.0), "y": ["a", "b", "c"]})
-    for data in ({"x": np.arange(3), "y": ["a"] * 3}, {"x": np.arange(3.0)}, {"x": np.zeros(0), "y": []}):
+    for data in ({"x": np.arange(3), "y": ["a"] * 3}, {"x": np.arange(3.0)}, {"x": np.zeros(2), "y": ["a"] * 2}):
         assert not streamed(source, data)
-    assert streamed(source, {"x": np.zeros(1), "y": ["d"]})
-    assert list(source.data["y"]) == ["d"]
+    assert streamed(source, {"x": np.zeros(4), "y": list("defg")})
+    assert list(source.data["y"]) == list("defg")
+
+
+def test_fewer_rows_are_sent_whole(canvas):
+    """BokehJS keeps the tail of a longer column when fewer rows stream in."""
+    canvas.draw([one_figure([1.0, 2.0, 3.0])])
+    sent = []
+    canvas.document.on_change(sent.append)
+    canvas.draw([one_figure([4.0, 5.0])])
+    assert [type(event).__name__ for event in sent if event.attr == "data"] == ["ModelChangedEvent"]
+    assert values(canvas.place) == [4.0, 5.0]

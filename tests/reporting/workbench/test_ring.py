@@ -47,3 +47,8 @@ def test_clearing_forgets():
     ring.clear()
     assert len(ring) == 0
     assert ring.extend([1], [[5.0]]) == 1
+
+
+def test_there_is_little_more_room_than_for_what_is_kept():
+    ring = Ring(12, 8000)
+    assert ring.nbytes <= 8000 * (12 + 1) * 8 * 9 / 8

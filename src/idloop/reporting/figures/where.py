@@ -45,7 +45,7 @@ def error_along(maps: Sequence[tuple[str, ErrorMap]], variable: str, theme: Them
     plot = new_figure(
         theme,
         axis_name(first),
-        ("rms error" if frequency else "error, mean ± deviation", unit),
+        ("rms error" if frequency else "mean error ± σ", unit),
         x_axis_type="log" if frequency else "linear",
         **({"y_range": DataRange1d(start=0.0)} if frequency else {}),
         height=230,

@@ -62,16 +62,16 @@ class Canvas:
 
 
 def streamed(source: ColumnDataSource, data: dict[str, Any]) -> bool:
-    """Replace the rows of a source by as many new ones as there are; False where they are not of the same kind.
+    """Replace the rows of a source by new ones; False where they are fewer or not of the same kind.
 
     BokehJS builds every entry of a legend anew, with a canvas each, when a source of any of its lines changes, and not
-    when rows stream in.
+    when rows stream in. Of fewer rows than before it keeps the last ones of the old.
     """
     old = source.data
     lengths = {len(column) for column in data.values()}
     if data.keys() != old.keys() or len(lengths) != 1 or 0 in lengths:
         return False
-    if any(_kind(data[name]) != _kind(old[name]) for name in data):
+    if any(_kind(data[name]) != _kind(old[name]) or len(data[name]) < len(old[name]) for name in data):
         return False
     source.stream(data, rollover=lengths.pop())
     return True
