@@ -149,5 +149,5 @@ def test_fewer_rows_are_sent_whole(canvas):
     sent = []
     canvas.document.on_change(sent.append)
     canvas.draw([one_figure([4.0, 5.0])])
-    assert [type(event).__name__ for event in sent if event.attr == "data"] == ["ModelChangedEvent"]
+    assert [type(event).__name__ for event in sent if event.attr == "data"] == ["ColumnDataChangedEvent"]
     assert values(canvas.place) == [4.0, 5.0]
