@@ -24,7 +24,9 @@ import sys
 import threading
 import time
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -92,7 +94,9 @@ def feed(signals: int) -> None:
     from idloop_nodes.workbench_page.source import LiveSource
 
     model = chain(signals)
-    command, output = motion(model)
+    # Not in this process: what compiles and runs a simulation takes memory that no workbench does.
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        command, output = pool.submit(motion, model).result()
     rng = np.random.default_rng(2)
     spread = np.array([float(one.noise or 0.0) for one in model.outputs])
     noise = spread * rng.standard_normal((7919, len(spread)))

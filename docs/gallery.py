@@ -39,9 +39,10 @@ def run(*words: str | Path) -> None:
 
 def picture_of_workbench(folder: Path) -> None:
     """The workbench after the missing effect was found."""
-    words = ["workbench", folder / "begun" / "fitted.yaml", folder / "begun" / "bags" / "train"]
-    words += ["--validate", folder / "begun" / "bags" / "unseen", "--no-browser", "--json"]
-    with subprocess.Popen([*PROGRAM, *map(str, words)], stdout=subprocess.PIPE, text=True) as served:
+    words = ["workbench", "fitted.yaml", "bags/train", "--validate", "bags/unseen", "--no-browser", "--json"]
+    # The page shows the commands with these paths.
+    where = folder / "begun"
+    with subprocess.Popen([*PROGRAM, *words], stdout=subprocess.PIPE, text=True, cwd=where) as served:
         assert served.stdout is not None  # noqa: S101  (it is a pipe)
         text = ""
         while not text.rstrip().endswith("}"):

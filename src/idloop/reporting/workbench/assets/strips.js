@@ -576,6 +576,7 @@ const Strips = (() => {
         does();
       });
       addEventListener("scroll", () => this.repaint(), { passive: true });
+      addEventListener("resize", () => this.part());
       addEventListener("beforeprint", () => this.whole());
       addEventListener("afterprint", () => this.part());
     }
