@@ -20,6 +20,7 @@ from idloop.diagnosis.options import (
     FORCE,
     MINIMUM_IMPROVEMENT,
     PREDICTION,
+    SIMULATION,
     Options,
     Progress,
     diagnosis_problem,
@@ -28,7 +29,7 @@ from idloop.diagnosis.options import (
 )
 from idloop.diagnosis.screening.proposals import proposals
 from idloop.diagnosis.search.climb import Climb
-from idloop.diagnosis.search.step import ADEQUATE, MISSING, FitT, View
+from idloop.diagnosis.search.step import ADEQUATE, MISSING, NOISE_VERDICTS, FitT, View
 from idloop.estimation.dataset import prepare
 from idloop.estimation.force_balance.weak_fit import LEAST_UNEXPLAINED, WeakFit
 from idloop.estimation.force_balance.weak_form import WeakForm
@@ -42,6 +43,9 @@ from idloop.records import Record
 
 # Other parameters compensate for an effect that was not missing: the unexplained force grows by a tenth or more.
 _WORSE = 1.1
+# A free run is far off that misses more than this part of an output and more than so many times its noise; there an
+# effect must explain this part of the error.
+_NEAR, _BEYOND_NOISE, _MOST = 0.005, 3.0, 0.7
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
@@ -102,9 +106,14 @@ def refine(
     if criterion in ("auto", FORCE):
         found, last = task.by_force(start, ladder, requested=criterion == FORCE)
         if criterion != FORCE:
-            found = task.by_errors(start if found is None else found.model, found or ladder, PREDICTION, last)
+            # Without a balance the free run is asked first.
+            found = found or (ladder if ladder is not None else task.by_free_run(start, None))
+            found = task.by_errors(start if found is None else found.model, found, PREDICTION, last)
     if found is None:
         found = task.by_errors(start, ladder, kind)
+    if criterion == "auto" and found.verdict in NOISE_VERDICTS and not found.response.uninformative:
+        more = task.by_free_run(found.model, found)
+        found = found if more is found or more is None else task.by_errors(more.model, more, PREDICTION)
     undetermined = ([] if scale is None else [scale]) + effect_scales(found.model, records)
     findings = findings_of_model(start, found.model, found.added, found.response, undetermined)
     text = free_run_finding(found)
@@ -180,6 +189,27 @@ class _Refinement:
             if len(found.added) < self.most:
                 found = _with_resolution(found, candidate)
         return found
+
+    def by_free_run(self, start: Model, ladder: Ladder | None) -> Ladder | None:
+        """Climb by free-run errors where a free run is far off; the same ladder where they show nothing.
+
+        One-step predictions begin at every sample anew, and hardly see what acts for a moment: a play that only a
+        sensor sees. A free run gathers every model error, so that an effect must explain most of what is left.
+        """
+        options = replace(self.options, minimum_improvement=max(_MOST, self.options.minimum_improvement))
+        estimation = diagnosis_problem(start, self.records, SIMULATION, self.validation)
+        fit = refit_or_none(estimation, start, near=ladder is not None)
+        if fit is None or not self._far_off(fit.model, estimation):
+            return ladder
+        held_out = diagnosis_problem(start, self.validation, SIMULATION, self.records) if self.validation else None
+        found, _ = self._climb(PredictionView(estimation, self.model, options, held_out), SIMULATION)(fit, ladder)
+        return found if found.added != (() if ladder is None else ladder.added) else ladder
+
+    def _far_off(self, model: Model, problem: EstimationProblem) -> bool:
+        """Whether free runs of some seconds miss an output by much more than its noise."""
+        noise = dict(zip(model.output_names, problem.noise / problem.deviation, strict=True))
+        errors = model_errors(model, self.records)["anew"]
+        return any(error > max(_NEAR, _BEYOND_NOISE * noise[name]) for name, error in errors.items())
 
     def _beyond_force(self, view: PredictionView, ladder: Ladder, last: WeakFit) -> Ladder:
         """Climb on by predictions from what the force balance has found."""

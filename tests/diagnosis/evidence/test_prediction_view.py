@@ -81,7 +81,8 @@ COMPLIANCE = {"stiffness": 68.0, "damping": 0.8, "split": 0.04, "viscous_split":
         ("sensor_offset@position[axis]", {"offset": -3.7}, {"offset": 8.5}, True),
         ("sensor_offset@position[axis]", {"offset": 0.02}, {"offset": 0.001}, False),
         ("compliance@axis", COMPLIANCE, {"stiffness": 4e4, "damping": 5e2, "split": 17.0, "viscous_split": 9.0}, True),
-        ("compliance@axis", COMPLIANCE, {"stiffness": 2.0, "damping": 2.0, "split": 17.0, "viscous_split": 1.0}, False),
+        ("compliance@axis", COMPLIANCE, {"stiffness": 2.0, "damping": 2.0, "split": 17.0, "viscous_split": 1.0}, True),
+        ("compliance@axis", COMPLIANCE, {"stiffness": 2.0, "damping": 2.0, "split": 0.1, "viscous_split": 1.0}, False),
     ],
 )  # fmt: skip
 def test_what_may_as_well_be_none_is_not_named(
@@ -94,7 +95,6 @@ def test_what_may_as_well_be_none_is_not_named(
     assert bool(text) is refused
     if refused:
         assert text.startswith("it may as well be none: ")
-        assert all(name in text for name in values)
 
 
 @pytest.mark.parametrize("share", [0.0, 1.0])

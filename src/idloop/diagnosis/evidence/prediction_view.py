@@ -46,7 +46,6 @@ from idloop.estimation.statistics.whitening import choose_order
 from idloop.physics.effect import INPUT, OUTPUT
 from idloop.physics.model import Model
 from idloop.records import Record
-from idloop.spelling import joined_names
 from idloop.validation.measures import NEGLIGIBLE
 
 # Below this part of the deviation the error of a free run counts as this: another integration method changes it.
@@ -278,7 +277,10 @@ class PredictionView(View[Refit]):
     def _rejection(self, step: PredictionStep, proposal: Proposal, fit: Refit, responds: bool) -> str:
         """Why a significant effect is not named; empty where it is."""
         model, effect = fit.model, proposal.effect
-        if why := bound_reached(model, proposal) or undetermined_strength(fit, proposal):
+        if why := bound_reached(model, proposal):
+            return why
+        # Errors of a free run are model errors, beside which a standard error says little.
+        if self.estimation.kind == PREDICTION and (why := undetermined_strength(fit, proposal)):
             return why
         if proposal.replaces is None and (effect.site == OUTPUT or effect.hidden_by_start):
             without = model.without_effect(proposal.name)
@@ -296,9 +298,11 @@ class PredictionView(View[Refit]):
         return ""
 
     def refit_thoroughly(self, fit: Refit) -> Refit:
-        """The same model, with the order of whitening that suits it."""
+        """The same model in all samples, with the order of whitening that suits it."""
         if self.estimation.kind != PREDICTION:
-            return fit
+            few = self.estimation.subsampled(FEW) is not self.estimation
+            # Its initial states are those of the segments of a few samples.
+            return (refit_or_none(self.estimation, fit.model, near=True) or fit) if few else fit
         # The order of the whitening that suited the model before need not suit it now.
         fit = refit(self.estimation, fit.model, None, fit, choose_orders=True)
         return search_repeatedly(self.estimation, fit) if has_contacts(fit.model) else fit
@@ -464,23 +468,26 @@ def bound_reached(model: Model, proposal: Proposal) -> str:
 def undetermined_strength(fit: Refit, proposal: Proposal) -> str:
     """Say that a fitted effect may as well be none; empty where it may not.
 
-    Its strength, or all that it has where there is none, lies within the standard errors of its neutral value. The
-    evidence is then something else's: another effect takes its place, such as the phase of a wave that of an offset.
+    Its strength, or its first parameter where it has none, lies within the standard errors of its neutral value; or of
+    a parameter nothing is known, because all that makes sense lies within them. The evidence is then something else's:
+    another effect takes its place, such as the phase of a wave that of an offset.
     """
+    effect, fitted = proposal.effect, {one.name: one for one in fit.with_stderr().parameters}
     if proposal.replaces is not None:
         return ""
-    effect, fitted = proposal.effect, {one.name: one for one in fit.with_stderr().parameters}
-    said = []
     for spec in effect.parameters:
         found = fitted.get(f"{proposal.name}.{spec.name}")
-        if found is None or not found.free or (effect.strength and spec.name != effect.strength):
+        if found is None or not found.free or spec.optional:
             continue
-        # A stiffness or a limit that is none is infinite: its interval reaches there where it reaches zero.
-        distance = abs(found.value - (spec.neutral if math.isfinite(spec.neutral) else 0.0))
-        if found.stderr is None or distance > CERTAIN * found.stderr:
-            return ""
-        said.append(f"{spec.name} {found.value:.3g} with a standard error of {found.stderr:.3g}")
-    return f"it may as well be none: {joined_names(said)}" if said else ""
+        # What the data do not determine at all has no standard error.
+        error = math.inf if found.stderr is None else found.stderr
+        reach = CERTAIN * error
+        # A stiffness that is none is infinite: its interval reaches there where it reaches zero.
+        neutral = spec.neutral if math.isfinite(spec.neutral) else 0.0
+        none = spec.name == (effect.strength or effect.parameters[0].name) and abs(found.value - neutral) <= reach
+        if none or (found.value - reach <= spec.min and spec.max <= found.value + reach):
+            return f"it may as well be none: {spec.name} {found.value:.3g} with a standard error of {error:.3g}"
+    return ""
 
 
 def _best_of_each(found: Sequence[Confirmed]) -> list[Confirmed]:

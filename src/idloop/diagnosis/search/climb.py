@@ -48,12 +48,14 @@ class Climb(Generic[FitT]):
                 ladder, fit = self._without_superfluous(ladder, fit, step, kept, ladder.steps[1:])
                 if ladder is not before:
                     continue
-            if not step.tied or count + len(step.tied[0].proposals) > self.most:
-                break
-            timed = self.view.with_timing(step)
+            ended = not step.tied or count + len(step.tied[0].proposals) > self.most
+            # Beside an effect that is missing yet the timing may not show.
+            timed = self.view.with_timing(step) if added or not ended else None
             if timed is not None:
                 view, fit = timed
                 return replace(self, view=view)(fit, self._with_values(ladder, step.reported(fit)))
+            if ended:
+                break
             steps, further = self._steps(step)
             if self.worse is not None and self.worse(ladder.model, steps[-1].model):
                 rejected = True
