@@ -8,7 +8,7 @@ import time
 import pytest
 
 from idloop.errors import IdloopError, InputError
-from idloop.graph import Graph, GraphRun, NodeEntry, run_graph
+from idloop.graph import Graph, GraphRun, NodeEntry, processes, run_graph
 
 SCRIPTS = {
     "brief": "echo done",
@@ -105,7 +105,9 @@ def test_what_does_not_listen_is_killed_with_its_children(graph):
         assert time.monotonic() < deadline
 
 
-def test_a_node_that_crashes_while_it_ends_is_told(graph):
+def test_a_node_that_crashes_while_it_ends_is_told(graph, monkeypatch):
+    # Beside other work a crash takes longer than a graph has patience.
+    monkeypatch.setattr(processes, "GRACE", 100.0)
     lines = []
     run = GraphRun(graph("endless", "crashing"), say=lambda label, line: lines.append((label, line)))
     deadline = time.monotonic() + 200
