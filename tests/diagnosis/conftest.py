@@ -8,6 +8,8 @@ import pytest
 from numpy.typing import NDArray
 
 from idloop.physics import Model, load_model
+from idloop.physics.model_file import build_model
+from idloop.physics.schema import read_model_file
 from idloop.physics.simulation import simulate
 from idloop.records import Record
 
@@ -49,3 +51,20 @@ def start() -> Model:
     """The plain axis, a third off."""
     model = load_model("axis")
     return model.with_values({p.name: 0.7 * p.value for p in model.parameters if p.free})
+
+
+SCALE_UNKNOWN = """\
+schema: idloop/model/1
+name: axis
+input: {topic: command, joint: axis, field: effort, unit: A}
+outputs:
+  - {topic: states, joint: axis, field: position, unit: rad, noise: NOISE}
+bodies:
+  - {name: axis, inertia: 1.0, viscous_friction: {value: 5.0}}
+drive: {gain: {value: 50.0}}
+"""
+
+
+def axis_by_current(noise: float) -> Model:
+    """An axis that is commanded in amperes: the inertia is held, the gain is free. Noise of the position [rad]."""
+    return build_model(read_model_file(SCALE_UNKNOWN.replace("NOISE", f"{noise:.6f}"), "axis.yaml"), "axis.yaml")

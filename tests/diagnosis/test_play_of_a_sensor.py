@@ -5,41 +5,29 @@ import pytest
 
 from idloop.diagnosis.refine import _Refinement, refine
 from idloop.physics import Model
-from idloop.physics.model_file import build_model
-from idloop.physics.schema import read_model_file
 from idloop.physics.simulation import simulate
 from idloop.records import Record
 
-AXIS = """\
-schema: idloop/model/1
-name: axis
-input: {topic: command, joint: axis, field: effort, unit: A}
-outputs:
-  - {topic: states, joint: axis, field: position, unit: rad, noise: 1.0e-3}
-bodies:
-  - {name: axis, inertia: 1.0, viscous_friction: {value: 4.0}}
-drive: {gain: {value: 60.0}}
-"""
+from .conftest import axis_by_current
 
-
-def axis(noise: float = 1e-3) -> Model:
-    return build_model(read_model_file(AXIS.replace("1.0e-3", f"{noise:g}"), "axis.yaml"), "axis.yaml")
+NOISE = 1e-3  # of the position [rad]
 
 
 def recorded(machine: Model, rate: float, seconds: float) -> Record:
     rng = np.random.default_rng(2)
     time = np.arange(0.0, seconds, 1.0 / rate)
     command = 0.5 * rng.uniform(-1.0, 1.0, 200)[(time / 0.4).astype(int)] + 0.15 * np.sin(5.0 * time)
-    noise = rng.normal(0.0, 1e-3, (len(time), 1))
+    noise = rng.normal(0.0, NOISE, (len(time), 1))
     position = simulate(machine, time, command, time, noise=noise).output
     return Record("run", time, command, time, position, "command", "A", ("axis.position",), ("rad",))
 
 
 @pytest.mark.parametrize("criterion", ["auto", "simulation"])
 def test_a_play_that_the_free_run_shows_is_named(criterion: str) -> None:
-    record = recorded(axis().with_effects(["backlash@position[axis](gap=0.3)"]), 500.0, 14.0)
+    plain = axis_by_current(NOISE)
+    record = recorded(plain.with_effects(["backlash@position[axis](gap=0.3)"]), 500.0, 14.0)
     assert len(record.time) > 5_000  # evaluated in a few samples first
-    found = refine(axis(), [record], criterion=criterion, effects=["backlash", "sensor_delay", "coulomb_friction"])
+    found = refine(plain, [record], criterion=criterion, effects=["backlash", "sensor_delay", "coulomb_friction"])
     assert found.added == ("backlash@position[axis]",)
     assert found.model.values["backlash@position[axis].gap"] == pytest.approx(0.3, rel=0.01)
 
@@ -47,6 +35,6 @@ def test_a_play_that_the_free_run_shows_is_named(criterion: str) -> None:
 def test_a_free_run_that_is_as_good_as_its_sensor_is_not_asked(monkeypatch: pytest.MonkeyPatch) -> None:
     asked, climb = [], _Refinement._climb
     monkeypatch.setattr(_Refinement, "_climb", lambda self, view, kind: asked.append(kind) or climb(self, view, kind))
-    refine(axis(), [recorded(axis(), 200.0, 10.0)], effects=["backlash"])
+    refine(axis_by_current(NOISE), [recorded(axis_by_current(NOISE), 200.0, 10.0)], effects=["backlash"])
     assert "prediction" in asked
     assert "simulation" not in asked

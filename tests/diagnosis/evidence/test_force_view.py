@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.diagnosis.conftest import record_of
+from tests.diagnosis.conftest import axis_by_current, record_of
 
 from idloop.diagnosis.evidence import force_view
 from idloop.diagnosis.evidence.deciding_view import requested_force_fit
@@ -238,21 +238,9 @@ def test_a_limit_that_friction_cancels_is_not_evaluated(data_dir, tmp_path):
     assert step.evaluated == ()
 
 
-SCALE_UNKNOWN = """\
-schema: idloop/model/1
-name: axis
-input: {topic: command, joint: axis, field: effort, unit: A}
-outputs:
-  - {topic: states, joint: axis, field: position, unit: rad, noise: 1.0e-4}
-bodies:
-  - {name: axis, inertia: 1.0, viscous_friction: {value: 5.0}}
-drive: {gain: {value: 50.0}}
-"""
-
-
 def test_a_limit_is_found_where_the_gain_is_free_and_the_inertia_is_not():
     # A gain that grows without bound makes up for a limit near zero, as far as its slope at the start tells.
-    axis = build_model(read_model_file(SCALE_UNKNOWN, "axis.yaml"), "axis.yaml")
+    axis = axis_by_current(noise=1e-4)
     rng = np.random.default_rng(1)
     time = np.arange(0.0, 20.0, 0.002)
     command = 0.4 * rng.normal(size=101)[(5.0 * time).astype(int)]

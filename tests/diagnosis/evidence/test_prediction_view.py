@@ -85,7 +85,7 @@ COMPLIANCE = {"stiffness": 68.0, "damping": 0.8, "split": 0.04, "viscous_split":
         ("compliance@axis", COMPLIANCE, {"stiffness": 2.0, "damping": 2.0, "split": 0.1, "viscous_split": 1.0}, False),
     ],
 )  # fmt: skip
-def test_what_may_as_well_be_none_is_not_named(
+def test_what_the_data_do_not_determine_is_not_named(
     effect: str, values: dict[str, float], errors: dict[str, float], refused: bool
 ) -> None:
     (proposal,) = proposals(load_model("axis"), [effect])
@@ -94,7 +94,7 @@ def test_what_may_as_well_be_none_is_not_named(
     text = undetermined_strength(fit, proposal)
     assert bool(text) is refused
     if refused:
-        assert text.startswith("it may as well be none: ")
+        assert text.startswith("the data do not determine its ")
 
 
 @pytest.mark.parametrize("share", [0.0, 1.0])

@@ -466,15 +466,15 @@ def bound_reached(model: Model, proposal: Proposal) -> str:
 
 
 def undetermined_strength(fit: Refit, proposal: Proposal) -> str:
-    """Say that a fitted effect may as well be none; empty where it may not.
+    """Say that the data do not determine a fitted effect; empty where they do.
 
-    Its strength, or its first parameter where it has none, lies within the standard errors of its neutral value; or of
-    a parameter nothing is known, because all that makes sense lies within them. The evidence is then something else's:
-    another effect takes its place, such as the phase of a wave that of an offset.
+    The interval of its strength, or of its first parameter where it has no strength, contains the neutral value; or the
+    interval of a parameter contains its whole range. The evidence is then that of something else, as an offset and the
+    phase of a wave are confounded.
     """
-    effect, fitted = proposal.effect, {one.name: one for one in fit.with_stderr().parameters}
     if proposal.replaces is not None:
         return ""
+    effect, fitted = proposal.effect, {one.name: one for one in fit.with_stderr().parameters}
     for spec in effect.parameters:
         found = fitted.get(f"{proposal.name}.{spec.name}")
         if found is None or not found.free or spec.optional:
@@ -482,11 +482,11 @@ def undetermined_strength(fit: Refit, proposal: Proposal) -> str:
         # What the data do not determine at all has no standard error.
         error = math.inf if found.stderr is None else found.stderr
         reach = CERTAIN * error
-        # A stiffness that is none is infinite: its interval reaches there where it reaches zero.
+        # An interval of a stiffness that contains zero contains the rigid coupling as well.
         neutral = spec.neutral if math.isfinite(spec.neutral) else 0.0
         none = spec.name == (effect.strength or effect.parameters[0].name) and abs(found.value - neutral) <= reach
         if none or (found.value - reach <= spec.min and spec.max <= found.value + reach):
-            return f"it may as well be none: {spec.name} {found.value:.3g} with a standard error of {error:.3g}"
+            return f"the data do not determine its {spec.name}: {found.value:.3g} with a standard error of {error:.3g}"
     return ""
 
 

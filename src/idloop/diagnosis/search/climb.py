@@ -49,7 +49,7 @@ class Climb(Generic[FitT]):
                 if ladder is not before:
                     continue
             ended = not step.tied or count + len(step.tied[0].proposals) > self.most
-            # Beside an effect that is missing yet the timing may not show.
+            # A missing effect may hide the timing of the command: it is looked at again once effects were added.
             timed = self.view.with_timing(step) if added or not ended else None
             if timed is not None:
                 view, fit = timed
