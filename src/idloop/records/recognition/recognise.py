@@ -29,6 +29,7 @@ from idloop.records.recognition.signal_units import (
     slope_of,
     usual_resolution,
 )
+from idloop.records.recognition.smoothness import change_by_noise, smoothest_first
 from idloop.records.recognition.time_base import TimeBase, base_of_clock, counts_rows, find_time_base
 from idloop.records.tables.base_units import SECONDS, base_unit, known_unit
 from idloop.records.tables.csv_layout import is_number
@@ -50,11 +51,8 @@ _LINEAR_UNITS = {"m", "cm", "mm", "um", "in", "m/s", "cm/s", "mm/s", "um/s", "m/
 _NUMBER_IN_NAME = re.compile(r"(?P<before>[A-Za-z]*)[_\- ]?(?P<number>-?\d+(?:[.,]\d+)?)(?P<unit>[A-Za-z%]*)")
 _IN_HERTZ = re.compile(r"[\[(_ ]hz[\])]?$", re.IGNORECASE)
 _KNOWN_RANK = 10.0  # a known drive says more than a name
-_FEWEST_ROWS = 10  # that show noise
 _LINE = 1e-3  # of the spread of a column, by which one that runs with the time or the rows leaves a straight line
 _MOST_BY_LOOKS = 3  # columns without a name that are recognised by their values alone
-_TINY = 1e-9  # share of the variance that is no change
-_COARSE = 0.3  # of the range, for the steps of a sensor
 _MOST_COMPARED = 20  # columns without a name that are held against the slope of the position
 _ENCODERS = {"enc", "encoder", "count", "counts", "tick", "ticks", "inc"}
 _FEWEST_COUNTS = 200  # of a turn
@@ -613,12 +611,12 @@ def _by_data(base: TimeBase, columns: dict[str, _Column], chosen: dict[str, Gues
     # Only a few columns can be told apart by their looks.
     if not free or len(free) > _MOST_BY_LOOKS:
         return
-    free = _smoothest_first(free)
+    free = [free[k] for k in smoothest_first([(one.value, one.runs) for one in free])]
     if not any(role in chosen for role in MOTION) and given.get("position", Given()).column != NONE:
         smoothest = free.pop(0)
         if free and _same(smoothest.value, free[0].value):
             # Of two that run together the one with less noise is the set-point, which is found below.
-            smoothest = max(smoothest, free.pop(0), key=lambda one: _made_by_noise(one.value)[0])
+            smoothest = max(smoothest, free.pop(0), key=lambda one: change_by_noise(one.value)[0])
         taken = {one.column for one in chosen.values()}
         # A position and a velocity are both larger in the runs in which a held command is.
         driven = [one.value for one in columns.values() if (one in free or one.name in taken) and not one.is_held]
@@ -737,50 +735,6 @@ def _follows(motion: Floats, command: Floats) -> bool:
     if known.sum() < 3 or not (np.ptp(motion[known]) and np.ptp(command[known])):
         return False
     return abs(float(np.corrcoef(motion[known], command[known])[0, 1])) > _FOLLOWS
-
-
-def _smoothest_first(some: list[_Column]) -> list[_Column]:
-    """Sort columns by how soon they change: a motion is its command with the fast changes taken out.
-
-    Changes are compared at lags from one row to a sixteenth of the record, each as a share of the spread and above what
-    noise and quantisation may do to any of the columns.
-    """
-    made = {one.name: _made_by_noise(one.value) for one in some}
-    noise = max(largest for largest, _ in made.values())
-    changes = {one.name: np.maximum(_changes(one) - made[one.name][1], 0.0) for one in some}
-    common = min(map(len, changes.values()))
-    return sorted(some, key=lambda one: float(np.log(changes[one.name][:common] + noise + _TINY).sum()))
-
-
-def _made_by_noise(value: Floats) -> tuple[float, float]:
-    """Mean square of the change that noise or quantisation make at most, and that a coarse sensor's flicker makes.
-
-    Both are shares of the variance.
-    """
-    known = value[np.isfinite(value)]
-    step, variance = float(np.diff(np.unique(known)).min()), float(np.var(known))
-    white = 2.0 * white_noise(known) ** 2 if known.size > _FEWEST_ROWS else 0.0
-    flicker = 0.0
-    # Where there are fewer levels, each of them may be meant.
-    if step < _COARSE * np.ptp(known):
-        change = np.diff(known)
-        change = change[change != 0.0]
-        # By one step, and back by the next change.
-        back = (np.abs(change[1:]) < 1.5 * step) & (np.abs(change[:-1] + change[1:]) < 0.5 * step)
-        flicker = float(np.count_nonzero(back)) * step**2 / known.size
-    return max(white, 0.5 * step**2) / variance, flicker / variance
-
-
-def _changes(one: _Column) -> Floats:
-    """Mean squares of the change at lags of a sixteenth of the longest run and less, as shares of the variance."""
-    pieces = [one.value[run] for run in one.runs]
-    pieces = [piece[np.isfinite(piece)] for piece in pieces]
-    count = max(piece.size for piece in pieces)
-    squares = []
-    for halved in range(min(4, count.bit_length() - 1), count.bit_length()):
-        lag = count >> halved
-        squares.append(np.mean(np.concatenate([np.square(piece[lag:] - piece[:-lag]) for piece in pieces])))
-    return np.array(squares) / float(np.nanvar(one.value))
 
 
 def _no_command(
