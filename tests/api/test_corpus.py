@@ -11,7 +11,7 @@ import idloop
 from idloop.api.start import recognise
 from idloop.cli import main
 from idloop.cli.verbs.start import SIGNALS, command
-from idloop.records.recognition.recognise import base_field
+from idloop.records.recognition.role_units import base_field
 from idloop.records.tables.base_units import base_unit
 
 

@@ -217,7 +217,7 @@ def check_signals(given: Iterable[str]) -> None:
     InputError
         One is none.
     """
-    from idloop.records.recognition.recognise import ROLES
+    from idloop.records.recognition.guess import ROLES
 
     unknown = next((role for role in given if role not in ("time", *ROLES)), None)
     if unknown is not None:
@@ -239,7 +239,7 @@ def _given(given: Mapping[str, str], columns: list[str]) -> dict[str, Given]:
 
 def _check_unit(role: str, unit: str) -> None:
     """Refuse the unit of another quantity; what is no known unit is read elsewhere, such as counts per turn."""
-    from idloop.records.recognition.recognise import base_field
+    from idloop.records.recognition.role_units import base_field
     from idloop.records.tables.base_units import SECONDS, base_unit, known_unit
 
     if role != "time" and known_unit(unit) not in ("", "counts", *SECONDS):
@@ -330,7 +330,8 @@ def _described(found: Recognition, role: str) -> str:
 
 def _joined(paths: tuple[Path, ...], tables: list[Columns], said: dict[str, Given], period: float | None) -> Log:
     """Recognise several files as one record."""
-    from idloop.records.recognition.recognise import numbers_of, recognise_table
+    from idloop.records.recognition.recognise import recognise_table
+    from idloop.records.recognition.table_column import numbers_of
     from idloop.records.recognition.time_base import doubt_of_unit, find_time_base
     from idloop.records.tables.joined import joined_tables
 
@@ -362,7 +363,7 @@ def _are_signals(tables: list[Columns]) -> bool:
     The names of the files must be those of a command and a motion, as in ``torque.t`` and ``position.t``.
     """
     from idloop.records.recognition.column_name import parse_column_name
-    from idloop.records.recognition.recognise import MOTION
+    from idloop.records.recognition.guess import MOTION
     from idloop.records.recognition.roles import role_by_name
 
     if len(tables) < 2 or any(len(table.columns) != 2 for table in tables):
@@ -387,7 +388,7 @@ def _complete(tables: list[Columns]) -> list[str]:
 
 def _is_record(table: Columns) -> bool:
     from idloop.records.recognition.column_name import parse_column_name
-    from idloop.records.recognition.recognise import MOTION
+    from idloop.records.recognition.guess import MOTION
     from idloop.records.recognition.roles import role_by_name
 
     roles = {role_by_name(parse_column_name(name, table.units.get(name, ""))).role for name in table.columns}

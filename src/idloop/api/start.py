@@ -345,7 +345,7 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
     from idloop.records import compare_inspections, inspect_bag
     from idloop.records.inspection.measured_input import KIND as MEASURED
     from idloop.records.recognition.mapping_file import motion_of, text_of
-    from idloop.records.recognition.recognise import base_unit_of
+    from idloop.records.recognition.role_units import base_unit_of
     from idloop.records.tables.importing import import_bag
     from idloop.reporting.plots.recognition import plot_recognition
 

@@ -25,7 +25,7 @@ _ANSWER = re.compile(r"[;,] [^;,]*--.*")
 
 def document_of(files: list[Path], given: Mapping[str, str]) -> dict[str, Any]:
     """What the page shows of some files: each signal with its column, unit and reason; what is missing in one line."""
-    from idloop.records.recognition.recognise import ROLES
+    from idloop.records.recognition.guess import ROLES
 
     try:
         log = _recognise(files, given)

@@ -7,7 +7,7 @@ import pytest
 
 from idloop.errors import InputError
 from idloop.records.recognition.guess import Given
-from idloop.records.recognition.recognise import numbers_of
+from idloop.records.recognition.table_column import numbers_of
 from idloop.records.recognition.time_base import base_of_clock, find_time_base
 from idloop.records.tables.table import Table
 from idloop.records.tables.table_files import read_table

@@ -3,7 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from math import pi
 from typing import Any
+
+from idloop.errors import InputError
+from idloop.records.tables.base_units import SECONDS, known_unit
+from idloop.records.tables.csv_layout import is_number
+
+MOTION = ("position", "velocity")
+# Roles that may stand in a mapping file, in its order.
+ROLES = ("command", "position", "velocity", "effort", "reference", "reference velocity", "temperature", "supply")
+NONE = "none"
 
 
 @dataclass(frozen=True)
@@ -64,3 +74,26 @@ class Given:
             return cls(text)
         column, equals, unit = text.rpartition("=")
         return cls(column.strip(), unit.strip()) if equals else cls(text.strip())
+
+
+def with_unit(guess: Guess, unit: str) -> Guess:
+    """Return the guess with the unit that the user gives; ``counts/4096`` are counts of which a turn has 4096."""
+    if not unit:
+        return guess
+    head, slash, counts = unit.partition("/")
+    if slash and known_unit(head) == "counts" and is_number(counts) and float(counts) > 0.0:
+        options = {**guess.options, "scale": 2.0 * pi / float(counts)}
+        target = "rad/s" if "velocity" in guess.role else "rad"
+        return replace(guess, unit=target, options=options, reason=f"{guess.reason}; {counts} counts per turn as given")
+    if unit.startswith("-") and known_unit(unit[1:]) and guess.column:
+        column = f"({guess.column})" if "compute" in guess.options else quoted(guess.column)
+        turned = f"-{column}={unit[1:]}"
+        raise InputError(f"{guess.role}: a unit has no sign, but a formula has: --{guess.role} '{turned}'")
+    if known_unit(unit) in ("", "counts", *SECONDS):
+        raise InputError(f"{guess.role}: unknown unit {unit!r}; of an encoder give =counts/N with N counts per turn")
+    return replace(guess, unit=known_unit(unit))
+
+
+def quoted(name: str) -> str:
+    """Name of a column as a formula has it."""
+    return name if name.isidentifier() else f"`{name}`"

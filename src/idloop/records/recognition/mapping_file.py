@@ -9,8 +9,8 @@ from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap
 from ruamel.yaml.scalarstring import LiteralScalarString
 
-from idloop.records.recognition.guess import Guess
-from idloop.records.recognition.recognise import MOTION, Recognition
+from idloop.records.recognition.guess import MOTION, Guess
+from idloop.records.recognition.recognise import Recognition
 from idloop.records.tables.csv_file import SKIPPED
 from idloop.records.tables.mapping import SCHEMA, Time
 from idloop.records.tables.table import Table

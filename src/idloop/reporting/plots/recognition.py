@@ -9,7 +9,8 @@ import numpy as np
 
 from idloop import drawing
 from idloop.records.recognition.guess import Guess
-from idloop.records.recognition.recognise import Recognition, numbers_of
+from idloop.records.recognition.recognise import Recognition
+from idloop.records.recognition.table_column import numbers_of
 from idloop.records.tables.base_units import known_unit
 from idloop.records.tables.expression import Expression
 

@@ -1,0 +1,79 @@
+"""Which of the joints of a log is taken: the one that the user names, or the one that moves most."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Mapping as Map
+from math import pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.records.inspection.motion import white_noise
+from idloop.records.recognition.guess import MOTION
+from idloop.records.recognition.table_column import TableColumn
+from idloop.records.tables.base_units import base_unit
+from idloop.spelling import listed
+
+Floats = NDArray[np.float64]
+
+_BLOCKS, _FEWEST_BLOCKS = 4000, 4  # means along which the path of a joint is measured
+
+
+def one_joint(columns: dict[str, TableColumn], named: set[str], doubts: list[str]) -> dict[str, TableColumn]:
+    """Return the columns of one joint, where a log has several: that which moves most, or that which the user names."""
+    by_joint: dict[str, list[TableColumn]] = {}
+    for one in columns.values():
+        if one.by_name.role in MOTION and one.parsed.index:
+            by_joint.setdefault(one.parsed.index, []).append(one)
+    roles = [(one.by_name.role, one.parsed.words) for some in by_joint.values() for one in some]
+    if len(by_joint) < 2 or len(set(roles)) == len(roles):
+        return columns
+    chosen = next((index for index, some in by_joint.items() if any(one.name in named for one in some)), None)
+    if chosen is None:
+        chosen = _moving_most(by_joint)
+        others = (one for index, some in by_joint.items() if index != chosen for one in some)
+        other = next((one for one in others if one.by_name.role == "position"), None)
+        example = f", as in --position {shlex.quote(other.name)}" if other is not None else ""
+        doubts.append(
+            f"the log has {len(by_joint)} joints ({listed(by_joint)}); joint {chosen}, which moves most, is taken:"
+            f" for another, name its columns{example}"
+        )
+    return {name: one for name, one in columns.items() if name in named or one.parsed.index in ("", chosen)}
+
+
+def _moving_most(by_joint: Map[str, list[TableColumn]]) -> str:
+    """Return the joint with the longest path: of its position, of its velocity where there is no position."""
+    every = [one for some in by_joint.values() for one in some]
+    role = "position" if any(one.by_name.role == "position" for one in every) else "velocity"
+    travel: dict[str, dict[str, float]] = {}  # by quantity, then by joint
+    for index, some in by_joint.items():
+        for one in some:
+            unit, factor = ("", 1.0)
+            if one.by_name.role != role:
+                continue
+            if one.parsed.unit and one.parsed.unit != "counts":
+                unit, factor = base_unit(one.parsed.unit, role, one.name)
+            own = travel.setdefault(unit, {})
+            own[index] = max(own.get(index, 0.0), factor * _travel(one.value))
+    # Metres and radians compare as shares of the longest path in each.
+    shares: dict[str, float] = {}
+    for own in travel.values():
+        largest = max(own.values()) or 1.0
+        for index, one_travel in own.items():
+            shares[index] = max(shares.get(index, 0.0), one_travel / largest)
+    return max(shares, key=lambda index: shares[index])
+
+
+def _travel(value: Floats) -> float:
+    """Path of a signal beyond that of its noise: a joint at rest has none, however noisy its sensor."""
+    known = value[np.isfinite(value)]
+    length = 1 + known.size // _BLOCKS
+    blocks = known[: known.size // length * length].reshape(-1, length).mean(axis=1)
+    if blocks.size < _FEWEST_BLOCKS:
+        return 0.0
+    # Differences of noise are 2/√π of its standard deviation on average, and their sum varies by less than its √n-fold.
+    noise = white_noise(known) / length**0.5
+    steps = blocks.size - 1
+    path = float(np.abs(np.diff(blocks)).sum()) - 2.0 / pi**0.5 * noise * steps
+    return path if path > 4.0 * noise * steps**0.5 else 0.0

@@ -1,0 +1,360 @@
+"""Units of what the columns are taken for, and which of them are uncertain."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping as Map
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.records.recognition.column_name import WANTED, ColumnName, parse_column_name, unknown_unit
+from idloop.records.recognition.guess import MOTION, Given, Guess, quoted
+from idloop.records.recognition.roles import CURRENTS, role_by_name
+from idloop.records.recognition.signal_units import find_decoding, motion_units, near_unit, slope_of, usual_resolution
+from idloop.records.recognition.table_column import TableColumn
+from idloop.records.recognition.time_base import TimeBase
+from idloop.records.recognition.unnamed_columns import longest_way
+from idloop.records.tables.base_units import SECONDS, base_unit
+from idloop.records.tables.mapping import Time
+
+Floats = NDArray[np.float64]
+
+_LINEAR_WORDS = {"x", "stage", "slide", "carriage", "stroke", "displacement", "distance", "weg", "z", "height", "cart"}
+_LINEAR_FORCES = {"N", "mN", "kN", "kip", "lbf"}
+LINEAR_UNITS = {"m", "cm", "mm", "um", "in", "m/s", "cm/s", "mm/s", "um/s", "m/min", "mm/min", "in/s"}
+_IN_HERTZ = re.compile(r"[\[(_ ]hz[\])]?$", re.IGNORECASE)
+_ENCODERS = {"enc", "encoder", "count", "counts", "tick", "ticks", "inc"}
+_FEWEST_COUNTS = 200  # of a turn
+_MANY_COUNTS = 1000  # whole numbers as large as this are no angle in rad
+# Names of units by the word that a column of the command has.
+_UNITS_OF_WORDS = (
+    ({"voltage", "volt", "volts", "vin", "spannung"}, "V"),
+    (CURRENTS, "A"),
+    ({"torque", "tau", "moment", "drehmoment", "effort", "efforts"}, "N·m"),
+    ({"force", "kraft"}, "N"),
+)
+
+
+def set_units(
+    base: TimeBase, chosen: dict[str, Guess], columns: dict[str, TableColumn], given: Map[str, Given]
+) -> TimeBase:
+    """Set the units that no name says, and note which of them are uncertain."""
+    command = chosen.get("command")
+    if command is not None and command.unit in SECONDS:
+        chosen["command"] = command = _pulse_width(command)
+    elif command is not None and not command.unit:
+        chosen["command"] = command = _command_unit(command)
+    effort = chosen.get("effort")
+    if effort is not None and not effort.unit:
+        unit = _command_unit(effort).unit
+        chosen["effort"] = replace(effort, unit=unit if unit != "-" or command is None else command.unit)
+    place, speed = chosen.get("position"), chosen.get("velocity")
+    words = {word for one in (place, speed) if one for word in parse_column_name(one.column).words}
+    linear = (
+        any(one.unit in LINEAR_UNITS for one in (place, speed) if one)
+        or (command is not None and command.unit in _LINEAR_FORCES)
+        or bool(words & _LINEAR_WORDS)
+    )
+    counted = None
+    if place is not None and (place.unit == "counts" or (not place.unit and _is_count(place, columns))):
+        counted, place = place, _counts(place, columns[place.column])
+        chosen["position"] = place
+    elif place is not None and not place.unit and not linear and _counts_many(columns[place.column].value):
+        trial = dict(chosen)
+        if speed is not None:
+            _related(base, trial, columns, linear=False, given=given)
+        # Degrees, where a velocity proves them, are no counts.
+        if trial["position"].unit != "deg":
+            why = f"{place.column!r} holds large whole numbers, probably counts of an encoder; "
+            counted, place = place, _counts(place, columns[place.column], why)
+            chosen["position"] = place
+    if place is not None and speed is not None:
+        base = _related(base, chosen, columns, linear=linear, given=given, counted=counted)
+    elif place is not None and not place.unit:
+        chosen["position"] = _position_alone(place, columns[place.column], linear=linear)
+    elif speed is not None and not speed.unit and _IN_HERTZ.search(speed.column):
+        chosen["velocity"] = replace(speed, unit="rev/s").with_doubt(
+            f"the velocity is in hertz, taken as turns per second: --velocity '{speed.column}=UNIT'"
+        )
+    elif speed is not None and not speed.unit:
+        unit = "m/s" if linear else "rad/s"
+        chosen["velocity"] = replace(speed, unit=unit).with_doubt(
+            f"{_without_unit(speed)} and taken as {unit}: --velocity '{speed.column}=UNIT'"
+        )
+    elif speed is not None and speed.unit == "counts":
+        chosen["velocity"] = replace(speed, unit="rad/s").with_doubt(
+            f"the size of a count is not known; one is taken as 1 rad: --velocity '{speed.column}=counts/N'"
+        )
+    _reference_units(chosen)
+    for role, one in chosen.items():
+        if not one.unit:
+            column = one.column or f"{one.options['value']:g}"
+            chosen[role] = one.with_doubt(f"{_without_unit(one)}: --{role} '{column}=UNIT'")
+    return base
+
+
+def set_decoding(chosen: dict[str, Guess], columns: dict[str, TableColumn], given: Map[str, Given]) -> None:
+    """Unwrap positions, and read negative numbers that were logged as unsigned ones."""
+    for role, guess in list(chosen.items()):
+        column = columns.get(guess.column)
+        if column is None or "decode" in guess.options or "wrap" in guess.options:
+            continue
+        options = dict(guess.options)
+        if role in ("position", "reference"):
+            scale = options.get("scale", 1.0)
+            if whole := column.wrap(guess.unit if scale == 1.0 else "counts"):
+                options["wrap"] = whole * scale
+                reason = f"{guess.reason}; starts again after {whole:g}"
+                chosen[role] = replace(guess, options=options, reason=reason)
+        elif role in ("command", "velocity", "effort") and (kind := find_decoding(column.value)):
+            options["decode"] = kind
+            chosen[role] = replace(guess, options=options).with_doubt(
+                f"{role}: values near {column.value.max():g} are read as negative ({kind})"
+            )
+
+
+def unit_by_words(name: ColumnName) -> str:
+    """Unit of a force, torque, current or voltage by the words of its name."""
+    unit = next((unit for some, unit in _UNITS_OF_WORDS if some.intersection(name.words)), "")
+    return {"V": "V", "U": "V", "I": "A", "F": "N", "T": "N·m", "M": "N·m"}.get(name.letter, unit)
+
+
+def _command_unit(command: Guess) -> Guess:
+    parsed = parse_column_name(command.column)
+    words, unit = set(parsed.words), unit_by_words(parsed)
+    if unit:
+        return replace(command, unit=unit).with_doubt(
+            f"{_without_unit(command)} and taken as {unit}: --command '{command.column}=UNIT'"
+        )
+    # A duty cycle has no unit, and of an unknown one only ratios of the parameters matter.
+    duty = bool(words & {"pwm", "duty", "dutycycle", "throttle"})
+    text = "" if duty else f"the unit of the command is not known: --command '{command.column}=UNIT'"
+    found = replace(command, unit="-")
+    return found.with_doubt(text) if text else found
+
+
+def _without_unit(guess: Guess) -> str:
+    """Say that a unit is not written down, or that what is written is none that is known."""
+    written = unknown_unit(guess.column) or "%" * ("%" in guess.column)
+    return (
+        f"the unit {written!r} of the {guess.role} is not known"
+        if written
+        else (f"the unit of the {guess.role} is not written down")
+    )
+
+
+def _pulse_width(command: Guess) -> Guess:
+    """Command of a hobby servo or speed controller: a pulse of 1 to 2 ms, with zero in the middle."""
+    scale = SECONDS[command.unit] / SECONDS["ms"]
+    found = replace(command, unit="-", options=command.options | {"scale": 2.0 * scale, "offset": -3.0})
+    return found.with_doubt(
+        "the command is a pulse width; 1.5 ms is taken as zero, 2 ms as full: edit `scale` and `offset` in the mapping"
+    )
+
+
+def _is_count(place: Guess, columns: dict[str, TableColumn]) -> bool:
+    """Whether a position without a unit counts the steps of an encoder: whole numbers that start again, or its name."""
+    column = columns[place.column]
+    known = column.value[np.isfinite(column.value)]
+    if (known != np.round(known)).any():
+        return False
+    words = set(parse_column_name(place.column).words)
+    return bool(words & _ENCODERS or (np.ptp(known) > _FEWEST_COUNTS and column.wrap("counts") > 0.0))
+
+
+def _counts_many(value: Floats) -> bool:
+    """Whether a position holds whole numbers larger than an angle in rad."""
+    known = value[np.isfinite(value)]
+    return bool((known == np.round(known)).all() and np.abs(known).max() >= _MANY_COUNTS)
+
+
+def _counts(place: Guess, column: TableColumn, why: str = "") -> Guess:
+    """Set the size of an encoder's count: by its wrap, or as unknown; `why` it may be one, where nothing says so."""
+    whole = column.wrap("counts")
+    if whole:
+        return replace(
+            place,
+            unit="rad",
+            options={**place.options, "scale": 2.0 * pi / whole, "wrap": 2.0 * pi},
+            reason=f"{place.reason}; starts again after {whole:g} counts",
+        ).with_doubt(f"{whole:g} counts are taken as one turn: --position '{place.column}=counts/N'")
+    return replace(place, unit="rad").with_doubt(
+        f"{why}the size of a count is not known; one is taken as 1 rad: --position '{place.column}=counts/N' with the"
+        " counts per turn N"
+    )
+
+
+def _position_alone(place: Guess, column: TableColumn, *, linear: bool) -> Guess:
+    for unit in () if linear else ("rad", "deg"):
+        if column.wrap(unit):
+            return replace(place, unit=unit, reason=f"{place.reason}; starts again after a turn in {unit}")
+    unit = "m" if linear else "rad"
+    return replace(place, unit=unit).with_doubt(
+        f"{_without_unit(place)} and taken as {unit}: --position '{place.column}=UNIT'"
+    )
+
+
+def _related(
+    base: TimeBase,
+    chosen: dict[str, Guess],
+    columns: dict[str, TableColumn],
+    *,
+    linear: bool,
+    given: Map[str, Given],
+    counted: Guess | None = None,
+) -> TimeBase:
+    """Set units of position and velocity by the slope of one against the other.
+
+    `counted` is a position in counts of a size that nothing else says, as it was before a size was assumed.
+    """
+    place, speed = chosen["position"], chosen["velocity"]
+    column, rate = columns[place.column], columns[speed.column].value
+    if column.value.size != base.seconds.size or rate.size != base.seconds.size:
+        return _unrelated(base, chosen, linear=linear)
+    scale = place.options.get("scale", 1.0)
+    value = column.unwrapped(place.unit if scale == 1.0 else "counts") * scale
+    rate = rate * speed.options.get("scale", 1.0)
+    run = longest_way(value, column.runs)
+    speed_unit = "" if speed.unit == "counts" else speed.unit
+    found = motion_units(
+        base.seconds[run],
+        value[run],
+        rate[run],
+        (place.unit, speed_unit),
+        base.units,
+        linear=linear,
+    )
+    if not found.agree:
+        _unrelated(base, chosen, linear=linear)
+        slope = slope_of(base.seconds, value, rate, column.runs)
+        if slope is not None and not speed_unit:
+            chosen["velocity"] = _scaled_by_slope(chosen["velocity"], speed, chosen["position"].unit, slope.value)
+        elif slope is not None and counted:
+            factor = base_unit(speed.unit, "velocity", speed.column)[1]
+            # Over long windows the slope is exact, where it can be told there.
+            exact = found.slope if np.isfinite(found.slope) else slope.value * factor
+            chosen["position"], chosen["velocity"] = _count_by_slope(counted, speed, exact * scale)
+        return base
+    times = f"it is the slope of the position in {found.position} and {found.velocity}"
+    options = dict(speed.options)
+    if found.slope < 0.0:
+        options["scale"] = -options.get("scale", 1.0)
+    turned = replace(speed, unit=found.velocity, options=options, reason=f"{speed.reason}; {times}")
+    if found.slope < 0.0:
+        turned = turned.with_doubt("position and velocity have opposite signs; that of the velocity is turned")
+    chosen["velocity"] = turned
+    if not place.unit:
+        chosen["position"] = replace(place, unit=found.position, reason=f"{place.reason}; {times}")
+        if not speed_unit:
+            chosen["position"] = chosen["position"].with_doubt(
+                f"no unit is written down; position in {found.position} and velocity in {found.velocity} agree:"
+                f" --position '{place.column}=UNIT'"
+            )
+    if found.time != base.units[0]:
+        factor = SECONDS[found.time] / SECONDS[base.units[0]]
+        reason = f"{base.reason}; but with {found.time} the velocity is the slope of the position"
+        base = replace(
+            base,
+            time=Time(column=base.time.column, unit=found.time),  # type: ignore[arg-type]
+            seconds=base.seconds * factor,
+            units=(found.time,),
+            reason=reason,
+            doubt="",
+        )
+    elif len(base.units) > 1:
+        base = replace(base, units=(found.time,), doubt="", reason=f"{base.reason}, and so says the velocity")
+    return base
+
+
+def _scaled_by_slope(taken: Guess, speed: Guess, place: str, slope: float) -> Guess:
+    """Scale a velocity to the slope of the position where the factor is no unit's; else return what it is taken for."""
+    unit, factor = base_unit(place, "position", "")
+    if near_unit(slope * factor):
+        return taken
+    options = speed.options | {"scale": float(f"{factor / slope:.4g}")}
+    return replace(speed, unit=f"{unit}/s", options=options).with_doubt(
+        f"the unit of the velocity is not known; it is {slope:.4g} times the slope of the position and scaled so:"
+        f" --velocity '{speed.column}=UNIT'"
+    )
+
+
+def _count_by_slope(place: Guess, speed: Guess, slope: float) -> tuple[Guess, Guess]:
+    """Set the size of a count so that a velocity in a known unit, in rad/s or m/s `slope` per count, is their slope."""
+    unit, _ = base_unit(speed.unit, "velocity", speed.column)
+    size, options = abs(slope), dict(speed.options)
+    if slope < 0.0:
+        options["scale"] = -options.get("scale", 1.0)
+    turned = replace(speed, options=options)
+    if slope < 0.0:
+        turned = turned.with_doubt("position and velocity have opposite signs; that of the velocity is turned")
+    if unit != "rad/s":
+        size, unit = float(f"{size:.4g}"), unit.removesuffix("/s")
+        way = f"--position '{quoted(place.column)} * {size:g}={unit}'"
+        said = f"a count of {size:g} {unit}"
+    else:
+        counts = usual_resolution(2.0 * pi / size)
+        size, unit = 2.0 * pi / counts, "rad"
+        way, said = f"--position '{place.column}=counts/N'", f"{counts:g} counts per turn"
+    found = replace(
+        place,
+        unit=unit,
+        options={**place.options, "scale": size},
+        reason=f"{place.reason}; with {said} the velocity is its slope",
+    )
+    return found.with_doubt(f"{said}: found by the velocity in {speed.unit}; if it is another, {way}"), turned
+
+
+def _unrelated(base: TimeBase, chosen: dict[str, Guess], *, linear: bool) -> TimeBase:
+    for role, usual in (("position", "m" if linear else "rad"), ("velocity", "m/s" if linear else "rad/s")):
+        one = chosen[role]
+        if not one.unit or one.unit == "counts":
+            chosen[role] = replace(one, unit=usual).with_doubt(
+                f"{_without_unit(one)} and taken as {usual}: --{role} '{one.column}=UNIT'"
+            )
+    return base
+
+
+def _reference_units(chosen: dict[str, Guess]) -> None:
+    """A set-point has the unit of what it is set for."""
+    reference = chosen.get("reference")
+    if reference and not {"position", "reference velocity"} & chosen.keys() and not _is_of_position(reference):
+        chosen["reference velocity"] = replace(chosen.pop("reference"), role="reference velocity")
+    for role, motion in (("reference", "position"), ("reference velocity", "velocity")):
+        one, other = chosen.get(role), chosen.get(motion)
+        if one is None or (one.unit and one.unit != "counts"):
+            continue
+        if other is None or _other_letters(one, other):
+            del chosen[role]
+            continue
+        options = {key: other.options[key] for key in ("scale", "wrap") if key in other.options}
+        chosen[role] = replace(
+            one, unit=other.unit, options=one.options | options, reason=f"{one.reason}; unit of the {motion}"
+        )
+
+
+def _is_of_position(reference: Guess) -> bool:
+    """Whether a name says that a set-point is of the position, not only that it is one."""
+    name = parse_column_name(reference.column)
+    rest = tuple(word for word in name.words if word not in WANTED)
+    return role_by_name(replace(name, words=rest, unit=reference.unit)).role == "position"
+
+
+def _other_letters(reference: Guess, motion: Guess) -> bool:
+    """Whether two letters name other quantities, as p_soll and n_ist do; r is the set-point of anything."""
+    letters = {parse_column_name(one.column).letter.lower() for one in (reference, motion)} - {""}
+    return len(letters - {"r"}) == 2
+
+
+def base_field(role: str) -> str:
+    """Field of JointState whose units a role may have."""
+    return {"command": "effort", "effort": "effort", "reference": "position", "reference velocity": "velocity"}.get(
+        role, role if role in MOTION else "condition"
+    )
+
+
+def base_unit_of(guess: Guess) -> str:
+    """Unit of the topics that a guess becomes."""
+    return base_unit(guess.unit, base_field(guess.role), guess.role)[0]

@@ -1,0 +1,103 @@
+"""A column of numbers of a log, and what its values alone say."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.errors import InputError
+from idloop.records.recognition.column_name import ColumnName
+from idloop.records.recognition.guess import MOTION, Guess
+from idloop.records.recognition.roles import RoleByName
+from idloop.records.recognition.signal_units import find_wrap
+from idloop.records.recognition.time_base import TimeBase, counts_rows
+from idloop.records.tables.table import Table
+
+Floats = NDArray[np.float64]
+
+_STEADY = 0.1  # of its mean, for a supply
+_LINE = 1e-3  # of the spread of a column, by which one that runs with the time or the rows leaves a straight line
+
+
+@dataclass(frozen=True)
+class TableColumn:
+    """One column of numbers."""
+
+    name: str
+    parsed: ColumnName
+    by_name: RoleByName
+    value: Floats
+    runs: tuple[slice, ...] = (slice(None),)
+    options: dict[str, Any] = field(default_factory=dict)
+    doubt: str = ""
+
+    def as_guess(self, role: str) -> Guess:
+        """What it is in this role, by its name or by the drive whose log it is of."""
+        by_name, unit = self.by_name, self.parsed.unit
+        if unit == "%" and role in (*MOTION, "reference", "reference velocity"):
+            unit = ""  # of what, nothing says
+        measured = by_name.role == "effort"
+        return Guess(role, self.name, unit, by_name.reason, self.doubt, dict(self.options), measured)
+
+    @property
+    def moves(self) -> bool:
+        """Whether it is not constant."""
+        known = self.value[np.isfinite(self.value)]
+        return bool(known.size > 1 and float(np.ptp(known)) > 0.0)
+
+    @property
+    def steady(self) -> bool:
+        """Whether it is above zero and hardly varies, as a supply voltage."""
+        return float(np.nanstd(self.value)) < _STEADY * float(np.nanmean(self.value))
+
+    @property
+    def is_held(self) -> bool:
+        """Whether it is constant in each of several runs."""
+        return len(self.runs) > 1 and all(float(np.ptp(self.value[run])) == 0.0 for run in self.runs)
+
+    def wrap(self, unit: str) -> float:
+        """Range after which it starts again within a run, in its unit; 0 where it does not."""
+        return max(find_wrap(self.value[run], unit) for run in self.runs)
+
+    def unwrapped(self, unit: str) -> Floats:
+        """Its values without the jumps where it starts again."""
+        value, whole = self.value.copy(), self.wrap(unit)
+        known = np.isfinite(value)
+        if whole:
+            value[known] = np.unwrap(value[known], period=whole)
+        return np.asarray(value)
+
+    def is_further_clock(self, seconds: Floats) -> bool:
+        """Whether it is one more clock or counter: on a line over the stamps or the rows, with no name against that.
+
+        A motion at one speed from the first row to the last would show nothing either.
+        """
+        if self.by_name.role in ("", "position") and not self.parsed.unit and counts_rows(self.value):
+            return True
+        if self.by_name.role or not self.moves or self.value.size != seconds.size:
+            return False
+        # A value that is not finite leaves no correlation.
+        along = np.corrcoef([self.value, seconds, np.arange(seconds.size)])[0, 1:]
+        return bool((1.0 - along**2 < _LINE**2).any())
+
+
+def numbers_of(table: Table) -> dict[str, Floats]:
+    """Columns that hold numbers."""
+    found = {}
+    for name in table.columns:
+        try:
+            value = table.numbers(name)
+        except InputError:
+            continue
+        # What is infinite was not measured; an import says so.
+        if np.isfinite(value).sum() > 1:
+            found[name] = np.where(np.isfinite(value), value, np.nan)
+    return found
+
+
+def runs_of(value: Floats, base: TimeBase) -> tuple[slice, ...]:
+    """Rows of each run of a column; of one with stamps of its own, all of them."""
+    return tuple(base.runs) if value.size == base.seconds.size else (slice(None),)

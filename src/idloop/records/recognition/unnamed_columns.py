@@ -1,0 +1,166 @@
+"""Roles of columns whose names say nothing, by what their values have to do with each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from collections.abc import Mapping as Map
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.records.recognition.guess import MOTION, NONE, Given, Guess, with_unit
+from idloop.records.recognition.signal_units import motion_units, slope_of
+from idloop.records.recognition.smoothness import change_by_noise, smoothest_first
+from idloop.records.recognition.table_column import TableColumn
+from idloop.records.recognition.time_base import TimeBase
+
+Floats = NDArray[np.float64]
+
+_MOST_BY_LOOKS = 3  # columns without a name that are recognised by their values alone
+_MOST_COMPARED = 20  # columns without a name that are held against the slope of the position
+_FOLLOWS = 0.6  # correlation of a velocity with the command
+
+
+def fill_by_values(
+    base: TimeBase, columns: dict[str, TableColumn], chosen: dict[str, Guess], given: Map[str, Given]
+) -> None:
+    """Fill roles whose columns have names that say nothing: a command jumps, a motion is smooth."""
+    lacks_command = "command" not in chosen and given.get("command", Given()).column != NONE
+    held = [one for one in _nameless(columns, chosen) if one.is_held]
+    if lacks_command and len(held) == 1:
+        chosen["command"] = _by_values("command", held[0], "it is constant in each run")
+        lacks_command = False
+    _velocity_by_slope(base, columns, chosen, given)
+    free = _nameless(columns, chosen)
+    # Only a few columns can be told apart by their looks.
+    if not free or len(free) > _MOST_BY_LOOKS:
+        return
+    free = [free[k] for k in smoothest_first([(one.value, one.runs) for one in free])]
+    if not any(role in chosen for role in MOTION) and given.get("position", Given()).column != NONE:
+        smoothest = free.pop(0)
+        if free and _same(smoothest.value, free[0].value):
+            # Of two that run together the one with less noise is the set-point, which is found below.
+            smoothest = max(smoothest, free.pop(0), key=lambda one: change_by_noise(one.value)[0])
+        taken = {one.column for one in chosen.values()}
+        # A position and a velocity are both larger in the runs in which a held command is.
+        driven = [one.value for one in columns.values() if (one in free or one.name in taken) and not one.is_held]
+        may_be = given.get("velocity", Given()).column != NONE
+        role = "velocity" if may_be and any(follows(smoothest.value, one) for one in driven) else "position"
+        chosen[role] = _by_values(role, smoothest, "it is the smoothest of the columns that are left")
+    # What was measured acts as the input, and its name says so.
+    if lacks_command and free and "effort" not in chosen:
+        chosen["command"] = _by_values("command", free[-1], "it jumps most of the columns that are left")
+
+
+def find_set_point(columns: dict[str, TableColumn], chosen: dict[str, Guess], given: Map[str, Given]) -> None:
+    """Find the set-point of the position among the columns whose names say nothing: it runs with it."""
+    place = chosen.get("position")
+    if place is None or "reference" in chosen or given.get("reference", Given()).column == NONE:
+        return
+    taken = {one.column for one in chosen.values()}
+    for one in columns.values():
+        if (
+            one.name not in taken
+            and one.moves
+            and not one.by_name.role
+            and _same(columns[place.column].value, one.value)
+        ):
+            chosen["reference"] = Guess(
+                "reference",
+                one.name,
+                one.parsed.unit,
+                f"it runs with {place.column!r}",
+                f"{one.name!r} is taken as the set-point of {place.column!r}: --reference COLUMN",
+            )
+            return
+
+
+def _nameless(columns: Map[str, TableColumn], chosen: Map[str, Guess]) -> list[TableColumn]:
+    """Columns that move, have no role yet, and have names that say none."""
+    taken = {one.column for one in chosen.values()}
+    return [one for one in columns.values() if one.name not in taken and one.moves and not one.by_name.role]
+
+
+def _by_values(role: str, one: TableColumn, reason: str) -> Guess:
+    options = "--position or --velocity" if role in MOTION else f"--{role}"
+    return Guess(
+        role,
+        one.name,
+        one.parsed.unit,
+        reason,
+        f"no name says what {one.name!r} is, it is taken as the {role}: {options} COLUMN",
+    )
+
+
+def _velocity_by_slope(
+    base: TimeBase, columns: dict[str, TableColumn], chosen: dict[str, Guess], given: Map[str, Given]
+) -> None:
+    """Find the velocity among the columns whose names say nothing: it runs with the slope of the position.
+
+    Without a motion by its name, the position is found with it.
+    """
+    if "velocity" in chosen or given.get("velocity", Given()).column == NONE:
+        return
+    taken = {one.column for one in given.values()}
+    free = [one for one in _nameless(columns, chosen) if one.name not in taken]
+    place = chosen.get("position")
+    if place is not None:
+        positions = [columns[place.column]]
+    elif len(free) <= _MOST_BY_LOOKS and given.get("position", Given()).column != NONE:
+        positions = free
+    else:
+        return
+    spare = "command" in chosen or "effort" in chosen or given.get("command", Given()).column == NONE
+    spare = spare or any(not one.moves and not one.by_name.role for one in columns.values())
+    last = len(free) - (place is None) < 2 - spare
+    found = []
+    for position in positions:
+        value = position.unwrapped("counts" if "scale" in position.options else position.parsed.unit)
+        for one in free[:_MOST_COMPARED]:
+            if one is position or not one.value.size == value.size == base.seconds.size:
+                continue
+            # The last column may be a force as well, which runs with the slope by chance in no unit of a velocity.
+            if last and not _in_units(base, position.parsed.unit, value, one):
+                continue
+            if (slope := slope_of(base.seconds, value, one.value, position.runs)) is not None:
+                found.append((slope.correlation, position, one))
+    if not found:
+        return
+    _, position, best = max(found, key=lambda one: one[0])
+    if place is None:
+        chosen["position"] = _by_values("position", position, f"{best.name!r} runs with its slope")
+    guess = Guess("velocity", best.name, best.parsed.unit, "it runs with the slope of the position")
+    chosen["velocity"] = with_unit(guess, given.get("velocity", Given()).unit).with_doubt(
+        f"no name says what {best.name!r} is, by the slope of the position it is taken as the velocity:"
+        " --velocity COLUMN or none"
+    )
+
+
+def _in_units(base: TimeBase, unit: str, position: Floats, rate: TableColumn) -> bool:
+    """Whether a column is the slope of a position in some unit of a velocity."""
+    run = longest_way(position, rate.runs)
+    series = (base.seconds[run], position[run], rate.value[run])
+    return motion_units(*series, (unit, ""), base.units[:1], linear=False).agree
+
+
+def _same(one: Floats, other: Floats) -> bool:
+    """Whether two columns run together."""
+    if one.size != other.size:
+        return False
+    known = np.isfinite(one) & np.isfinite(other)
+    return bool(known.any()) and float(np.std((one - other)[known])) < 0.1 * float(np.std(one[known]))
+
+
+def follows(motion: Floats, command: Floats) -> bool:
+    """Whether a motion is large where the command is, as a velocity is, and a position is not."""
+    if motion.size != command.size:
+        return False
+    known = np.isfinite(motion) & np.isfinite(command)
+    if known.sum() < 3 or not (np.ptp(motion[known]) and np.ptp(command[known])):
+        return False
+    return abs(float(np.corrcoef(motion[known], command[known])[0, 1])) > _FOLLOWS
+
+
+def longest_way(position: Floats, runs: Iterable[slice]) -> slice:
+    """Return the run in which the position moves furthest, which shows most."""
+    return max(runs, key=lambda run: float(np.nan_to_num(np.ptp(position[run]))))
