@@ -542,3 +542,37 @@ def test_a_doubt_that_is_answered_in_the_mapping_names_it(record, tmp_path):
     begun = idloop.start(_write(tmp_path / "log.csv", head, *columns), tmp_path / "begun", fitted=False)
     assert any("set its `scale:` in the mapping to 1 divided by their number" in one for one in begun.log.doubts)
     assert f"the mapping is {tmp_path}/begun/mapping.yaml: change it there" in begun.summary()
+
+
+@pytest.mark.parametrize(("command", "kind"), [("goal=deg", "position_loop"), ("goal=rpm", "velocity_loop")])
+def test_a_set_point_gets_a_model_of_the_loop_in_the_drive(command, kind, tmp_path):
+    """A servo of the inertia 1 with a gain of 400 per second squared, or of 20 per second."""
+    random, time = np.random.default_rng(5), np.arange(0.0, 15.0, 0.01)
+    goal = np.interp(time, np.arange(0.0, 16.0, 0.5), random.uniform(-60.0, 60.0, 32))
+    model = idloop.load_model("axis")
+    drive = {"kind": kind, "proportional": 400.0 if kind == "position_loop" else 20.0}
+    model = _with_drive(model, drive, "rad" if kind == "position_loop" else "rad/s")
+    factor = np.pi / 180.0 if kind == "position_loop" else 2.0 * np.pi / 60.0
+    moved = idloop.physics.simulate(model, time, factor * goal, time).output
+    moved = moved[:, 0] / factor if kind == "position_loop" else moved[:, 1] / factor
+    moved += random.normal(0.0, 0.02, len(time))
+    field = "position=q=deg" if kind == "position_loop" else "velocity=q=rpm"
+    role, _, column = field.partition("=")
+    log = _write(tmp_path / "servo.csv", "t,goal,q", time, goal, moved, form="{:.4f}")
+    given = {"command": command, role: column}
+    done = begin(recognise([log], given), tmp_path / "servo")
+    fitted = done.fit
+    assert fitted is not None
+    assert fitted.model.loop.effect.name == kind
+    assert fitted.values["drive.proportional"] == pytest.approx(drive["proportional"], rel=0.05)
+
+
+def _with_drive(model, drive, unit):
+    from idloop.physics.model_file import build_model, to_mapping
+    from idloop.physics.schema import ModelFile
+
+    file = to_mapping(model)
+    file["drive"] = drive
+    file["input"]["unit"] = unit
+    file["bodies"] = [{"name": "axis", "inertia": 1.0, "viscous_friction": 10.0 if unit == "rad" else 0.5}]
+    return build_model(ModelFile.model_validate(file), "servo")

@@ -371,7 +371,7 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
     between = tuple(compare_inspections(inspections))
     if command is None:
         done = FirstFit(kind.model(), why_not="no command", asked=False, possible=False)
-    elif apart := _apart(bags, inspections, between):
+    elif apart := _apart(bags, inspections, between, looped=kind.model().loop is not None):
         rough = kind.model()
         if apart.groups:
             rough = first_fit(kind, apart.groups[0], fitted=False, progress=progress).model
@@ -409,15 +409,22 @@ class _Apart:
     turned: bool = False
 
 
-def _apart(bags: Sequence[Path], inspections: Sequence[Inspection], between: Sequence[Finding]) -> _Apart | None:
-    """Return why a fit of all records together would mean nothing; None where it may mean something."""
+def _apart(
+    bags: Sequence[Path], inspections: Sequence[Inspection], between: Sequence[Finding], *, looped: bool
+) -> _Apart | None:
+    """Return why a fit of all records together would mean nothing; None where it may mean something.
+
+    `looped` says whether the model has a loop in the drive.
+    """
     from idloop.records.inspection.faults.inner_loop import is_of_position
     from idloop.records.inspection.grade import EVERYTHING, what
 
     # A record whose fault spoils every fit would spoil the others' as well; one of no use may serve beside others.
-    # A set-point of the position makes a motion that no force explains.
+    # Without a loop in the drive, a set-point of the position makes a motion that no force explains.
     spoiling = {
-        one.path.name: [fault for fault in one.faults if EVERYTHING in fault.spoils or is_of_position(fault)]
+        one.path.name: [
+            fault for fault in one.faults if EVERYTHING in fault.spoils or (is_of_position(fault) and not looped)
+        ]
         for one in inspections
     }
     if names := [name for name, faults in spoiling.items() if faults]:

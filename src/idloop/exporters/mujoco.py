@@ -156,14 +156,16 @@ def _tendons(root: ET.Element, found: Mechanics, gaps: dict[int, float]) -> None
 
 
 def _actuator(parent: ET.Element, model: Model, found: Mechanics, carried: set[str]) -> None:
-    bias = found.bodies[0].load
-    drive = {"name": model.input.joint, "joint": _joint(found, 0), "gaintype": "fixed", "gainprm": digits(found.gain)}
+    bias, loop = found.bodies[0].load, model.loop_gains(model.values)
+    gain = found.gain * loop.set_point
+    drive = {"name": model.input.joint, "joint": _joint(found, 0), "gaintype": "fixed", "gainprm": digits(gain)}
+    limit = values_of(model.loop, model.values)["limit"] if model.loop is not None else np.inf
     for active in model.effects:
         if active.effect.site != INPUT or not acts(model, active):
             continue
         values = values_of(active, model.values)
         if active.effect.name == "saturation":
-            drive["ctrlrange"] = f"{digits(-values['limit'])} {digits(values['limit'])}"
+            limit = min(limit, values["limit"])
         elif active.effect.name == "input_offset":
             bias += found.gain * values["offset"]
         elif active.effect.name == "actuator_lag":
@@ -171,8 +173,15 @@ def _actuator(parent: ET.Element, model: Model, found: Mechanics, carried: set[s
         else:
             continue
         carried.add(active.name)
-    if bias:
+    if model.loop is not None:
+        terms = (bias, found.gain * loop.position, found.gain * loop.velocity)
+        drive |= {"biastype": "affine", "biasprm": " ".join(digits(term) for term in terms)}
+    elif bias:
         drive |= {"biastype": "affine", "biasprm": f"{digits(bias)} 0 0"}
+    if np.isfinite(limit):
+        # What limits the output of a loop limits a force, and what limits a command limits it.
+        name, most = ("forcerange", abs(found.gain) * limit) if model.loop is not None else ("ctrlrange", limit)
+        drive[name] = f"{digits(-most)} {digits(most)}"
     ET.SubElement(parent, "general", drive)
 
 

@@ -20,7 +20,7 @@ def export(model: Model) -> Exported:
         "schema": SCHEMA,
         "name": model.name,
         "description": " ".join(model.description.split()),
-        "input": {"joint": model.input.joint, "field": model.input.field, "unit": model.units.input},
+        "input": {"joint": model.input.joint, "field": model.input.field, "unit": model.input.unit},
         "outputs": [
             {
                 "joint": output.joint,
@@ -32,6 +32,7 @@ def export(model: Model) -> Exported:
             }
             for output in model.outputs
         ],
+        "drive": {"kind": model.loop.effect.name if model.loop else "force", "unit": model.units.input},
         "bodies": list(model.bodies),
         "couplings": list(model.couplings),
         "parameters": {p.name: _number(p) for p in model.parameters if p.name not in own},

@@ -7,6 +7,7 @@ from typing import Any
 import yaml
 
 from idloop.control import check_controller
+from idloop.errors import InputError
 from idloop.exporters.exported import (
     Exported,
     acts,
@@ -31,14 +32,24 @@ ANTI_WINDUP = {
 DEFAULT_RATE = 1000  # Hz, without a controller
 
 
+def _interface(model: Model) -> str:
+    """What the drive is told: a force, or the set-point of its loop."""
+    return "effort" if model.loop is None else model.loop.effect.name.removesuffix("_loop")
+
+
 def export(model: Model) -> Exported:
     """Write the parameter file of a controller manager."""
     law = check_controller(model.controller, f"model {model.name}: controller")
     managed: dict[str, Any] = {"update_rate": DEFAULT_RATE}
     if model.controller is not None:
         managed["update_rate"] = max(round(1.0 / law["sample_time"]), 1)
+    if model.loop is not None and law["type"] != "none":
+        raise InputError(
+            f"model {model.name}: its drive has a loop of its own, and a controller around it is not exported: remove"
+            " `controller` from the model file"
+        )
     managed[FORWARD] = {"type": "forward_command_controller/ForwardCommandController"}
-    sections: dict[str, Any] = {FORWARD: {"joints": [model.input.joint], "interface_name": "effort"}}
+    sections: dict[str, Any] = {FORWARD: {"joints": [model.input.joint], "interface_name": _interface(model)}}
     lost: list[str] = []
     if law["type"] in AS_PID:
         managed[PID] = {"type": "pid_controller/PidController"}
@@ -54,7 +65,9 @@ def export(model: Model) -> Exported:
     unit = model.units.input
     notes = [
         f"The effort interface takes the model's command, in {unit}"
-        + ("." if unit == model.units.force else f"; {quantity(model.parameter('drive.gain'))} make it a force."),
+        + ("." if unit == model.units.force else f"; {quantity(model.parameter('drive.gain'))} make it a force.")
+        if model.loop is None
+        else f"The {_interface(model)} interface takes the set-point of the drive's own loop, in {model.input.unit}.",
     ]
     if PID in sections:
         closing = f"{PID} or {TRAJECTORY} closes" if TRAJECTORY in sections else f"{PID} closes"

@@ -73,7 +73,7 @@ def to_document(model: Model) -> dict[str, Any]:
         "states": [f"{body}_{kind}" for kind in ("position", "velocity") for body in bodies],
         "state_units": [unit for unit in (position, f"{position}/s") for _ in bodies],
         "inputs": control_names([model.input.name]),
-        "input_units": [model.units.input],
+        "input_units": [model.input.unit],
         "outputs": control_names(model.output_names),
         "output_units": [output.unit for output in model.outputs],
     }

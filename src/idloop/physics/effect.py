@@ -10,7 +10,7 @@ Arguments ``(a, b, c, elapsed, state, parameters)`` of the equations, by place:
 =============  ==========================  =========================  ======================
 place          a                           b                          c
 =============  ==========================  =========================  ======================
-``command``    command so far              velocity of body 0         command as sent
+``command``    command so far              velocity of body 0         position of body 0
 ``force``      position                    velocity                   inertia
 ``friction``   direction (+1 or -1)        speed (0: breakaway)       transmitted torque
 ``coupling``   torque so far               twist                      stiffness

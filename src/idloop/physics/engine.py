@@ -393,10 +393,13 @@ class Engine:
                     a[n + i, state] += (force - at_rest) / axis.inertia[i]
         g = np.zeros(2 * n)
         g[n] = 1.0 / axis.inertia[0]
+        drive, loop = float(axis.constants[kernel.GAIN]) * g, self.model.loop_gains(values)
+        a[:, 0] += loop.position * drive
+        a[:, n] += loop.velocity * drive
         c = np.zeros((len(self.model.outputs), 2 * n))
         for j, (body, kind) in enumerate(axis.outputs):
             c[j, body + (n if kind == kernel.VELOCITY else 0)] = axis.output_scale[j]
-        return Linear(a, float(axis.constants[kernel.GAIN]) * g, c, g)
+        return Linear(a, loop.set_point * drive, c, g)
 
     @staticmethod
     def _start(layout: Layout, initial_state: Array | None, input_time: Array, time: Array) -> Array:

@@ -176,13 +176,13 @@ def hold_conditions(axis: Axis, time: float, state: Any) -> None:
 
 
 @inner
-def drive_force(axis: Axis, command: float, velocity: float, elapsed: float, state: Any) -> float:
+def drive_force(axis: Axis, command: float, position: float, velocity: float, elapsed: float, state: Any) -> float:
     """Force of the drive on body 0 for a held command."""
     value = command
     hooks = axis.input_hooks
     for row in range(hooks.shape[0]):
         value = call(
-            hooks[row, VALUE], value, velocity, command, elapsed,
+            hooks[row, VALUE], value, velocity, position, elapsed,
             state, hooks[row, STATE], axis.parameters, hooks[row, PARAMETER],
         )  # fmt: skip
     return axis.constants[GAIN] * value
@@ -280,7 +280,7 @@ def smooth_forces(
     bodies = axis.inertia.shape[0]
     for body in range(bodies):
         net[body] = -chain * axis.viscous[body] * velocity[body]
-    drive = drive_force(axis, command, velocity[0], elapsed, state)
+    drive = drive_force(axis, command, position[0], velocity[0], elapsed, state)
     net[0] += drive + state[DISTURBANCE]
     transmitted[0] = abs(drive)
     hooks = axis.body_hooks
@@ -338,7 +338,7 @@ def single_acceleration(
     inverse: float,
 ) -> float:  # fmt: skip
     """As `accelerations` for a body without others, its inertia inverted: plain numbers stay in registers."""
-    drive = drive_force(axis, command, velocity, elapsed, state)
+    drive = drive_force(axis, command, position, velocity, elapsed, state)
     force = drive - axis.viscous[0] * velocity + state[DISTURBANCE]
     hooks = axis.body_hooks
     for row in range(hooks.shape[0]):
@@ -559,12 +559,12 @@ def settle_effects(axis: Axis, command: float, step: float, state: Any) -> None:
     for row in range(hooks.shape[0]):
         arrived = value
         value = call(
-            hooks[row, VALUE], arrived, velocity[0], command, step,
+            hooks[row, VALUE], arrived, velocity[0], position[0], step,
             state, hooks[row, STATE], axis.parameters, hooks[row, PARAMETER],
         )  # fmt: skip
         if hooks[row, SETTLE] != 0:
             call(
-                hooks[row, SETTLE], arrived, velocity[0], command, step,
+                hooks[row, SETTLE], arrived, velocity[0], position[0], step,
                 state, hooks[row, STATE], axis.parameters, hooks[row, PARAMETER],
             )  # fmt: skip
     hooks = axis.body_hooks
@@ -1237,7 +1237,7 @@ def balance(
                     level = friction_level(axis, i, push, 0.0, transmitted[i], state)
                     left = -push * max(abs(left) - level, 0.0)
             residual[k, i] = left
-        required[k] = drive_force(axis, held, velocity[k, 0], 0.0, state) + residual[k, 0]
+        required[k] = drive_force(axis, held, position[k, 0], velocity[k, 0], 0.0, state) + residual[k, 0]
 
 
 @entry
@@ -1253,12 +1253,12 @@ def breakaway_levels(axis: Axis, time: Any, position: Any, body: int, state: Any
 
 
 @entry
-def drive_along(axis: Axis, time: Any, held: Any, velocity: Any, state: Any, force: Any) -> None:
-    """Force (m,) of a drive without memory for given commands and velocities of body 0 at some instants."""
+def drive_along(axis: Axis, time: Any, held: Any, position: Any, velocity: Any, state: Any, force: Any) -> None:
+    """Force (m,) of a drive without memory for given commands and motions of body 0 at some instants."""
     for k in range(held.shape[0]):
         if axis.condition_hooks.shape[0] > 0:
             hold_conditions(axis, time[k], state)
-        force[k] = drive_force(axis, held[k], velocity[k], 0.0, state)
+        force[k] = drive_force(axis, held[k], position[k], velocity[k], 0.0, state)
 
 
 @entry

@@ -151,6 +151,22 @@ def _fastest(matrix: NDArray[np.float64]) -> float:
     return float(np.max(np.abs(np.linalg.eigvals(matrix))))
 
 
+def _closed_loop(model: Model, values: Mapping[str, float], chain: _Chain) -> NDArray[np.float64]:
+    """What the loop of the drive adds to the matrix of the motion, shape (2 n, 2 n)."""
+    n = len(chain.inertia)
+    added = np.zeros((2 * n, 2 * n))
+    gains = model.loop_gains(values)
+    added[n, 0], added[n, n] = gains.position, gains.velocity
+    return added * (values["drive.gain"] / chain.inertia[0])
+
+
+def _loop_rate(model: Model, values: Mapping[str, float], chain: _Chain) -> float:
+    """Rate of the first body under the loop alone [rad/s]."""
+    added = _closed_loop(model, values, chain)
+    n = len(chain.inertia)
+    return float(np.sqrt(abs(added[n, 0])) + abs(added[n, n]))
+
+
 def _table(rows: list[list[int]]) -> NDArray[np.int64]:
     return np.array(rows, dtype=np.int64).reshape(len(rows), 7)
 
@@ -183,8 +199,10 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None, *, final: b
     input_delay = 0.0
     matrix = chain.matrix()
     rate, beyond = _fastest(matrix), 0.0
+    if model.loop is not None:
+        rate, beyond = _fastest(matrix + _closed_loop(model, values, chain)), _loop_rate(model, values, chain)
 
-    for active in sorted(model.effects, key=lambda active: active.effect.order):
+    for active in model.acting:
         effect = active.effect
         own = values_of(active, values)
         # No effect acts inside a body that is not split, or with an infinite stiffness.

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
+from idloop.physics.drive_loop import LoopGains, loop_gains
 from idloop.physics.effect import BODY, COUPLING, INPUT, OUTPUT, Effect, find_effect
 from idloop.physics.effect_text import parse_effect
 from idloop.physics.parameter import Parameter
@@ -99,12 +100,24 @@ def effect_and_site(name: str) -> tuple[str, str]:
     return effect.partition("#")[0], at
 
 
+@dataclass(frozen=True)
+class DriveLoop(ActiveEffect):
+    """The loop inside a drive, whose parameters are those of the drive."""
+
+    at: str = "drive"
+
+    @property
+    def name(self) -> str:
+        """``drive``, as its parameters are called in the model."""
+        return self.at
+
+
 def values_of(active: ActiveEffect, values: Mapping[str, float]) -> dict[str, float]:
-    """Parameters of one effect by their own names; an optional one has the value of its default parameter."""
+    """Parameters of one effect by their own names; one that is left out has the value of its default, or none."""
     own: dict[str, float] = {}
     for spec in active.effect.parameters:
         name = f"{active.name}.{spec.name}"
-        own[spec.name] = values[name] if name in values else own[spec.optional]
+        own[spec.name] = values[name] if name in values else own[spec.optional] if spec.optional else spec.neutral
     return own
 
 
@@ -136,6 +149,8 @@ class Model:
         Intensity of the disturbance force from a fit, in force unit per root second.
     folder : Path or None
         Folder of the file; its folder ``effects`` may contain the user's own effects.
+    loop : DriveLoop or None
+        Loop of the drive, which is told a position or a velocity; without one the drive makes a force of the command.
     """
 
     name: str
@@ -150,6 +165,7 @@ class Model:
     disturbance: float | None = None
     conditions: tuple[ConditionSource, ...] = ()
     folder: Path | None = field(default=None, compare=False)
+    loop: DriveLoop | None = None
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle as text, since compiled equations cannot be pickled."""
@@ -210,6 +226,18 @@ class Model:
     def inner_couplings(self) -> dict[str, ActiveEffect]:
         """Couplings inside bodies that an effect splits in two, with this effect."""
         return {self.inside(active.at): active for active in self.effects if active.effect.splits}
+
+    @property
+    def acting(self) -> tuple[ActiveEffect, ...]:
+        """The loop of the drive and all effects, in the order in which they act."""
+        effects = sorted(self.effects, key=lambda active: active.effect.order)
+        return (self.loop, *effects) if self.loop is not None else tuple(effects)
+
+    def loop_gains(self, values: Mapping[str, float]) -> LoopGains:
+        """Output of the drive to first order, per unit of command, position and velocity of the first body."""
+        if self.loop is None:
+            return LoopGains(1.0, 0.0, 0.0)
+        return loop_gains(self.loop.effect.name, values_of(self.loop, values))
 
     def parameter(self, name: str) -> Parameter:
         """Return a parameter by name.

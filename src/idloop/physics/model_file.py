@@ -16,13 +16,15 @@ from ruamel.yaml import YAML
 from idloop.documents import read_text
 from idloop.errors import InputError
 from idloop.physics.controller_section import check_controller
+from idloop.physics.drive_loop import LOOPS, MEMORY, POSITION_LOOP, loop_effect
 from idloop.physics.effect import catalogue
-from idloop.physics.model import ConditionSource, InputSignal, Model, OutputSignal
+from idloop.physics.model import ConditionSource, DriveLoop, InputSignal, Model, OutputSignal
 from idloop.physics.parameter import Parameter
 from idloop.physics.schema import (
     BODY_PARAMETERS,
     COUPLING_PARAMETERS,
     SCHEMA,
+    Drive,
     EffectEntry,
     ModelFile,
     Value,
@@ -76,6 +78,13 @@ def to_mapping(model: Model) -> dict[str, Any]:
         for coupling, a, b in zip(model.couplings, model.bodies[:-1], model.bodies[1:], strict=True)
     ]
     file["drive"] = {"gain": number("drive.gain")}
+    if model.loop is not None:
+        loop = {
+            spec.name: number(f"drive.{spec.name}")
+            for spec in model.loop.effect.parameters
+            if f"drive.{spec.name}" in by_name
+        }
+        file["drive"] = {"kind": model.loop.effect.name, "unit": model.units.input, **file["drive"], **loop}
     if model.conditions:
         blank = ConditionSource("", "", "", "", "")
         file["conditions"] = [
@@ -211,7 +220,8 @@ def build_model(file: ModelFile, where: str, folder: Path | None = None) -> Mode
     if len(kinds) > 1:
         raise InputError(f"{where}: outputs: the units {' and '.join(kinds)} do not fit one axis: use one, or scale")
     force = FORCES[kinds[0]]
-    units = Units(command.unit, kinds[0], force)
+    loop = _loop(file.drive, command, kinds[0], where)
+    units = Units(input_unit(file.drive.unit, f"{where}: drive.unit") if loop else command.unit, kinds[0], force)
 
     parameters = []
     for body_file in file.bodies:
@@ -240,8 +250,11 @@ def build_model(file: ModelFile, where: str, folder: Path | None = None) -> Mode
         parameters.append(_base_parameter(f"{name}.stiffness", coupling.stiffness, stiffness_unit, 0.0, where))
         damping_unit = units.fill("{force}·s/{position}")
         parameters.append(_base_parameter(f"{name}.damping", coupling.damping, damping_unit, 0.0, where))
-    gain_unit = "-" if force == command.unit else units.fill("{force}/{input}")
+    gain_unit = "-" if force == units.input else units.fill("{force}/{input}")
     parameters.append(_base_parameter("drive.gain", file.drive.gain, gain_unit, -np.inf, where))
+    for name, value in file.drive.loop_parameters.items():
+        spec = LOOPS[file.drive.kind].spec(name)
+        parameters.append(_base_parameter(f"drive.{name}", value, units.fill(spec.unit), spec.min, where))
 
     if file.controller is not None:
         check_controller(file.controller, f"{where}: controller")
@@ -259,6 +272,7 @@ def build_model(file: ModelFile, where: str, folder: Path | None = None) -> Mode
         disturbance=file.disturbance.intensity if file.disturbance else None,
         conditions=tuple(ConditionSource(**one.model_dump()) for one in file.conditions),
         folder=folder,
+        loop=loop,
     )
     for index, entry in enumerate(file.effects):
         model = _add_entry(model, entry, f"{where}: effects[{index}]")
@@ -266,6 +280,20 @@ def build_model(file: ModelFile, where: str, folder: Path | None = None) -> Mode
         return model.checked()
     except InputError as error:
         raise InputError(f"{where}: {error}") from error
+
+
+def _loop(drive: Drive, command: InputSignal, position: str, where: str) -> DriveLoop | None:
+    """The loop of a drive, with its set-point in the unit of what it controls."""
+    if drive.kind not in LOOPS:
+        return None
+    wanted = position if drive.kind == POSITION_LOOP.name else f"{position}/s"
+    if command.unit != wanted:
+        raise InputError(
+            f"{where}: input.unit: the set-point of a {drive.kind.replace('_', ' ')} is in {wanted}"
+            f" (got {command.unit})"
+        )
+    memory = any(name in drive.loop_parameters for name in MEMORY)
+    return DriveLoop(loop_effect(drive.kind, memory=memory))
 
 
 def _add_entry(model: Model, entry: EffectEntry, where: str) -> Model:

@@ -10,6 +10,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from idloop.documents import MOST_NAME, read_yaml
 from idloop.errors import InputError
+from idloop.physics.drive_loop import LOOPS
 from idloop.spelling import did_you_mean_or_known
 
 SCHEMA = "idloop/model/1"
@@ -126,10 +127,44 @@ COUPLING_PARAMETERS = tuple(name for name in Coupling.model_fields if name not i
 
 
 class Drive(BaseModel):
-    """Force per unit of command."""
+    """Force per unit of command, or of the output of a loop inside the drive."""
 
     model_config = STRICT
+    kind: Literal["force", "velocity_loop", "position_loop"] = "force"
+    unit: str = "-"
     gain: Number = Value(value=1.0, free=False)
+    proportional: Number | None = None
+    integral: Number | None = None
+    derivative: Number | None = None
+    feed_forward: Number | None = None
+    limit: Number | None = None
+    sample_time: Number | None = None
+    delay: Number | None = None
+    profile_velocity: Number | None = None
+    profile_acceleration: Number | None = None
+    dead_band: Number | None = None
+
+    @property
+    def loop_parameters(self) -> dict[str, Value]:
+        """What is said of the loop, by name."""
+        own = {name: getattr(self, name) for name in type(self).model_fields if name not in ("kind", "unit", "gain")}
+        return {name: value for name, value in own.items() if value is not None}
+
+    @model_validator(mode="after")
+    def _of_its_kind(self) -> Drive:
+        given = self.loop_parameters
+        if self.kind == "force":
+            if given or "unit" in self.model_fields_set:
+                word = next(iter(given), "unit")
+                raise ValueError(f"'{word}' belongs to a loop: add 'kind: position_loop' or 'kind: velocity_loop'")
+            return self
+        known = [spec.name for spec in LOOPS[self.kind].parameters]
+        for name in given:
+            if name not in known:
+                raise ValueError(f"a {self.kind} has no '{name}'{did_you_mean_or_known(name, known)}")
+        if "proportional" not in given:
+            raise ValueError(f"a {self.kind} needs 'proportional', its gain")
+        return self
 
 
 class EffectEntry(BaseModel):

@@ -1,8 +1,9 @@
 """Drive side: the force that the model requires for the measured motion, compared with the applied force.
 
 In a stiff closed loop the position error hides model errors; the force error shows them. It is relative to the
-commanded force, the drive's gain times the command, so that no effect at the command makes its own error look smaller
-or larger: for every model the ratio is that of two commands, of which the denominator is measured.
+commanded force, the drive's gain times the command or the output of its loop, so that no effect at the command makes
+its own error look smaller or larger: for every model the ratio is that of two commands, of which the denominator is
+measured.
 """
 
 from __future__ import annotations
@@ -97,7 +98,9 @@ def force_error(model: Model, record: Record, cutoff: float | None = None) -> Fo
     applied, required = balance.forces(engine, rest)
     # The mean of the held command around each instant is what was commanded there.
     command = balance.command.mean
-    commanded = model.values["drive.gain"] * command
+    loop = model.loop_gains(model.values)
+    output = loop.set_point * command + loop.position * m.position[:, 0] + loop.velocity * m.velocity[:, 0]
+    commanded = model.values["drive.gain"] * output
     # The filter does not change a straight line, so the filtered sample numbers give the kept instants.
     forces = thin(np.column_stack([applied, required, commanded, np.arange(len(m.time))]), m)
     kept = np.rint(forces[:, 3]).astype(np.int64)

@@ -30,12 +30,34 @@ class Sizes:
 
     def __init__(self, model: Model, estimation: EstimationProblem) -> None:
         self.model, self.estimation = model, estimation
-        command = np.concatenate([d.input for d in estimation.data])
+        command = np.concatenate([self._drive_output(d) for d in estimation.data])
         self.command = max(float(np.sqrt(np.mean(command**2))), _LEAST)
         self.command_most = max(float(np.max(np.abs(command))), _LEAST)
         self.duration = float(sum(d.time[-1] - d.time[0] for d in estimation.data))
         self.sample_time = float(np.median([d.sample_time for d in estimation.data]))
         self.bodies = [self._motion(index) for index in range(len(model.bodies))]
+
+    def _drive_output(self, data: Data) -> Array:
+        """What the effects at the input act on: the command, or the output of a loop inside the drive."""
+        if self.model.loop is None:
+            return data.input
+        gains, found = self.model.loop_gains(self.model.values), data.held_input()
+        position = velocity = None
+        for column, output in enumerate(self.model.outputs):
+            if output.body == self.model.bodies[0] and np.any(np.isfinite(data.output[:, column])):
+                seen = np.isfinite(data.output[:, column])
+                value = np.interp(data.time, data.time[seen], data.output[seen, column]) / output.scale
+                if output.field == "position":
+                    position = value
+                else:
+                    velocity = value
+        if velocity is None and position is not None:
+            velocity = smooth_velocity(data.time, position)
+        if position is None and velocity is not None:
+            position = np.cumsum(velocity) * data.sample_time
+        if position is None or velocity is None:
+            return found
+        return np.asarray(gains.set_point * found + gains.position * position + gains.velocity * velocity)
 
     def _motion(self, index: int) -> tuple[float, float, float, float]:
         """Speed rms and maximum, middle and span of the positions of a body, or of its nearest neighbour."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from threading import Lock
 from typing import Any
@@ -314,6 +314,7 @@ class _Commands:
         self.command = np.concatenate([around.mean, around.before, around.after])
         self.instants = np.concatenate([np.arange(count), around.jumps, around.jumps])
         self.time = np.arange(len(self.instants), dtype=float)
+        self.position = along.whole.position[self.instants, 0]
         self.velocity = along.whole.velocity[self.instants, 0]
         kept = np.flatnonzero(along.place[around.jumps] >= 0)
         self.jumps, self.late, sides = along.place[around.jumps[kept]], around.late[kept], count + kept
@@ -322,7 +323,7 @@ class _Commands:
     @property
     def nbytes(self) -> int:
         """Memory in bytes."""
-        return 6 * self.command.nbytes
+        return 7 * self.command.nbytes
 
     def both(self, force: Array) -> tuple[Array, Array]:
         """A force at these commands in every window, and near rest."""
@@ -351,7 +352,7 @@ class BalanceTerms:
 
     def __init__(self, model: Model, along: MotionInWindows) -> None:
         self.model, self.along = model, along
-        effects = [one for one in model.effects if not one.effect.splits]
+        effects = [one for one in model.acting if not one.effect.splits]
         self.inputs = [one for one in effects if one.effect.site == INPUT]
         self._forces = [one for one in effects if one.effect.site == BODY and one.effect.force is not None]
         self._place = {body: index for index, body in enumerate(model.bodies)}
@@ -450,9 +451,10 @@ class BalanceTerms:
     def _alone(self, kept: Sequence[ActiveEffect], values: Values, chain: int | None = None) -> Any:
         """The compiled model with some effects only, without the drive, and with at most one coupling of the chain."""
         others = [one.name for one in self.model.effects if one not in kept]
+        loop = self.model.loop if self.model.loop in kept else None
         model = self.along.cached(
             ("model", self.model.bodies, self.model.couplings, tuple(one.name for one in kept)),
-            lambda: self.model.without_effects(others),
+            lambda: replace(self.model.without_effects(others), loop=loop),
         )
         layout = lay_out(model, values, final=False)
         axis, constants = layout.axis, layout.axis.constants.copy()
@@ -600,7 +602,9 @@ class BalanceTerms:
 
         def force(command: Array) -> Array:
             given = np.empty(len(command))
-            kernel.drive_along(drive, commands.time, command, commands.velocity, layout.new_state(), given)
+            kernel.drive_along(
+                drive, commands.time, command, commands.position, commands.velocity, layout.new_state(), given
+            )  # fmt: skip
             return given
 
         return force

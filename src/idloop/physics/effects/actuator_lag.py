@@ -9,7 +9,7 @@ from idloop.physics.trial import alternatives, time_constants
 
 
 @hook
-def command(value: float, velocity: float, sent: float, elapsed: float, state: Any, parameters: Any) -> float:
+def command(value: float, velocity: float, position: float, elapsed: float, state: Any, parameters: Any) -> float:
     """Tau dv/dt = u - v, exact while u is held."""
     if parameters[0] <= 0.0:
         return value
@@ -17,7 +17,7 @@ def command(value: float, velocity: float, sent: float, elapsed: float, state: A
 
 
 @hook
-def settle(value: float, velocity: float, sent: float, elapsed: float, state: Any, parameters: Any) -> float:
+def settle(value: float, velocity: float, position: float, elapsed: float, state: Any, parameters: Any) -> float:
     """Keep the drive's output at the end of the step."""
     if parameters[0] <= 0.0:
         state[0] = value

@@ -8,7 +8,7 @@ from idloop.physics.trial import alternatives
 
 
 @hook
-def command(value: float, velocity: float, sent: float, elapsed: float, state: Any, parameters: Any) -> float:
+def command(value: float, velocity: float, position: float, elapsed: float, state: Any, parameters: Any) -> float:
     """V = u (1 + ratio sign u)."""
     return value + parameters[0] * abs(value)
 

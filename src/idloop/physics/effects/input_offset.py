@@ -8,7 +8,7 @@ from idloop.physics.trial import alternatives
 
 
 @hook
-def command(value: float, velocity: float, sent: float, elapsed: float, state: Any, parameters: Any) -> float:
+def command(value: float, velocity: float, position: float, elapsed: float, state: Any, parameters: Any) -> float:
     """V = u + offset."""
     return value + parameters[0]
 

@@ -11,7 +11,7 @@ SHARES = (0.97, 0.9, 0.8, 0.65, 0.5, 0.35, 0.2, 0.1, 0.04, 0.015)
 
 
 @hook
-def command(value: float, velocity: float, sent: float, elapsed: float, state: Any, parameters: Any) -> float:
+def command(value: float, velocity: float, position: float, elapsed: float, state: Any, parameters: Any) -> float:
     """V = clip(u, -limit, +limit)."""
     return min(max(value, -parameters[0]), parameters[0])
 

@@ -8,7 +8,7 @@ from idloop.physics.trial import Scales, Trial
 
 
 @hook
-def command(value: float, velocity: float, sent: float, elapsed: float, state: Any, parameters: Any) -> float:
+def command(value: float, velocity: float, position: float, elapsed: float, state: Any, parameters: Any) -> float:
     """Current v such that abs(v R + Ke w) <= supply."""
     supply, back_emf, resistance = parameters[0], parameters[1], parameters[2]
     high = (supply - back_emf * velocity) / resistance

@@ -9,7 +9,7 @@ from idloop.physics.trial import alternatives
 
 
 @hook
-def command(value: float, velocity: float, sent: float, elapsed: float, state: Any, parameters: Any) -> float:
+def command(value: float, velocity: float, position: float, elapsed: float, state: Any, parameters: Any) -> float:
     """V = u (U / U0)^share; a supply that is gone drives nothing."""
     share = parameters[0]
     if share == 0.0 or state[0] == 0.0:

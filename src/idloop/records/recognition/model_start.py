@@ -33,6 +33,9 @@ def start_model(
 ) -> Model:
     """Return a model of one body.
 
+    A command in the unit of the position, or of its rate, is the set-point of a loop in the drive: a proportional gain
+    and the damping show in the motion, both per inertia.
+
     Parameters
     ----------
     name, joint : str
@@ -47,7 +50,8 @@ def start_model(
     """
     place = next(iter(outputs.values())).removesuffix("/s")
     force = _FORCES.get(place) == (command_unit or _FORCES.get(place))
-    gain, friction = _rough_values(records) if records else (1.0, 1.0)
+    loop = {place: "position_loop", f"{place}/s": "velocity_loop"}.get(command_unit, "")
+    gain, friction = _rough_values(records, loop) if records else (1.0, 1.0)
     body: dict[str, Any] = {"name": joint}
     if force:
         body["inertia"] = {"value": _rounded(1.0 / gain), "min": 0.0}
@@ -67,10 +71,16 @@ def start_model(
             for field, unit in outputs.items()
         ],
         "bodies": [body],
-        "drive": {"gain": 1.0 if force else {"value": _rounded(gain)}},
+        "drive": _drive(loop, gain, force=force),
         "effects": [],
     }
     return build_model(ModelFile.model_validate(content), name)
+
+
+def _drive(loop: str, gain: float, *, force: bool) -> dict[str, Any]:
+    if loop:
+        return {"kind": loop, "unit": "-", "proportional": {"value": _rounded(gain), "min": 0.0}}
+    return {"gain": 1.0 if force else {"value": _rounded(gain)}}
 
 
 def _noise(records: Sequence[Record], output: str) -> dict[str, float]:
@@ -84,19 +94,21 @@ def _noise(records: Sequence[Record], output: str) -> dict[str, float]:
     return {"noise": _rounded(noise)} if noise > 0.0 else {}
 
 
-def _rough_values(records: Sequence[Record]) -> tuple[float, float]:
+def _rough_values(records: Sequence[Record], loop: str) -> tuple[float, float]:
     """Acceleration per command and per velocity, both at least of the size that the motion has.
 
     Over windows of the record the change of the velocity is what command, viscous and dry friction and a constant force
-    have done in it.
+    have done in it; of a loop, the error of what it controls.
     """
     rows, targets = [], []
     for record in records:
-        time, velocity = _velocity(record)
+        time, velocity, position = _motion(record)
         if time.size < 4 * _FEWEST:
             continue
         place = np.clip(np.searchsorted(record.input_time, time, side="right") - 1, 0, None)
         command = np.nan_to_num(record.input[place])
+        if loop:
+            command = command - (position if loop == "position_loop" else velocity)
         width = max(time.size // _WINDOWS, 1)
         edges = np.arange(0, time.size, width)
         step = np.diff(time, append=time[-1])
@@ -116,8 +128,8 @@ def _rough_values(records: Sequence[Record]) -> tuple[float, float]:
     return float(gain), float(friction)
 
 
-def _velocity(record: Record) -> tuple[Floats, Floats]:
-    """Stamps and velocity, from the sensor or as the slope of the position."""
+def _motion(record: Record) -> tuple[Floats, Floats, Floats]:
+    """Stamps, velocity and position, each from its sensor or from the other."""
     for field in ("velocity", "position"):
         for name, column in zip(record.output_names, record.output.T, strict=True):
             known = np.isfinite(column)
@@ -125,11 +137,15 @@ def _velocity(record: Record) -> tuple[Floats, Floats]:
                 continue
             time, value = record.time[known], column[known]
             if field == "velocity":
-                return time, value
+                place = np.concatenate([[0.0], np.cumsum(0.5 * (value[1:] + value[:-1]) * np.diff(time))])
+                for other, measured in zip(record.output_names, record.output.T, strict=True):
+                    if other.endswith(".position") and np.isfinite(measured[known]).all():
+                        place = measured[known]
+                return time, value, place
             width = max(time.size // (4 * _WINDOWS), 1)
             span = time[2 * width :] - time[: -2 * width]
-            return time[width:-width], (value[2 * width :] - value[: -2 * width]) / span
-    return np.empty(0), np.empty(0)
+            return time[width:-width], (value[2 * width :] - value[: -2 * width]) / span, value[width:-width]
+    return np.empty(0), np.empty(0), np.empty(0)
 
 
 def _rounded(value: float) -> float:

@@ -435,7 +435,8 @@ def _no_command(
         reference = chosen.get("reference") or chosen.get("reference velocity")
         loop = (
             f" ({reference.column!r} is a set-point by its name: record the current, torque or voltage of the drive as"
-            f" well; if it is one of these, --command '{reference.column}=UNIT')"
+            " well; for a model of the loop in the drive, or if it is one of these,"
+            f" --command '{reference.column}=UNIT')"
             if reference is not None
             else ""
         )

@@ -134,7 +134,8 @@ def equations(model: Model) -> tuple[list[Equation], dict[str, str]]:
 def _command(writer: _Writer) -> str:
     """What of the command acts; its effects one after the other."""
     signal = "u"
-    for active in writer.effects(INPUT, "input"):
+    loop = [] if writer.model.loop is None else [writer.model.loop]
+    for active in (*loop, *writer.effects(INPUT, "input")):
         equation = writer.equation_of(active, INPUT)
         body = writer.model.bodies[0]
         writer.lines.append(Equation(writer.filled(equation.text, body=body, signal=signal), "command", active.name))

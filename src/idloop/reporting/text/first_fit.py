@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from idloop.records.inspection.inspection import Inspection
     from idloop.validation import Comparison
 
-_GAIN = "drive.gain"
+_GAIN, _LOOP_GAIN = "drive.gain", "drive.proportional"
 _FORCE = 0.1  # force error above which a model lacks something, however well its free run follows
 
 
@@ -66,10 +66,13 @@ def _recordings(inspections: Sequence[Inspection]) -> str:
 
 def held_inertia(model: Model) -> Iterator[Block]:
     """Yield that the inertia is not known, where the command is no force and only ratios to it show."""
-    if _GAIN not in model.free:
+    if model.loop is not None and _LOOP_GAIN in model.free:
+        command = "the gain of the loop in the drive is not known, and a set-point"
+    elif _GAIN in model.free:
+        command = "a command without a unit" if model.input.unit == "-" else f"a command in {model.input.unit}"
+    else:
         return
-    free, unit = joined_names(model.free), model.input.unit
-    command = "a command without a unit" if unit == "-" else f"a command in {unit}"
+    free = joined_names(model.free)
     for name in (f"{body}.inertia" for body in model.bodies):
         one = model.parameter(name)
         if name not in model.free:
@@ -78,3 +81,8 @@ def held_inertia(model: Model) -> Iterator[Block]:
                 f" only ratios to the inertia. If it is larger by a factor, {free}"
                 f" {'is' if len(model.free) == 1 else 'are'} larger by the same factor"
             )
+    if model.loop is not None:
+        yield (
+            "gains of the drive that are known tell friction, delay and lag apart: write them into model.yaml"
+            " (`drive: {proportional: ..., derivative: ...}`), and let the inertia be estimated"
+        )

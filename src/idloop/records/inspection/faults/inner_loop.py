@@ -64,7 +64,8 @@ def check(axis: Axis) -> list[Finding]:
             KIND,
             name,
             f"{name} is a set-point of the {signal}: {why}; a controller inside the drive makes the force",
-            "record the current or the torque of the drive as the command, or model the loop of the drive",
+            "record the current or the torque of the drive as the command, or model the loop of the drive: "
+            f"`drive: {{kind: {signal}_loop}}`",
             evidence={"gain": gain, "share": share} if found else {},
             spoils=("inertia and friction",),
         )

@@ -1,0 +1,189 @@
+"""Drives with a loop of their own: closed forms, limits, profiles, and what a model file may say."""
+
+import pickle
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import idloop
+from idloop.errors import InputError
+from idloop.physics import Engine, simulate
+from idloop.physics.model_file import from_text
+
+TIME = np.arange(0.0, 2.0, 0.002)
+
+
+def servo(drive, *effects, unit="rad", inertia="0.02", viscous="0.05"):
+    text = f"""
+schema: idloop/model/1
+name: servo
+input: {{joint: arm, field: position, unit: {unit}}}
+outputs: [{{joint: arm, field: position, unit: rad}}, {{joint: arm, field: velocity, unit: rad/s}}]
+bodies: [{{name: arm, inertia: {inertia}, viscous_friction: {viscous}}}]
+drive: {{{drive}}}
+"""
+    return from_text(text, None).with_effects(effects)
+
+
+def driven(matrix, entering, time=TIME):
+    """Motion from rest under a constant entering: the linear system in closed form."""
+    n = len(matrix)
+    whole = np.zeros((n + 1, n + 1))
+    whole[:n, :n], whole[:n, n] = matrix, entering
+    step = expm(whole * (time[1] - time[0]))
+    states = [np.append(np.zeros(n), 1.0)]
+    for _ in time[1:]:
+        states.append(step @ states[-1])
+    return np.array(states)[:, :n]
+
+
+def test_a_position_loop_is_a_spring_and_a_damper_to_its_set_point():
+    run = simulate(servo("kind: position_loop, proportional: 8.0, derivative: 0.1, gain: 2.0"), [0.0], [0.5], TIME)
+    matrix = np.array([[0.0, 1.0], [-16.0 / 0.02, -(0.05 + 0.2) / 0.02]])
+    np.testing.assert_allclose(run.output, driven(matrix, [0.0, 8.0 / 0.02]), atol=2e-5)
+
+
+def test_a_velocity_loop_approaches_its_set_point():
+    run = simulate(
+        servo("kind: velocity_loop, proportional: 0.3, feed_forward: 0.05", unit="rad/s"), [0.0], [2.0], TIME
+    )
+    np.testing.assert_allclose(run.output[:, 1], 2.0 * (1.0 - np.exp(-0.35 / 0.02 * TIME)), atol=1e-6)
+
+
+def test_an_integral_leaves_no_error_under_a_load():
+    drive = "kind: position_loop, proportional: 8.0, derivative: 0.3, integral: 40.0"
+    run = simulate(servo(drive, "load_torque@arm(torque=0.4)"), [0.0], [0.5], TIME)
+    matrix = np.array([[0.0, 1.0, 0.0], [-8.0 / 0.02, -0.35 / 0.02, 40.0 / 0.02], [-1.0, 0.0, 0.0]])
+    exact = driven(matrix, [0.0, (8.0 * 0.5 + 0.4) / 0.02, 0.5])
+    np.testing.assert_allclose(run.output, exact[:, :2], atol=1e-3)
+    assert simulate(servo(drive, "load_torque@arm(torque=0.4)"), [0.0], [0.5], [0.0, 9.0]).output[
+        1, 0
+    ] == pytest.approx(0.5, abs=1e-6)
+
+
+def test_the_integral_of_a_limited_loop_does_not_wind_up():
+    drive = "kind: position_loop, proportional: 2.0, derivative: 0.25, integral: 20.0"
+    long = np.arange(0.0, 12.0, 0.002)
+    inside = simulate(servo(f"{drive}, limit: 0.3"), [0.0], [3.0], long).output[:, 0]
+    behind = simulate(servo(drive, "saturation@input(limit=0.3)"), [0.0], [3.0], long).output[:, 0]
+    assert inside.max() < 3.6 < behind.max()
+
+
+def test_the_output_of_a_loop_is_limited():
+    run = simulate(
+        servo("kind: position_loop, proportional: 50.0, limit: 0.4", viscous="0.0"), [0.0], [5.0], TIME[:100]
+    )
+    np.testing.assert_allclose(run.output[:, 1], 0.4 / 0.02 * TIME[:100], rtol=1e-6)
+
+
+def test_a_dead_band_lets_small_errors_be():
+    run = simulate(servo("kind: position_loop, proportional: 50.0, dead_band: 0.1"), [0.0], [0.09], TIME)
+    assert np.all(run.output == 0.0)
+
+
+def test_a_profile_limits_velocity_and_acceleration_of_the_set_point():
+    stiff = "kind: position_loop, proportional: 2000.0, derivative: 10.0"
+    run = simulate(servo(f"{stiff}, profile_velocity: 2.0, profile_acceleration: 8.0"), [0.0], [2.0], TIME)
+    expected = np.where(TIME < 0.25, 4.0 * TIME**2, np.where(TIME < 1.0, 0.25 + 2.0 * (TIME - 0.25), np.nan))
+    expected = np.where(TIME >= 1.0, 2.0 - 4.0 * np.maximum(1.25 - TIME, 0.0) ** 2, expected)
+    # The loop follows its profile late by derivative over proportional.
+    np.testing.assert_allclose(run.output[:, 0], np.interp(TIME - 0.005, TIME, expected, left=0.0), atol=0.02)
+    assert run.output[:, 1].max() < 2.1
+    ramp = simulate(servo(f"{stiff}, profile_velocity: 2.0"), [0.0], [1.0], TIME).output[:, 0]
+    np.testing.assert_allclose(ramp, np.clip(2.0 * (TIME - 0.005), 0.0, 1.0), atol=0.02)
+
+
+def test_a_late_loop_is_less_damped():
+    plain = servo("kind: position_loop, proportional: 20.0, derivative: 0.2")
+    late = servo("kind: position_loop, proportional: 20.0, derivative: 0.2, sample_time: 0.004, delay: 0.003")
+    a, b = (Engine(model).linearise().A for model in (plain, late))
+    assert (b - a)[1, 1] == pytest.approx(20.0 * 0.005 / 0.02)
+    overshoot = [simulate(model, [0.0], [1.0], TIME).output[:, 0].max() for model in (plain, late)]
+    assert overshoot[0] < overshoot[1]
+
+
+@pytest.mark.parametrize(
+    ("drive", "unit"),
+    [
+        ("kind: position_loop, proportional: 20.0, derivative: 0.2", "rad"),
+        ("kind: velocity_loop, proportional: 0.3", "rad/s"),
+    ],
+)
+def test_the_linear_part_is_that_of_the_free_run(drive, unit):
+    model = servo(drive, unit=unit)
+    linear = Engine(model).linearise()
+    np.testing.assert_allclose(
+        simulate(model, [0.0], [1.0], TIME).output, driven(linear.A, linear.B) @ linear.C.T, atol=1e-4
+    )
+
+
+def test_a_model_with_a_loop_keeps_its_file_and_travels_between_processes():
+    model = servo("kind: position_loop, unit: V, gain: 0.1, proportional: {value: 20.0, min: 1.0}, limit: 12.0")
+    for again in (from_text(model.to_yaml(), None), pickle.loads(pickle.dumps(model))):
+        assert again.to_yaml() == model.to_yaml()
+    assert model.parameter("drive.proportional").unit == "V/rad"
+    assert model.parameter("drive.limit").unit == "V"
+    assert model.parameter("drive.gain").unit == "N·m/V"
+    assert model.free == ("drive.proportional",)
+
+
+@pytest.mark.parametrize(
+    ("drive", "unit", "words"),
+    [
+        ("proportional: 2.0", "N·m", "'proportional' belongs to a loop: add 'kind: position_loop'"),
+        ("unit: V", "N·m", "'unit' belongs to a loop"),
+        ("kind: position_loop", "rad", "needs 'proportional'"),
+        ("kind: position_loop, proportional: 1.0, feed_forward: 1.0", "rad", "has no 'feed_forward'"),
+        ("kind: position_loop, proportional: 1.0", "rad/s", "set-point of a position loop is in rad"),
+        ("kind: velocity_loop, proportional: 1.0", "rad", "set-point of a velocity loop is in rad/s"),
+        ("kind: position_loop, proportional: -1.0", "rad", "drive.proportional: must be >= 0"),
+        ("kind: position_loop, unit: volts, proportional: 1.0", "rad", "unknown unit 'volts'"),
+        ("kind: positon_loop, proportional: 1.0", "rad", "kind"),
+    ],
+)  # fmt: skip
+def test_a_drive_that_cannot_be_is_refused_in_one_line(drive, unit, words):
+    with pytest.raises(InputError, match=words) as caught:
+        servo(drive, unit=unit)
+    assert "\n" not in str(caught.value)
+
+
+def test_mujoco_moves_as_the_model_does():
+    model = servo("kind: position_loop, unit: N·m, proportional: 4.0, derivative: 0.1", "saturation@input(limit=0.8)")
+    machine = mujoco.MjModel.from_xml_string(idloop.export(model, "mujoco").text)
+    machine.opt.timestep = 1e-4
+    data = mujoco.MjData(machine)
+    data.ctrl[0] = 0.7
+    moved = []
+    for _ in TIME[:300]:
+        moved.append(data.qpos[0])
+        mujoco.mj_step(machine, data, 20)
+    np.testing.assert_allclose(moved, simulate(model, [0.0], [0.7], TIME[:300]).output[:, 0], atol=2e-3)
+
+
+@pytest.mark.parametrize("proportional", [6.0, 18.0, 50.0])
+def test_the_machine_does_not_depend_on_the_gain_of_the_loop(proportional):
+    random, time = np.random.default_rng(3), np.arange(0.0, 12.0, 0.005)
+    drive = f"kind: position_loop, unit: N·m, proportional: {proportional}, derivative: 0.2"
+    model = servo(drive, "coulomb_friction@arm", "gravity@arm", inertia="{value: 0.05}", viscous="{value: 0.01}")
+    truth = {"inertia": 0.02, "viscous_friction": 0.05}
+    true = model.with_values(
+        {f"arm.{name}": value for name, value in truth.items()}
+        | {"coulomb_friction@arm.level": 0.12, "gravity@arm.moment": 0.9}
+    )
+    set_point = np.interp(time, np.arange(0.0, 13.0), random.uniform(-1.0, 1.0, 13)) + 0.3 * np.sin(12.0 * time)
+    measured = simulate(true, time, set_point, time).output + random.normal(0.0, [2e-4, 0.01], (len(time), 2))
+    outputs = {"position": measured[:, 0], "velocity": measured[:, 1]}
+    fitted = idloop.fit(model, idloop.Record.from_arrays(time, set_point, outputs, model))
+    for name in model.free:
+        if name != "gravity@arm.lowest":
+            assert fitted.values[name] == pytest.approx(true.values[name], rel=0.03), name
+
+
+def test_nothing_is_cancelled_where_no_force_can_be_sent():
+    model = servo("kind: position_loop, proportional: 4.0", "coulomb_friction@arm(level=0.1)")
+    law = {"type": "p", "output": "arm.position", "kp": 1.0, "feedback_gain": 1.0, "sample_time": 0.001}
+    with pytest.raises(InputError, match="has a loop of its own"):
+        idloop.compensate(replace(model, controller=law))
