@@ -39,10 +39,12 @@ class WorkerProcess:
     ----------
     name : str
         Name of the process, as `top` shows it (at most 15 characters).
+    yields : bool
+        Yield the processor to control loops; not where the user waits for the result.
     """
 
-    def __init__(self, name: str = "idloop worker") -> None:
-        self._name = name
+    def __init__(self, name: str = "idloop worker", *, yields: bool = True) -> None:
+        self._name, self._yields = name, yields
         self._calling = threading.Lock()  # its holder alone uses the pipe
         self._changing = threading.Lock()
         self._process: multiprocessing.process.BaseProcess | None = None
@@ -98,7 +100,8 @@ class WorkerProcess:
             # A fresh interpreter: a copy of this one would hold its sockets and half of its threads.
             context = multiprocessing.get_context("spawn")
             self._pipe, theirs = context.Pipe()
-            self._process = context.Process(target=serve, args=(theirs, self._name), name=self._name, daemon=True)
+            arguments = (theirs, self._name, self._yields)
+            self._process = context.Process(target=serve, args=arguments, name=self._name, daemon=True)
             self._process.start()
             theirs.close()
             return self._pipe
@@ -124,10 +127,11 @@ class WorkerProcess:
             self._lose()
 
 
-def serve(pipe: Connection, name: str) -> None:
+def serve(pipe: Connection, name: str, yields: bool = True) -> None:
     """Work until the other side has ended."""
     _end_with_parent(name)
-    _yield_processor()
+    if yields:
+        _yield_processor()
     # One thread: the other cores belong to the parent, and sums come out the same every time.
     os.environ |= dict.fromkeys(ONE_THREAD, "1")
     # What a trial step of a fit runs into is not for the user of the parent.
