@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from idloop.api.identification import Identification, identify
     from idloop.api.ladder import Ladder, refine
     from idloop.api.monitor import Monitor
+    from idloop.api.robot import RobotIdentification, identify_robot
     from idloop.api.start import Start, start
     from idloop.api.suggestion import Suggestion, suggest
     from idloop.errors import IdloopError, InputError
@@ -52,6 +53,7 @@ __all__ = [
     "Model",
     "Monitor",
     "Record",
+    "RobotIdentification",
     "Signal",
     "Start",
     "Suggestion",
@@ -62,6 +64,7 @@ __all__ = [
     "export",
     "fit",
     "identify",
+    "identify_robot",
     "load_model",
     "preset_names",
     "read_bag",
@@ -87,6 +90,7 @@ _WHERE = {
     "Model": "physics.model",
     "Monitor": "api.monitor",
     "Record": "records.record",
+    "RobotIdentification": "api.robot",
     "Signal": "signals",
     "Start": "api.start",
     "Suggestion": "api.suggestion",
@@ -97,6 +101,7 @@ _WHERE = {
     "export": "api.export",
     "fit": "api.fit",
     "identify": "api.identification",
+    "identify_robot": "api.robot",
     "load_model": "physics.model_file",
     "preset_names": "physics.model_file",
     "read_bag": "api.data",

@@ -231,7 +231,7 @@ def test_a_resumed_ladder_that_cannot_be_written_is_told_before_it_is_climbed(tr
 def test_every_place_that_a_verb_writes_to_is_probed():
     """An option with a path of its own either names what is read, or has a type that probes."""
     read = {("refine", "resume"), ("suggest", "ladder"), ("report", "run"), ("inspect", "bags"), ("trust", "place")}
-    read |= {("start", "files")}
+    read |= {("start", "files"), ("robot", "urdf")}
     read |= {("export", "output")}  # a file or a folder, as the formats say: probed by the verb
     for name in main.VERBS:
         command = main.group.get_command(click.Context(main.group), name)

@@ -1,0 +1,102 @@
+"""`idloop robot`: a whole robot from its URDF and its bags, and the trajectory that shows most of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from idloop.cli._common import (
+    BAG,
+    ListOptionCommand,
+    json_option,
+    log,
+    log_written,
+    plot_option,
+    print_blocks,
+    print_json,
+    save_plot,
+)
+from idloop.cli._places import OUTPUT_FOLDER, force_option
+from idloop.cli._progress import progress, quiet_option
+from idloop.errors import InputError
+
+EXAMPLE = """\b
+Examples:
+  idloop robot arm.urdf bags/arm1 bags/arm2 --validate bags/arm3 --output runs/arm
+  idloop robot arm.urdf bags/arm1 --payload bags/with_tool
+"""
+
+
+class RobotCommand(ListOptionCommand):
+    """A command whose list options take several values at once."""
+
+    list_options = ("--validate", "--payload")
+
+
+@click.command(cls=RobotCommand, epilog=EXAMPLE)
+@click.argument("urdf", type=click.Path(path_type=Path), metavar="URDF")
+@click.argument("bags", type=BAG, nargs=-1, required=True, metavar="BAG...")
+@click.option("--validate", type=BAG, multiple=True, metavar="BAG...", help="Bags that the fits do not see.")
+@click.option("--payload", type=BAG, multiple=True, metavar="BAG...", help="Bags with a body at the last link.")
+@click.option("--topic", default="joint_states", show_default=True, help="Topic of the JointState messages.")
+@click.option(
+    "--level",
+    type=float,
+    default=0.01,
+    show_default=True,
+    help="Probability of naming an effect at any joint where none is missing.",
+)
+@click.option("--rounds", type=click.IntRange(min=1), default=2, show_default=True, help="Fits of links and joints.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Equal seeds give equal answers.")
+@click.option("--workers", type=click.IntRange(min=0), help="Processes for the joints (default: one for each core).")
+@click.option(
+    "--output",
+    type=OUTPUT_FOLDER,
+    metavar="DIR",
+    help="Write robot.json, robot.urdf, report.html, and the model of each joint.",
+)
+@force_option("Overwrite the files in the folder of --output.")
+@plot_option
+@quiet_option
+@json_option
+def command(
+    urdf: Path,
+    bags: tuple[Path, ...],
+    *,
+    validate: tuple[Path, ...],
+    payload: tuple[Path, ...],
+    topic: str,
+    level: float,
+    rounds: int,
+    seed: int,
+    workers: int | None,
+    output: Path | None,
+    force: bool,
+    plot: Path | None,
+    as_json: bool,
+) -> None:
+    """Identify the rigid bodies of the robot in URDF and all of its joints, and name what each joint lacks.
+
+    The BAGs hold position and measured effort of the joints (JointState, any order, a joint missing now and then).
+    Links, gravity and coupling come from Pinocchio, with base parameters from the data and possible inertias.
+    """
+    from idloop.api.robot import identify_robot
+
+    if output is not None and (output / "robot.json").exists() and not force:
+        raise InputError(f"--output {output}: there is a robot already, name another folder or add --force")
+    with progress(f"identifying {urdf.stem}") as update:
+        found = identify_robot(
+            urdf, bags, validate, payload=payload, topic=topic, level=level, rounds=rounds, workers=workers, seed=seed,
+            progress=update,
+        )  # fmt: skip
+    save_plot(found.plot, plot)
+    log_written(plot)
+    if output is not None:
+        found.save(output)
+    if as_json:
+        print_json({**found.to_dict(), "output": output, "plot": plot})
+    else:
+        print_blocks(found.blocks())
+    if output is not None:
+        log(f"written: {output}")

@@ -1,0 +1,159 @@
+"""Identification of a whole robot: rigid bodies, then every joint, and both once more."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.diagnosis import Ladder
+from idloop.robots.balance import Balance, RobotMotion, balance_of, robot_motions
+from idloop.robots.joint_models import JointTask, effect_torque, joint_tasks, own_inertia, refine_joints
+from idloop.robots.joint_records import JointRecord
+from idloop.robots.rigid_body import RigidBody
+from idloop.robots.rigid_fit import RigidFit, fit_rigid
+
+Array = NDArray[np.float64]
+Report = Callable[[float, str], None]
+
+ROUNDS = 2
+
+
+@dataclass(frozen=True)
+class TorqueError:
+    """Error of the modelled torque along one record, in the comparison band and where the joint moves.
+
+    Attributes
+    ----------
+    record : str
+    unseen : bool
+    rms, torque : array, shape (joints,)
+        Of the error and of the measured torque about its mean [N·m or N]; NaN for a joint that never moves.
+    rigid : array, shape (joints,)
+        Rms error without the effects that were found.
+    time : array, shape (rows,)
+        [s].
+    measured, error : array, shape (rows, joints)
+        Torque, and what is left of it; NaN where dry friction holds the joint [N·m or N].
+    """
+
+    record: str
+    unseen: bool
+    rms: Array
+    torque: Array
+    rigid: Array
+    time: Array
+    measured: Array
+    error: Array
+
+    @property
+    def relative(self) -> Array:
+        """Error over torque, shape (joints,)."""
+        return self.rms / np.maximum(self.torque, 1e-300)
+
+
+@dataclass(frozen=True)
+class Robot:
+    """An identified robot.
+
+    Its torque is that of `fit` plus that of the effects of the ladders.
+
+    Attributes
+    ----------
+    rigid_body : RigidBody
+    fit : RigidFit
+        Links and joints, with the torque of the effects subtracted.
+    start : RigidFit
+        The first fit, without them.
+    inertia : array, shape (joints,)
+        Mean own inertia of the links, which the model of each joint has besides its armature [kg·m² or kg].
+    ladders : tuple of Ladder
+        One for each joint.
+    tasks : tuple of JointTask
+        Records of each joint.
+    balances : tuple of Balance
+        Of the fitted records.
+    errors : tuple of TorqueError
+    """
+
+    rigid_body: RigidBody
+    fit: RigidFit
+    start: RigidFit
+    inertia: Array
+    ladders: tuple[Ladder, ...]
+    tasks: tuple[JointTask, ...]
+    balances: tuple[Balance, ...]
+    errors: tuple[TorqueError, ...]
+
+    def effects(self, motion: RobotMotion) -> Array:
+        """Torque of the effects that were found, along a motion, shape (n, joints) [N·m or N]."""
+        return _effects(self.ladders, motion)
+
+
+def _effects(ladders: Sequence[Ladder], motion: RobotMotion) -> Array:
+    return np.column_stack([effect_torque(one, motion, place) for place, one in enumerate(ladders)])
+
+
+def identify(
+    robot: RigidBody,
+    records: Sequence[JointRecord],
+    validation: Sequence[JointRecord],
+    *,
+    level: float,
+    rounds: int,
+    workers: int,
+    seed: int,
+    report: Report,
+) -> Robot:
+    """Fit the rigid bodies, refine every joint, and repeat with the torques of the found effects subtracted."""
+    report(0.0, "smoothing the motion")
+    every = robot_motions([*records, *validation], [one == "prismatic" for one in robot.types])
+    balances = [balance_of(robot, one) for one in every]
+    motions, unseen = every[: len(records)], every[len(records) :]
+    fit = start = fit_rigid(robot.joints, balances[: len(records)], robot.nominal)
+    tasks: list[JointTask] = []
+    ladders: list[Ladder] = []
+    inertia = np.zeros(len(robot.joints))
+    for number in range(rounds):
+        done, whole = 0.05 + 0.9 * number / rounds, 0.9 / rounds
+        inertia = own_inertia(robot, fit.links, motions)
+        tasks = joint_tasks(robot, fit, inertia, motions, unseen, level, seed)
+        ladders = refine_joints(tasks, workers, _within(report, done, whole))
+        if not any(one.added for one in ladders):
+            break
+        left = [one.without(_effects(ladders, one.motion)) for one in balances[: len(records)]]
+        fit = fit_rigid(robot.joints, left, robot.nominal)
+    report(0.97, "comparing torques")
+    errors = [
+        torque_error(one, start, fit, ladders, unseen=place >= len(records)) for place, one in enumerate(balances)
+    ]
+    return Robot(
+        robot, fit, start, inertia, tuple(ladders), tuple(tasks), tuple(balances[: len(records)]), tuple(errors)
+    )
+
+
+def _within(report: Report, done: float, whole: float) -> Report:
+    return lambda share, text: report(done + whole * share, f"joint {text}")
+
+
+def torque_error(
+    balance: Balance, start: RigidFit, fit: RigidFit, ladders: Sequence[Ladder], *, unseen: bool
+) -> TorqueError:
+    """Compare the modelled torque with the measured one along a motion, with and without the effects."""
+    error = balance.without(_effects(ladders, balance.motion)).error(fit.parameters)
+    torque = _rms(balance.torque, balance, centred=True)
+    rigid = _rms(balance.error(start.parameters), balance)
+    shown = [np.where(balance.used, one, np.nan) for one in (balance.torque, error)]
+    name = balance.motion.record.name
+    return TorqueError(name, unseen, _rms(error, balance), torque, rigid, balance.time, shown[0], shown[1])
+
+
+def _rms(values: Array, balance: Balance, *, centred: bool = False) -> Array:
+    """Rms of each joint's rows in motion, shape (joints,); NaN without any."""
+    found = []
+    for column, used in zip(values.T, balance.used.T, strict=True):
+        own = column[used]
+        found.append(float(np.sqrt(np.mean((own - (np.mean(own) if centred else 0.0)) ** 2))) if len(own) else np.nan)
+    return np.array(found)

@@ -1,0 +1,176 @@
+"""Every joint of a robot as an axis of its own: the effort that is left for it, its ladder, and its torque.
+
+What the links, gravity and the other joints do is subtracted from a joint's measured effort; left is a body of constant
+inertia, the mean of the joint's own, with friction and whatever else the joint has.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.diagnosis import Ladder, refine
+from idloop.physics.effect import BODY, OUTPUT, catalogue
+from idloop.physics.engine import Engine
+from idloop.physics.model import Model
+from idloop.records.record import Record
+from idloop.robots.balance import RobotMotion
+from idloop.robots.joint_records import axis_model
+from idloop.robots.rigid_body import RigidBody
+from idloop.robots.rigid_fit import RigidFit
+from idloop.worker_process import WorkerProcess
+
+Array = NDArray[np.float64]
+Report = Callable[[float, str], None]
+
+_MEAN_OVER = 500  # configurations over which a joint's own inertia is averaged
+_LEAST = 1e-6  # of start values of a fit
+
+
+@dataclass(frozen=True)
+class JointTask:
+    """What one joint's ladder is climbed from; travels to another process.
+
+    Attributes
+    ----------
+    model : Model
+        Inertia, viscous and Coulomb friction, constant torque.
+    records, validation : tuple of Record
+        With the effort that is left for the joint.
+    level : float
+        Family-wise error rate of every step of this joint.
+    seed : int
+    """
+
+    model: Model
+    records: tuple[Record, ...]
+    validation: tuple[Record, ...]
+    level: float
+    seed: int
+
+
+def effects_of_joints() -> tuple[str, ...]:
+    """Names of the effects that a joint with a measured effort can show.
+
+    The effort is measured behind the drive: what limits, delays or distorts a command has acted already. Effects of a
+    condition, such as a temperature, need its record.
+    """
+    return tuple(
+        name
+        for name, several in catalogue().items()
+        if any(one.site in {BODY, OUTPUT} and not one.condition for one in several)
+    )
+
+
+def own_inertia(robot: RigidBody, links: Array, motions: Sequence[RobotMotion]) -> Array:
+    """Mean of the diagonal of the mass matrix over the motions, shape (joints,) [kg·m² or kg]."""
+    position = np.concatenate([one.position for one in motions])
+    some = position[:: max(len(position) // _MEAN_OVER, 1)]
+    return np.asarray(np.mean(robot.own_inertia(links.ravel(), some), axis=0))
+
+
+def others_torque(robot: RigidBody, links: Array, inertia: Array, motion: RobotMotion) -> Array:
+    """Torque of links, gravity and the other joints along a motion, without the mean own inertia, (n, joints)."""
+    whole = robot.torque(links.ravel(), motion.position, motion.velocity, motion.acceleration)
+    return np.asarray(whole - inertia * motion.acceleration)
+
+
+def joint_tasks(
+    robot: RigidBody,
+    fit: RigidFit,
+    inertia: Array,
+    motions: Sequence[RobotMotion],
+    unseen: Sequence[RobotMotion],
+    level: float,
+    seed: int,
+) -> list[JointTask]:
+    """Make the task of every joint; the level is divided by the number of joints (Bonferroni)."""
+    left = [one.record.effort - others_torque(robot, fit.links, inertia, one) for one in (*motions, *unseen)]
+    tasks = []
+    for place, name in enumerate(robot.joints):
+        armature, viscous, dry, constant = fit.own[place]
+        model = axis_model(
+            name, prismatic=robot.types[place] == "prismatic", inertia=max(inertia[place] + armature, _LEAST),
+            viscous=max(viscous, _LEAST), dry=max(dry, _LEAST), constant=constant,
+        )  # fmt: skip
+        records = [
+            one.record.axis(place, model, effort[:, place])
+            for one, effort in zip((*motions, *unseen), left, strict=True)
+        ]
+        fitted, rest = records[: len(motions)], records[len(motions) :]
+        tasks.append(JointTask(model, tuple(fitted), tuple(rest), level / len(robot.joints), seed))
+    return tasks
+
+
+def refine_joint(task: JointTask, report: Report) -> Ladder:
+    """Climb the ladder of one joint by the force balance."""
+    return refine(
+        task.model, task.records, task.validation, level=task.level, criterion="force",
+        effects=effects_of_joints(), seed=task.seed, progress=report,
+    )  # fmt: skip
+
+
+def refine_joints(tasks: Sequence[JointTask], workers: int, report: Report) -> list[Ladder]:
+    """Climb the ladders of all joints, each in one of so many processes; 0: in this one."""
+    shares = [0.0] * len(tasks)
+    lock = threading.Lock()
+
+    def tell(place: int, share: float) -> None:
+        with lock:
+            shares[place] = share
+            report(sum(shares) / len(shares), tasks[place].model.name)
+
+    if workers == 0:
+        found = []
+        for place, task in enumerate(tasks):
+            found.append(refine_joint(task, partial(_of_joint, tell, place)))
+            tell(place, 1.0)
+        return found
+    pool = [WorkerProcess("idloop joint", yields=False) for _ in range(min(workers, len(tasks)))]
+    free = list(pool)
+
+    def run(place: int) -> Ladder:
+        with lock:
+            worker = free.pop()
+        try:
+            ladder: Ladder = worker.call(refine_joint, tasks[place], report=partial(_of_joint, tell, place))
+        finally:
+            with lock:
+                free.append(worker)
+        tell(place, 1.0)
+        return ladder
+
+    try:
+        with ThreadPoolExecutor(len(pool)) as threads:
+            return list(threads.map(run, range(len(tasks))))
+    finally:
+        for worker in pool:
+            worker.close()
+
+
+def _of_joint(tell: Callable[[int, float], None], place: int, share: float, text: str) -> None:
+    tell(place, share)
+
+
+def joint_torque(model: Model, motion: RobotMotion, place: int) -> Array:
+    """Torque that a joint's model needs along a motion, shape (n,) [N·m or N]."""
+    q, v, a = (getattr(motion, key)[:, place : place + 1] for key in ("position", "velocity", "acceleration"))
+    time = motion.record.time
+    rest = float(motion.rest_speed[place])
+    balance = Engine(model).balance(None, q, v, a, time, np.zeros(len(time)), time, rest)
+    return np.asarray(balance.required)
+
+
+def effect_torque(ladder: Ladder, motion: RobotMotion, place: int) -> Array:
+    """Torque of the effects that a ladder has added, along a motion, shape (n,); 0 where it added none."""
+    if not ladder.added:
+        return np.zeros(len(motion.record.time))
+    model = ladder.model
+    without = model.without_effects(ladder.added)
+    return joint_torque(model, motion, place) - joint_torque(without, motion, place)

@@ -1,0 +1,110 @@
+"""An identified robot in words: its joints, what each lacks, its links, its payload."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from idloop.estimation.statistics.interval_text import interval_text
+from idloop.reporting.terms import p_value_text
+from idloop.reporting.text.blocks import Block, Table, number
+
+_Z95 = 1.959963984540054
+
+
+def robot_blocks(document: Mapping[str, Any]) -> Iterator[Block]:
+    """Yield the parts of the summary of a document of schema ``idloop/robot/1``."""
+    yield from (f"note: {text}" for text in document["findings"])
+    yield joint_table(document)
+    use = "unseen" if any(one["unseen"] for one in document["records"]) else "fitted"
+    yield f"(torque errors of the {use} records where the joint moves; {100.0 * document['level']:g} % false alarms"
+    yield " over all joints)"
+    for joint in document["joints"]:
+        yield from _joint(joint)
+    yield ""
+    yield link_table(document)
+    base = document["base"]
+    yield (
+        f"{len(base)} base parameters are determined by the data, condition number {document['condition']:.3g};"
+        " what they leave open is that of the URDF"
+    )
+    payload = document["payload"]
+    if payload is not None:
+        yield ""
+        yield from payload_lines(payload)
+    if document["excite"]:
+        yield ""
+        yield from (f"next: {text}" for text in document["excite"])
+
+
+def joint_table(document: Mapping[str, Any]) -> Table:
+    """Table with a row for each joint."""
+    rows = []
+    for joint in document["joints"]:
+        judged = judged_error(joint)
+        values = {key.partition(".")[2]: one["value"] for key, one in joint["parameters"].items()}
+        dry = values.get("level", values.get("coulomb"))
+        rows.append(
+            (
+                joint["name"],
+                ", ".join(one["effect"].partition("@")[0] for one in joint["added"]) or "-",
+                joint["verdict"],
+                number(judged["rms"], 3),
+                joint["unit"],
+                f"{100.0 * judged['relative']:.2g} %",
+                number(values.get("inertia"), 4),
+                number(values.get("viscous_friction"), 4),
+                number(dry, 4),
+            )
+        )
+    header = ("joint", "missing effects", "verdict", "torque error", "unit", "of torque", "inertia", "viscous", "dry")
+    return Table.of(header, rows)
+
+
+def judged_error(joint: Mapping[str, Any]) -> dict[str, Any]:
+    """Torque error of a joint on all unseen records, or on the fitted ones where there are none."""
+    errors = [one for one in joint["errors"] if one["unseen"]] or joint["errors"]
+    return {
+        key: (sum(one[key] ** 2 for one in errors) / len(errors)) ** 0.5 for key in ("rms", "relative", "rigid_rms")
+    }
+
+
+def _joint(joint: Mapping[str, Any]) -> Iterator[Block]:
+    if joint["added"] or joint["verdict"] != "adequate":
+        yield ""
+        yield f"{joint['name']}: {joint['conclusion']}"
+    for one in joint["added"]:
+        yield f"  + {one['effect']}, p {p_value_text(one['p_value'])}: {one['text']}"
+        own = [key for key in joint["parameters"] if key.startswith(one["effect"])]
+        yield from (f"    {line}" for line in parameter_lines(joint, own))
+        if one["rivals"]:
+            yield f"    this data cannot tell it from {', '.join(one['rivals'])}"
+    if joint["where"] and joint["verdict"] != "adequate":
+        yield f"  where it fails: {joint['where']}"
+
+
+def parameter_lines(joint: Mapping[str, Any], names: list[str]) -> Iterator[str]:
+    """Yield name, value and interval of parameters of a joint."""
+    for name in names:
+        one = joint["parameters"][name]
+        low, high = one["interval"]
+        interval = "not determined" if low is None else interval_text(low, high)
+        yield f"{name.rpartition('.')[2]} {number(one['value'])} ({interval}) {one['unit']}".rstrip(" -")
+
+
+def link_table(document: Mapping[str, Any]) -> Table:
+    """Table of the links' masses and centres of mass."""
+    rows = [
+        (name, number(one["mass"], 4), *(number(value, 3) for value in one["centre"]))
+        for name, one in document["links"].items()
+    ]
+    return Table.of(("link behind", "mass kg", "centre x m", "y", "z"), rows)
+
+
+def payload_lines(payload: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the payload's mass and centre of mass."""
+    mass, error = payload["mass"], _Z95 * payload["mass_stderr"]
+    yield f"payload at {payload['joint']}: mass {mass:.4g} kg ({interval_text(mass - error, mass + error)})"
+    for axis, value, stderr in zip("xyz", payload["centre"], payload["centre_stderr"], strict=True):
+        low, high = value - _Z95 * stderr, value + _Z95 * stderr
+        yield f"  centre of mass {axis} {value:.3g} m ({interval_text(low, high)})"

@@ -1,0 +1,105 @@
+from __future__ import annotations
+
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+from tests.robots.conftest import ARMATURE, DRY, JOINTS, VISCOUS, made
+
+from idloop.records import make_stream, write_bag
+from idloop.robots.joint_models import effects_of_joints
+from idloop.robots.rigid_body import RigidBody
+
+COGGING = (0.15, 9.0, 0.7)
+
+
+def ripple(q, v):
+    amplitude, harmonic, phase = COGGING
+    return np.column_stack([np.zeros(len(q)), amplitude * np.sin(harmonic * q[:, 1] + phase)])
+
+
+@pytest.fixture(scope="module")
+def bags(urdf, true_links, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("bags")
+    found = []
+    for seed in (1, 2):
+        record = made(urdf, true_links, seed=seed, extra=ripple, noise=0.03)
+        joints = {
+            joint: {field: getattr(record, field)[:, place] for field in ("position", "velocity", "effort")}
+            for place, joint in enumerate(JOINTS)
+        }
+        stamps = (record.time * 1e9).round().astype(np.int64) + 10**15
+        found.append(write_bag(folder / record.name, [make_stream("joint_states", stamps, joints)]))
+    return found
+
+
+@pytest.fixture(scope="module")
+def found(urdf, bags):
+    from idloop import identify_robot
+
+    return identify_robot(urdf, bags[0], bags[1], workers=0)
+
+
+def test_effects_of_the_command_are_not_looked_for_behind_the_drive():
+    names = effects_of_joints()
+    assert {"cogging", "stribeck_friction", "gravity"} <= set(names)
+    assert not {"dead_zone", "saturation", "input_delay", "thermal_viscosity"} & set(names)
+
+
+@pytest.mark.slow
+def test_the_hidden_effect_is_found_at_its_joint_and_none_elsewhere(found):
+    assert found.added == {"shoulder": (), "elbow": ("cogging@elbow",)}
+    values = found.models["elbow"].values
+    assert values["cogging@elbow.amplitude"] == pytest.approx(COGGING[0], abs=0.01)
+    assert values["cogging@elbow.harmonic"] == COGGING[1]
+
+
+@pytest.mark.slow
+def test_the_torque_of_an_unseen_record_is_left_with_noise_alone(found):
+    unseen = next(one for one in found.robot.errors if one.unseen)
+    # White noise of 0.03 N·m at 200 Hz, of which the comparison band passes a tenth of the power.
+    assert np.all(unseen.rms < 0.012)
+    assert unseen.rigid[1] > 5.0 * unseen.rms[1]
+    assert found.robot.fit.own[:, 1] == pytest.approx(VISCOUS, abs=0.01)
+    assert found.robot.fit.own[:, 2] == pytest.approx(DRY, abs=0.01)
+    assert found.robot.fit.own[1, 0] == pytest.approx(ARMATURE[1], abs=0.005)
+
+
+@pytest.mark.slow
+def test_the_identified_urdf_moves_as_the_machine(found, urdf, true_links, tmp_path):
+    path = tmp_path / "identified.urdf"
+    path.write_text(found.urdf())
+    before, after = RigidBody(urdf), RigidBody(path)
+    motion = np.random.default_rng(0).uniform(-1.0, 1.0, size=(3, 200, 2))
+    true = before.torque(true_links, *motion)
+    # The armature of the shoulder cannot be told from the inertia of its link.
+    error = [
+        np.std(one - true, axis=0) / np.std(true, axis=0)
+        for one in (
+            before.torque(before.nominal, *motion),
+            after.torque(after.nominal, *motion) + (found.robot.fit.own[:, 0] - ARMATURE) * motion[2],
+        )
+    ]
+    assert np.all(error[1] < 0.02)
+    assert error[0][1] > 0.1
+    root = ET.fromstring(path.read_text())
+    damping = {one.get("name"): one.find("dynamics") for one in root.findall("joint")}
+    assert float(damping["elbow"].get("friction")) == pytest.approx(DRY[1], abs=0.01)
+    assert damping["flange"] is None
+    # The tool is one body with the link before it.
+    assert next(one for one in root.findall("link") if one.get("name") == "tool").find("inertial") is None
+
+
+@pytest.mark.slow
+def test_the_results_are_written(found, tmp_path):
+    from idloop import load_model
+
+    folder = found.save(tmp_path / "robot")
+    assert load_model(folder / "joints" / "elbow.yaml").effect_names == found.models["elbow"].effect_names
+    page = (folder / "report.html").read_text()
+    assert "cogging" in page
+    assert 'id="joint-elbow"' in page
+    assert "http://" not in page.partition("<script>")[0].replace("http-equiv", "")
+    assert "elbow" in found.summary()
+    assert found.plot().axes
+    assert found.ladder("elbow").added == ("cogging@elbow",)
