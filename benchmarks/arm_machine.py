@@ -1,0 +1,190 @@
+"""The six-joint arm of `six_joint_arm/`, simulated by MuJoCo under a position controller, as its drives would log it.
+
+Rigid bodies, rotor inertias, viscous and Coulomb friction are MuJoCo's; what MuJoCo lacks, the hidden effects, is
+computed here from the motion at every step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+FOLDER = Path(__file__).parent / "six_joint_arm"
+URDF, MJCF = FOLDER / "arm.urdf", FOLDER / "arm.xml"
+JOINTS = ("base_yaw", "shoulder", "elbow", "wrist_pitch", "wrist_roll", "tool")
+POSITION_LIMIT = np.array([2.6, 1.7, 2.2, 2.0, 2.6, 2.6])
+VELOCITY_LIMIT = np.array([2.0, 2.0, 2.5, 3.0, 3.0, 3.0])
+EFFORT_LIMIT = np.array([150.0, 150.0, 80.0, 30.0, 30.0, 20.0])
+_CONTROL = 0.001  # [s]
+_BANDWIDTH = 2.0 * math.pi * 6.0  # of the position controller [rad/s]
+_QUANTUM = 2.0 * math.pi / 2**17  # of the encoders [rad]
+_VELOCITY_NOISE = 0.002  # [rad/s]
+_EFFORT_NOISE, _EFFORT_QUANTUM = 0.004, 0.001  # parts of the limit
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """An effect that the description of the arm does not have.
+
+    Attributes
+    ----------
+    joint : int
+    name : str
+        As in the catalogue of idloop.
+    values : dict of str to float
+    """
+
+    joint: int
+    name: str
+    values: dict[str, float]
+
+    def torque(self, position: float, velocity: float, dry: float) -> float:
+        """Torque on the joint [N·m]."""
+        v = self.values
+        if self.name == "cogging":
+            return -v["amplitude"] * math.sin(v["harmonic"] * position + v["phase"])
+        if self.name == "asymmetric_viscous_friction":
+            return -v["difference"] * abs(velocity)
+        if self.name == "quadratic_drag":
+            return -v["coefficient"] * velocity * abs(velocity)
+        return 0.0
+
+    def level(self, velocity: float, dry: float) -> float:
+        """Dry friction of the joint [N·m]."""
+        if self.name == "stribeck_friction":
+            return dry * (1.0 + self.values["share"] * math.exp(-((velocity / self.values["velocity"]) ** 2)))
+        return dry
+
+
+@dataclass(frozen=True)
+class Machine:
+    """An arm: parts by which it differs from the MJCF file, and its hidden effects."""
+
+    hidden: tuple[Hidden, ...] = ()
+    payload: tuple[float, Array] | None = None  # mass [kg] and centre of mass in the last link [m]
+    mass: Array = field(default_factory=lambda: np.ones(6))
+    friction: Array = field(default_factory=lambda: np.ones(6))
+
+
+@dataclass(frozen=True)
+class Log:
+    """What the drives log: stamps (n,) [s], position, velocity, effort (n, 6)."""
+
+    time: Array
+    position: Array
+    velocity: Array
+    effort: Array
+
+
+def fourier(seed: int, duration: float, *, harmonics: int = 5, base: float = 0.1) -> Array:
+    """Draw a random Fourier reference at the control rate within the limits, shape (samples, 2, 6)."""
+    random = np.random.default_rng(seed)
+    time = np.arange(0.0, duration, _CONTROL)
+    reference = np.zeros((len(time), 2, 6))
+    for joint in range(6):
+        order = np.arange(1, harmonics + 1)
+        wave = 2.0 * math.pi * base * order
+        a, b = random.normal(size=(2, harmonics)) / order
+        angle = np.outer(time, wave)
+        q = np.sin(angle) @ a - np.cos(angle) @ b
+        v = np.cos(angle) @ (a * wave) + np.sin(angle) @ (b * wave)
+        scale = min(0.6 * POSITION_LIMIT[joint] / np.max(np.abs(q)), 0.7 * VELOCITY_LIMIT[joint] / np.max(np.abs(v)))
+        reference[:, 0, joint], reference[:, 1, joint] = scale * q, scale * v
+    return reference
+
+
+def run(machine: Machine, reference: Array, *, rate: float = 500.0, seed: int = 0) -> Log:
+    """Follow a reference (samples, 2, 6) at the control rate, from its first position and velocity."""
+    import mujoco
+
+    model: Any = mujoco.MjModel.from_xml_path(str(MJCF))
+    model.body_mass[2:] *= machine.mass
+    model.body_inertia[2:] *= machine.mass[:, None]
+    model.dof_damping[:] *= machine.friction
+    model.dof_frictionloss[:] *= machine.friction
+    if machine.payload is not None:
+        _add_payload(model, *machine.payload)
+    data: Any = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = reference[0, 0], reference[0, 1]
+    mujoco.mj_forward(model, data)
+    mass = np.zeros((6, 6))
+    mujoco.mj_fullM(model, mass, data.qM) if hasattr(data, "qM") else mujoco.mj_fullM(model, data, mass)
+    gain = _BANDWIDTH**2 * np.diag(mass)
+    rate_gain = 1.4 * _BANDWIDTH * np.diag(mass)
+    dry = np.array(model.dof_frictionloss)
+    each = max(round(1.0 / (rate * _CONTROL)), 1)
+    steps = round(_CONTROL / model.opt.timestep)
+    random = np.random.default_rng(seed)
+    sensed = np.array([reference[0, 0], np.zeros(6)])
+    applied = np.zeros(6)
+    rows: list[Array] = []
+    limit = EFFORT_LIMIT
+    for k in range(len(reference)):
+        measured = np.round(data.qpos / _QUANTUM) * _QUANTUM
+        speed = data.qvel + _VELOCITY_NOISE * random.normal(size=6)
+        sensed[0], sensed[1] = measured, speed
+        wanted = gain * (reference[k, 0] - measured) + rate_gain * (reference[k, 1] - speed) + data.qfrc_bias
+        before, applied = applied, np.clip(wanted, -limit, limit)
+        if k % each == 0:
+            rows.append(np.concatenate([measured, speed, 0.5 * (before + applied)]))
+        data.ctrl[:] = applied
+        for _ in range(steps):
+            for one in machine.hidden:
+                position, velocity = float(data.qpos[one.joint]), float(data.qvel[one.joint])
+                data.qfrc_applied[one.joint] = one.torque(position, velocity, float(dry[one.joint]))
+                model.dof_frictionloss[one.joint] = one.level(velocity, float(dry[one.joint]))
+            mujoco.mj_step(model, data)
+    table = np.array(rows)
+    effort = table[:, 12:] + _EFFORT_NOISE * limit * random.normal(size=(len(table), 6))
+    quantum = _EFFORT_QUANTUM * limit
+    time = np.arange(len(table)) * each * _CONTROL
+    return Log(time, table[:, :6], table[:, 6:12], np.round(effort / quantum) * quantum)
+
+
+def _add_payload(model: Any, mass: float, place: Array) -> None:
+    """Hang a point mass on the last link."""
+    own, com = float(model.body_mass[-1]), np.array(model.body_ipos[-1])
+    total = own + mass
+    centre = (own * com + mass * place) / total
+    turn = np.zeros(9)
+    import mujoco
+
+    mujoco.mju_quat2Mat(turn, model.body_iquat[-1])
+    turn = turn.reshape(3, 3)
+    inertia = turn @ np.diag(model.body_inertia[-1]) @ turn.T
+    for part, at in ((own, com), (mass, place)):
+        d = at - centre
+        inertia = inertia + part * (d @ d * np.eye(3) - np.outer(d, d))
+    values, axes = np.linalg.eigh(inertia)
+    if np.linalg.det(axes) < 0:
+        axes[:, 0] = -axes[:, 0]
+    mujoco.mju_mat2Quat(model.body_iquat[-1], axes.ravel())
+    model.body_mass[-1], model.body_ipos[-1], model.body_inertia[-1] = total, centre, values
+
+
+def hide(names: Sequence[str], joints: Sequence[int], random: np.random.Generator) -> tuple[Hidden, ...]:
+    """Draw effects of some kinds at some joints, each clear of the noise and small beside the whole torque."""
+    found = []
+    scale = np.array([5.0, 6.0, 3.0, 0.9, 0.8, 0.5])
+    for name, joint in zip(names, joints, strict=True):
+        size = float(scale[joint])
+        values = {
+            "cogging": {
+                "amplitude": size * random.uniform(0.3, 0.8),
+                "harmonic": float(random.integers(6, 14)),
+                "phase": random.uniform(-3.0, 3.0),
+            },
+            "stribeck_friction": {"share": random.uniform(0.5, 1.2), "velocity": random.uniform(0.08, 0.2)},
+            "asymmetric_viscous_friction": {"difference": size * random.uniform(0.3, 0.6)},
+            "quadratic_drag": {"coefficient": size * random.uniform(0.3, 0.6)},
+        }[name]
+        found.append(Hidden(joint, name, values))
+    return tuple(found)
