@@ -39,6 +39,13 @@ def test_data_sets_groups_units_and_clocks(tmp_path):
     assert table.raw("run1/states")[-1] == "off"
 
 
+def test_the_unit_is_an_attribute_in_any_language(tmp_path):
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        file["déplacement"] = np.arange(5.0)
+        file["déplacement"].attrs["unité"] = "mm"
+    assert read_table(tmp_path / "log.h5").units["déplacement"] == "mm"
+
+
 def test_compound_data_sets(tmp_path):
     rows = np.zeros(5, dtype=[("t", "f8"), ("u", "f4"), ("state", "S8"), ("q", "f8", (2,))])
     rows["t"], rows["q"] = T[:5], np.arange(10.0).reshape(5, 2)

@@ -70,3 +70,13 @@ def test_samples_below_any_key_are_found(tmp_path):
     table = read_table(path)
     assert set(table.columns) == {"t", "u"}
     assert table.attributes["kp"] == 4.0
+
+
+def test_a_unit_beside_a_series(tmp_path):
+    count = list(range(20))
+    series = {"time": {"unit": "ms", "data": count}, "angle": {"Einheit": "deg", "data": count}}
+    (tmp_path / "log.json").write_text(
+        json.dumps({"series": series, "run": {"time": count, "u": count, "units": {"u": "V"}}})
+    )
+    units = read_table(tmp_path / "log.json").units
+    assert (units["series.time.data"], units["series.angle.data"], units["run.u"]) == ("ms", "deg", "V")

@@ -16,6 +16,7 @@ from idloop.errors import InputError
 from idloop.records.formats.form import Form, Options, needs
 from idloop.records.formats.isolated import read_isolated
 from idloop.records.tables.table import Table
+from idloop.records.tables.unit_words import is_unit_key
 from idloop.spelling import listed
 
 _STREAM = b"\xff\xff\xff\xff"
@@ -156,8 +157,8 @@ def _values(column: Any, pa: Any) -> list[tuple[str, Any]] | None:
 
 
 def _unit(name: str, field: Any) -> dict[str, str]:
-    kept = {key.lower(): value for key, value in (field.metadata or {}).items()}
-    unit = kept.get(b"unit") or kept.get(b"units")
+    kept = {key.decode("utf-8", "replace"): value for key, value in (field.metadata or {}).items()}
+    unit = next((value for key, value in kept.items() if is_unit_key(key)), b"")
     return {name: unit.decode("utf-8", "replace")} if unit else {}
 
 

@@ -17,6 +17,7 @@ from idloop.records.formats.isolated import read_isolated
 from idloop.records.formats.pickle_data import read_pickle
 from idloop.records.formats.tree import table_of_tree
 from idloop.records.tables.table import Table
+from idloop.records.tables.unit_words import is_unit_key
 
 if TYPE_CHECKING:
     import h5py
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 # Bytes of one text of a series of texts.
 _TEXT = 64
-_UNIT_NAMES = ("units", "unit", "Units", "Unit")
 
 
 def is_hdf5(head: bytes) -> bool:
@@ -148,11 +148,9 @@ def _tree(reader: Hdf5Reader, group: Any, place: str, units: dict[str, str], dep
         value = reader.values(item)
         if value is None:
             continue
-        for attribute in _UNIT_NAMES:
-            unit = _attribute(item, attribute) if attribute in item.attrs else None
-            if isinstance(unit, str) and unit:
-                units[full] = unit
-                break
+        said = (_attribute(item, attribute) for attribute in item.attrs if is_unit_key(attribute))
+        if unit := next((one for one in said if isinstance(one, str) and one), ""):
+            units[full] = unit
         if isinstance(value, np.ndarray) and value.dtype.names:
             found[name] = _fields(item, value)
         else:

@@ -12,6 +12,7 @@ from idloop.documents import MOST_COLUMNS, MOST_DEPTH
 from idloop.errors import InputError
 from idloop.records.formats.clock_names import clock_unit, known_clock_unit
 from idloop.records.tables.table import Table
+from idloop.records.tables.unit_words import is_unit_key
 
 # Entries of a structure or cell array that become columns of their own; a longer one is a list of samples.
 _MOST_PARTS = 256
@@ -61,7 +62,7 @@ class _Flattener:
                 raise InputError(
                     f"{self._table.path}: more than {MOST_COLUMNS:,} series and values; check that this is the file"
                 )
-        self._note_unit(tree, prefix)
+        self._note_unit(tree, prefix, own)
         inner = list(self._table.columns)[before:]
         if clocks or self._table.clocks.keys() & inner:
             self._set_clock([(full, short) for full, short in own if full in self._table.columns], inner)
@@ -120,11 +121,16 @@ class _Flattener:
             if column != name and column not in used and len(table.columns[column]) == length:
                 table.clocks.setdefault(column, name)
 
-    def _note_unit(self, tree: Mapping[str, Any], prefix: str) -> None:
-        """Keep the units that a structure of a MATLAB series says of its Data, or a table of its columns."""
-        several = tree.get("VariableUnits")
-        if isinstance(several, Mapping):
-            self._table.units |= {f"{prefix}{name}": str(unit) for name, unit in several.items()}
+    def _note_unit(self, tree: Mapping[str, Any], prefix: str, own: list[tuple[str, str]]) -> None:
+        """Keep the units that a structure says of its series, that of MATLAB of its Data, or a table of its columns."""
+        said = next((value for key, value in tree.items() if is_unit_key(str(key))), None)
+        for several in (tree.get("VariableUnits"), said):
+            if isinstance(several, Mapping):
+                self._table.units |= {f"{prefix}{name}": str(unit) for name, unit in several.items()}
+        if isinstance(said, str) and prefix:
+            # Stamps beside a series have a unit of their own.
+            series = [full for full, short in own if clock_unit(short) is None or len(own) == 1]
+            self._table.units |= dict.fromkeys(series, said)
         info = tree.get("DataInfo")
         unit = info.get("Units") if isinstance(info, Mapping) else None
         if isinstance(unit, str) and unit:

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 from unicodedata import normalize
 
 from idloop.records.recognition.unit_behind_name import is_in_volts, is_unit_behind
-from idloop.records.tables.base_units import known_unit
+from idloop.records.tables.base_units import known_unit, read_unit
 
 # A unit behind a name: in brackets, or as in "speed in rpm" and "n / rpm".
 BRACKETS = re.compile(r"\s*[\[(<{]\s*([^\])>}]*?)\s*[\])>}]")
 _BEHIND = re.compile(r"(?:\s+in\s+|\s+/\s+|\s*,\s+)(\S+)\s*$")
-_WORD = re.compile(r"[A-ZÄÖÜ]+(?![a-zäöüß])|[A-ZÄÖÜ]?[a-zäöüß]+|\d+|µ[a-z]+|[%°]")
+_WORD = re.compile(r"[A-ZÄÖÜ]+(?![a-zäöüß])|[A-ZÄÖÜ]?[a-zäöüß]+|\d+|µ[a-z]+|[%°]|[^\W\d_A-Za-zÄÖÜäöüßµ]+")
+# A remark in a name, as in "Time (samples) TM=1000us": its unit is not that of the column.
+_REMARK = re.compile(r"\b\w+\s*=\s*[-+]?\d\S*")
 _INDEX = re.compile(r"\d+")
 # What was wanted, and what was measured of it.
 WANTED = frozenset({
@@ -55,12 +57,18 @@ class ColumnName:
         Number of the joint or channel; empty without one.
     letter : str
         The single letter that the name is but for what was wanted or measured, whose case tells V from v: M_soll.
+    factor : float
+        Number of the unit that the column counts in: 0.01 of ``[0.01 A]``.
+    written : str
+        What is written as a unit and is none that is known.
     """
 
     words: tuple[str, ...]
     unit: str
     index: str
     letter: str = ""
+    factor: float = 1.0
+    written: str = ""
 
 
 def parse_column_name(name: str, unit: str = "") -> ColumnName:
@@ -74,15 +82,18 @@ def parse_column_name(name: str, unit: str = "") -> ColumnName:
         Unit from a row below the header.
     """
     index = ""
-    text = name
-    found = known_unit(unit.strip("[](){}<> "))
+    name = _REMARK.sub(" ", name)
+    written = unit.strip("[](){}<> ")
+    found, factor = read_unit(written)
     for match in BRACKETS.finditer(name):
         inside = match[1].strip()
         if _INDEX.fullmatch(inside):
             index = inside
-        else:
-            found = found or known_unit(inside) or known_unit(inside.upper())
-    text = BRACKETS.sub(lambda match: f" {match[1]} " if _says_which(match[1]) else " ", _without_accents(text))
+        elif not found:
+            own, times = read_unit(inside)
+            found, factor = (own, times) if own else read_unit(inside.upper())
+            written = written if not inside or _says_which(inside) else inside
+    text = BRACKETS.sub(lambda match: f" {match[1]} " if _says_which(match[1]) else " ", _without_accents(name))
     behind = None if found else _BEHIND.search(text)
     if behind is not None and known_unit(behind[1]):
         found, text = known_unit(behind[1]), text[: behind.start()]
@@ -93,22 +104,13 @@ def parse_column_name(name: str, unit: str = "") -> ColumnName:
     if text.rstrip().endswith("*"):
         words.append("setpoint")  # as i_q* in the literature on drives
     elif not found:
-        found, words = _unit_of_last_words(words)
+        found, factor, words = _unit_of_last_words(words)
     numbers = [word for word in words if word.isdigit()]
     plain = [word for word in words if not word.isdigit()]
     rest = [word for word in plain if word.lower() not in WANTED | MEASURED]
     letter = rest[0] if len(rest) == 1 and len(rest[0]) == 1 else ""
     parts = tuple(part for word in plain for part in _parts(word.lower()))
-    return ColumnName(parts, found, index or (numbers[-1] if numbers else ""), letter)
-
-
-def unknown_unit(name: str) -> str:
-    """Return what stands in brackets behind a name and is neither a known unit nor an index; empty without any."""
-    inside = [match[1].strip() for match in BRACKETS.finditer(name)]
-    if any(known_unit(text) or known_unit(text.upper()) for text in inside):
-        return ""
-    open_ = (text for text in reversed(inside) if text and not _INDEX.fullmatch(text) and not _says_which(text))
-    return next(open_, "")
+    return ColumnName(parts, found, index or (numbers[-1] if numbers else ""), letter, factor, "" if found else written)
 
 
 def _says_which(inside: str) -> bool:
@@ -130,18 +132,19 @@ def _parts(word: str) -> list[str]:
     return [part.removesuffix("s") for part in match.groups() if part] if match else [word]
 
 
-def _unit_of_last_words(words: list[str]) -> tuple[str, list[str]]:
-    """Unit in the last words of a name, as in ``speed_rad_s``, and the words before it."""
+def _unit_of_last_words(words: list[str]) -> tuple[str, float, list[str]]:
+    """Unit in the last words of a name, as in ``speed_rad_s``, its number, and the words before it."""
     if words[-1:] == ["v"] and is_in_volts(map(str.lower, words[:-1]), WANTED):
-        return "V", words[:-1]
+        return "V", 1.0, words[:-1]
     for count in (3, 2, 1):
         if len(words) <= count - (count == 1 and len(words) == 1):
             continue
         last = words[-count:]
         for joint in ("/", "·", "per", ""):
-            unit = known_unit(joint.join(last) if count > 1 else last[0])
+            unit, factor = read_unit(joint.join(last) if count > 1 else last[0])
             # A single letter is a unit in its own case only, and only behind a name.
             written = len("".join(last)) > 1 or (len(words) > 1 and last[0] in (unit, "°"))
-            if unit and written and is_unit_behind(unit, map(str.lower, words[:-count])):
-                return unit, words[:-count] or list(last)
-    return "", words
+            # Behind a name rated and nominal say which, and are no unit.
+            if unit not in ("", "-") and written and is_unit_behind(unit, map(str.lower, words[:-count])):
+                return unit, factor, words[:-count] or list(last)
+    return "", 1.0, words

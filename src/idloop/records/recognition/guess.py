@@ -7,7 +7,7 @@ from math import pi
 from typing import Any
 
 from idloop.errors import InputError
-from idloop.records.tables.base_units import SECONDS, known_unit
+from idloop.records.tables.base_units import COUNTS, SECONDS, known_unit, read_unit
 from idloop.records.tables.csv_layout import is_number
 
 MOTION = ("position", "velocity")
@@ -37,6 +37,10 @@ class Guess:
         Further keys of the channel in the mapping: ``scale``, ``wrap``, ``decode``, ...
     measured : bool
         Whether the name says that a force, torque, current or voltage was measured.
+    written : str
+        What the log writes as its unit, where that is none that is known.
+    factor : float
+        Number of the unit in which the log counts, as it stands in `options`.
     """
 
     role: str
@@ -46,6 +50,8 @@ class Guess:
     doubt: str = ""
     options: dict[str, Any] = field(default_factory=dict)
     measured: bool = False
+    written: str = ""
+    factor: float = 1.0
 
     def with_doubt(self, doubt: str) -> Guess:
         """Return it with a further doubt."""
@@ -80,6 +86,10 @@ def with_unit(guess: Guess, unit: str) -> Guess:
     """Return the guess with the unit that the user gives; ``counts/4096`` are counts of which a turn has 4096."""
     if not unit:
         return guess
+    if guess.factor != 1.0:
+        # What the header says of the unit no longer holds.
+        kept = {key: value for key, value in guess.options.items() if key != "scale"}
+        guess = replace(guess, options=kept, factor=1.0)
     head, slash, counts = unit.partition("/")
     if slash and known_unit(head) == "counts" and is_number(counts) and float(counts) > 0.0:
         options = {**guess.options, "scale": 2.0 * pi / float(counts)}
@@ -89,9 +99,11 @@ def with_unit(guess: Guess, unit: str) -> Guess:
         column = f"({guess.column})" if "compute" in guess.options else quoted(guess.column)
         turned = f"-{column}={unit[1:]}"
         raise InputError(f"{guess.role}: a unit has no sign, but a formula has: --{guess.role} '{turned}'")
-    if known_unit(unit) in ("", "counts", *SECONDS):
+    known, factor = read_unit(unit)
+    if known in ("", *COUNTS, *SECONDS):
         raise InputError(f"{guess.role}: unknown unit {unit!r}; of an encoder give =counts/N with N counts per turn")
-    return replace(guess, unit=known_unit(unit))
+    options = guess.options if factor == 1.0 else guess.options | {"scale": factor * guess.options.get("scale", 1.0)}
+    return replace(guess, unit=known, options=options, written="")
 
 
 def quoted(name: str) -> str:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from idloop.records.inspection.motion import white_noise
 from idloop.records.recognition.guess import MOTION
 from idloop.records.recognition.table_column import TableColumn
-from idloop.records.tables.base_units import base_unit
+from idloop.records.tables.base_units import COUNTS, base_unit
 from idloop.spelling import listed
 
 Floats = NDArray[np.float64]
@@ -52,7 +52,7 @@ def _moving_most(by_joint: Map[str, list[TableColumn]]) -> str:
             unit, factor = ("", 1.0)
             if one.by_name.role != role:
                 continue
-            if one.parsed.unit and one.parsed.unit != "counts":
+            if one.parsed.unit and one.parsed.unit not in COUNTS:
                 unit, factor = base_unit(one.parsed.unit, role, one.name)
             own = travel.setdefault(unit, {})
             own[index] = max(own.get(index, 0.0), factor * _travel(one.value))

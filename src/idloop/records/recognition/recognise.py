@@ -327,8 +327,8 @@ def _given(table: Table, role: str, said: Given, numbers: dict[str, Floats]) -> 
     unit = said.unit
     if said.column in numbers:
         parsed = parse_column_name(said.column, table.units.get(said.column, ""))
-        measured = role_by_name(parsed).role == "effort"
-        return with_unit(Guess(role, said.column, parsed.unit, "as given", measured=measured), unit)
+        column = TableColumn(said.column, parsed, role_by_name(parsed), numbers[said.column])
+        return with_unit(column.as_guess(role, "as given"), unit)
     if said.column in table.columns:
         raise InputError(f"{table.path}: column {said.column!r} holds no numbers; it cannot be the {role}")
     if is_number(said.column) and role not in MOTION:

@@ -10,7 +10,7 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.records.recognition.column_name import WANTED, ColumnName, parse_column_name, unknown_unit
+from idloop.records.recognition.column_name import WANTED, ColumnName, parse_column_name
 from idloop.records.recognition.guess import MOTION, Given, Guess, quoted
 from idloop.records.recognition.roles import CURRENTS, role_by_name
 from idloop.records.recognition.signal_units import find_decoding, motion_units, near_unit, slope_of, usual_resolution
@@ -19,6 +19,7 @@ from idloop.records.recognition.time_base import TimeBase
 from idloop.records.recognition.unnamed_columns import longest_way
 from idloop.records.tables.base_units import SECONDS, base_unit
 from idloop.records.tables.mapping import Time
+from idloop.spelling import joined_names
 
 Floats = NDArray[np.float64]
 
@@ -131,19 +132,19 @@ def _command_unit(command: Guess) -> Guess:
         )
     # A duty cycle has no unit, and of an unknown one only ratios of the parameters matter.
     duty = bool(words & {"pwm", "duty", "dutycycle", "throttle"})
-    text = "" if duty else f"the unit of the command is not known: --command '{command.column}=UNIT'"
+    what = f"the unit {command.written!r}" if command.written else "the unit"
+    text = (
+        "" if duty and not command.written else f"{what} of the command is not known: --command '{command.column}=UNIT'"
+    )
     found = replace(command, unit="-")
     return found.with_doubt(text) if text else found
 
 
 def _without_unit(guess: Guess) -> str:
     """Say that a unit is not written down, or that what is written is none that is known."""
-    written = unknown_unit(guess.column) or "%" * ("%" in guess.column)
-    return (
-        f"the unit {written!r} of the {guess.role} is not known"
-        if written
-        else (f"the unit of the {guess.role} is not written down")
-    )
+    if guess.written:
+        return f"the unit {guess.written!r} of the {guess.role} is not known"
+    return f"the unit of the {guess.role} is not written down"
 
 
 def _pulse_width(command: Guess) -> Guess:
@@ -249,8 +250,10 @@ def _related(
     if not place.unit:
         chosen["position"] = replace(place, unit=found.position, reason=f"{place.reason}; {times}")
         if not speed_unit:
+            written = [repr(one.written) for one in (place, speed) if one.written]
+            said = f"not known as a unit: {joined_names(written)}" if written else "no unit is written down"
             chosen["position"] = chosen["position"].with_doubt(
-                f"no unit is written down; position in {found.position} and velocity in {found.velocity} agree:"
+                f"{said}; position in {found.position} and velocity in {found.velocity} agree, as others would:"
                 f" --position '{place.column}=UNIT'"
             )
     if found.time != base.units[0]:
@@ -274,7 +277,7 @@ def _scaled_by_slope(taken: Guess, speed: Guess, place: str, slope: float) -> Gu
     unit, factor = base_unit(place, "position", "")
     if near_unit(slope * factor):
         return taken
-    options = speed.options | {"scale": float(f"{factor / slope:.4g}")}
+    options = speed.options | {"scale": speed.options.get("scale", 1.0) * float(f"{factor / slope:.4g}")}
     return replace(speed, unit=f"{unit}/s", options=options).with_doubt(
         f"the unit of the velocity is not known; it is {slope:.4g} times the slope of the position and scaled so:"
         f" --velocity '{speed.column}=UNIT'"

@@ -54,7 +54,8 @@ _FIELD_AXES = {"i": "i", "current": "i", "u": "u", "voltage": "u", "v": "v"}
 
 _ANGLES = {"rad", "mrad", "deg", "arcmin", "arcsec", "rev", "m", "cm", "mm", "um", "in", "counts"}
 _SPEEDS = {
-    "rad/s", "mrad/s", "deg/s", "rev/s", "rpm", "m/s", "cm/s", "mm/s", "um/s", "m/min", "mm/min", "in/s"
+    "rad/s", "mrad/s", "deg/s", "rev/s", "rpm", "m/s", "cm/s", "mm/s", "um/s", "m/min", "mm/min", "in/s",
+    "counts/s",
 }  # fmt: skip
 _COMMANDS = {
     "V",

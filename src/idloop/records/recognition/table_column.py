@@ -14,10 +14,13 @@ from idloop.records.recognition.guess import MOTION, Guess
 from idloop.records.recognition.roles import RoleByName
 from idloop.records.recognition.signal_units import find_wrap
 from idloop.records.recognition.time_base import TimeBase, counts_rows
+from idloop.records.tables.base_units import COUNTS
 from idloop.records.tables.table import Table
 
 Floats = NDArray[np.float64]
 
+# What a velocity is in that is written in the unit of a position.
+_PER_SECOND = {unit: f"{unit}/s" for unit in ("rad", "mrad", "deg", "rev", "m", "cm", "mm", "um", "in")}
 _STEADY = 0.1  # of its mean, for a supply
 _LINE = 1e-3  # of the spread of a column, by which one that runs with the time or the rows leaves a straight line
 
@@ -34,13 +37,29 @@ class TableColumn:
     options: dict[str, Any] = field(default_factory=dict)
     doubt: str = ""
 
-    def as_guess(self, role: str) -> Guess:
-        """What it is in this role, by its name or by the drive whose log it is of."""
-        by_name, unit = self.by_name, self.parsed.unit
-        if unit == "%" and role in (*MOTION, "reference", "reference velocity"):
-            unit = ""  # of what, nothing says
-        measured = by_name.role == "effort"
-        return Guess(role, self.name, unit, by_name.reason, self.doubt, dict(self.options), measured)
+    def as_guess(self, role: str, reason: str = "") -> Guess:
+        """What it is in this role: by its name, by the drive whose log it is of, or for another reason."""
+        unit, factor, written, doubt = self.parsed.unit, self.parsed.factor, self.parsed.written, self.doubt
+        options = dict(self.options)
+        if unit in ("%", "-") and role in (*MOTION, "reference", "reference velocity"):
+            unit, factor, written = "", 1.0, unit  # of what, nothing says
+        elif "velocity" in role and unit in _PER_SECOND:
+            unit = _PER_SECOND[unit]
+            doubt = f"the unit of the {role} is written as {self.parsed.unit!r}, which is taken per second: {doubt}"
+            doubt = doubt.removesuffix(": ")
+        if factor != 1.0:
+            options["scale"] = factor * options.get("scale", 1.0)
+        return Guess(
+            role,
+            self.name,
+            unit.removesuffix("/s") if unit in COUNTS else unit,
+            reason or self.by_name.reason,
+            doubt,
+            options,
+            self.by_name.role == "effort",
+            written,
+            factor,
+        )
 
     @property
     def moves(self) -> bool:

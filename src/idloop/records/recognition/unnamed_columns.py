@@ -65,12 +65,8 @@ def find_set_point(columns: dict[str, TableColumn], chosen: dict[str, Guess], gi
             and not one.by_name.role
             and _same(columns[place.column].value, one.value)
         ):
-            chosen["reference"] = Guess(
-                "reference",
-                one.name,
-                one.parsed.unit,
-                f"it runs with {place.column!r}",
-                f"{one.name!r} is taken as the set-point of {place.column!r}: --reference COLUMN",
+            chosen["reference"] = one.as_guess("reference", f"it runs with {place.column!r}").with_doubt(
+                f"{one.name!r} is taken as the set-point of {place.column!r}: --reference COLUMN"
             )
             return
 
@@ -83,12 +79,8 @@ def _nameless(columns: Map[str, TableColumn], chosen: Map[str, Guess]) -> list[T
 
 def _by_values(role: str, one: TableColumn, reason: str) -> Guess:
     options = "--position or --velocity" if role in MOTION else f"--{role}"
-    return Guess(
-        role,
-        one.name,
-        one.parsed.unit,
-        reason,
-        f"no name says what {one.name!r} is, it is taken as the {role}: {options} COLUMN",
+    return one.as_guess(role, reason).with_doubt(
+        f"no name says what {one.name!r} is, it is taken as the {role}: {options} COLUMN"
     )
 
 
@@ -129,7 +121,7 @@ def _velocity_by_slope(
     _, position, best = max(found, key=lambda one: one[0])
     if place is None:
         chosen["position"] = _by_values("position", position, f"{best.name!r} runs with its slope")
-    guess = Guess("velocity", best.name, best.parsed.unit, "it runs with the slope of the position")
+    guess = best.as_guess("velocity", "it runs with the slope of the position")
     chosen["velocity"] = with_unit(guess, given.get("velocity", Given()).unit).with_doubt(
         f"no name says what {best.name!r} is, by the slope of the position it is taken as the velocity:"
         " --velocity COLUMN or none"

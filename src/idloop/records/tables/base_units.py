@@ -6,6 +6,7 @@ from math import pi
 
 from idloop.errors import InputError
 from idloop.physics.units import ALIASES
+from idloop.records.tables.unit_words import multiple, unit_by_words
 from idloop.spelling import did_you_mean_or_known
 
 _MINUTE = 60.0
@@ -62,40 +63,18 @@ _ALIASES = ALIASES | {
     "rev/min": "rpm", "1/min": "rpm", "µm": "um", "µm/s": "um/s", "mNm": "mN·m", "mN.m": "mN·m", "kNm": "kN·m",
     "degC": "°C", "℃": "°C",
 }  # fmt: skip
-# Further spellings that logs use, in small letters.
+# Further abbreviations that logs use, in small letters.
 _SPELLINGS = {
-    "rads": "rad", "radian": "rad", "radians": "rad", "degs": "deg", "grad": "deg", "mdeg": "", "rot": "rev",
-    "rots": "rev", "rotation": "rev", "rotations": "rev", "revs": "rev", "revolution": "rev", "revolutions": "rev",
-    "u": "", "umdrehungen": "rev",
-    "radps": "rad/s", "radpersec": "rad/s", "rad/sec": "rad/s", "radians/s": "rad/s", "radians/sec": "rad/s",
-    "rads/s": "rad/s", "rad s-1": "rad/s", "rad*s^-1": "rad/s", "rad·s": "", "degps": "deg/s", "deg/sec": "deg/s",
-    "degrees/s": "deg/s", "degrees/sec": "deg/s", "dps": "deg/s", "rps": "rev/s", "rotations/s": "rev/s",
-    "rot/s": "rev/s", "turns/s": "rev/s", "revs/s": "rev/s", "rpm": "rpm", "u/min": "rpm", "umin": "rpm",
-    "1/min": "rpm",
-    "min-1": "rpm", "r/min": "rpm", "rev/min": "rpm", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
-    "millimeter": "mm", "millimeters": "mm", "mps": "m/s", "m/sec": "m/s", "mm/sec": "mm/s", "inch": "in",
-    "inches": "in", "volt": "V", "volts": "V", "millivolt": "mV", "millivolts": "mV", "mv": "mV", "amp": "A",
-    "amps": "A", "ampere": "A", "amperes": "A", "ma": "mA", "milliamp": "mA", "milliamps": "mA", "nm": "N·m",
-    "n·m": "N·m", "n-m": "N·m", "n*m": "N·m", "n.m": "N·m", "newton meter": "N·m", "newtonmeter": "N·m",
-    "mnm": "mN·m", "newton": "N", "newtons": "N", "lbs": "lbf", "lb": "lbf", "in-lb": "lbf·in", "lb-in": "lbf·in",
-    "ft-lb": "lbf·ft", "oz-in": "ozf·in", "c": "", "celsius": "°C", "degc": "°C", "percent": "%", "pct": "%",
-    "second": "s", "seconds": "s", "sec": "s", "secs": "s", "msec": "ms", "millis": "ms", "milliseconds": "ms",
-    "millisecond": "ms", "millisec": "ms", "usec": "us", "µs": "us", "μs": "us", "micros": "us", "microsec": "us",
-    "microseconds": "us", "nsec": "ns",
-    "nanoseconds": "ns", "nanosec": "ns", "counts": "counts", "count": "counts", "ticks": "counts", "tick": "counts",
-    "inc": "counts", "incs": "counts", "increments": "counts", "inkremente": "counts", "pulses": "counts",
-    "qc": "counts",
-    # Revolutions per minute in other languages.
-    "tr/min": "rpm", "tr/mn": "rpm", "trs/min": "rpm", "tours/min": "rpm", "giri/min": "rpm", "g/min": "rpm",
-    "vueltas/min": "rpm", "rot/min": "rpm", "obr/min": "rpm", "ot/min": "rpm", "ot./min": "rpm",
-    "varv/min": "rpm", "omw/min": "rpm", "omdr/min": "rpm", "umdr/min": "rpm", "umdr./min": "rpm", "upm": "rpm",
-    "об/мин": "rpm", "d/dak": "rpm", "min⁻¹": "rpm", "min^-1": "rpm", "r.p.m.": "rpm", "revs/min": "rpm",
-    "turns/min": "rpm", "revolutions/min": "rpm", "rotations/min": "rpm", "tr/s": "rev/s", "tours/s": "rev/s",
-    "giri/s": "rev/s", "obr/s": "rev/s", "u/s": "rev/s",
-    "lsb": "counts", "cnt": "counts", "cts": "counts",
+    "radps": "rad/s", "degps": "deg/s", "dps": "deg/s", "rps": "rev/s", "mps": "m/s", "rpm": "rpm", "r.p.m.": "rpm",
+    "umin": "rpm", "upm": "rpm", "min-1": "rpm", "min⁻¹": "rpm", "min^-1": "rpm", "mv": "mV", "millivolt": "mV",
+    "millivolts": "mV", "ma": "mA", "milliamp": "mA", "milliamps": "mA", "newton meter": "N·m", "mnm": "mN·m",
+    "lbs": "lbf", "lb": "lbf", "in-lb": "lbf·in", "lb-in": "lbf·in", "ft-lb": "lbf·ft", "oz-in": "ozf·in",
 }  # fmt: skip
 # Units of time [s].
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+
+
+COUNTS = ("counts", "counts/s")  # steps of an encoder, of a size that the user has to say
 
 
 def known_unit(text: str) -> str:
@@ -104,12 +83,30 @@ def known_unit(text: str) -> str:
     Parameters
     ----------
     text : str
-        ``RPM``, ``rad/sec``, ``Volts``. Steps of an encoder are ``counts``; times are ``s``, ``ms``, ``us``, ``ns``.
+        ``RPM``, ``rad/sec``, ``giri/min``. Steps of an encoder are ``counts`` and ``counts/s``; times are ``s``,
+        ``ms``, ``us``, ``ns``.
     """
     text = " ".join(text.split())
     if text in _BASE or text in SECONDS:
         return text
-    return _ALIASES.get(text, "") or _SPELLINGS.get(text.lower(), "") if text else ""
+    if not text:
+        return ""
+    return _ALIASES.get(text, "") or _SPELLINGS.get(text.lower(), "") or unit_by_words(text)
+
+
+def read_unit(text: str) -> tuple[str, float]:
+    """Return a unit and the number of it that a log counts in; an empty unit where it is none.
+
+    Parameters
+    ----------
+    text : str
+        As `known_unit` takes it, or a multiple: ``0.01 A``, ``1/1000 rated``, ``mdeg``.
+    """
+    if unit := known_unit(text):
+        return unit, 1.0
+    factor, rest = multiple(text)
+    unit = known_unit(rest) if factor != 1.0 else ""
+    return (unit, factor) if unit and unit not in SECONDS else ("", 1.0)
 
 
 # What each field of JointState may be in. A sensor that is read in volts stays in volts.
