@@ -27,6 +27,13 @@ MEASURED = frozenset({
     "estimated", "present", "sensor", "filtered", "filt",
     "messwert", "mesure", "mesuree", "medida", "medido", "misurata", "misurato", "ärvärde", "gemeten",
 })  # fmt: skip
+# A number of the row or of the sample; it says neither when it was taken nor what was measured.
+_COUNTERS = frozenset({
+    "sample", "samples", "seq", "sequence", "index", "idx", "row", "rows", "line", "record", "no", "nr", "data",
+    "number", "packet", "pkt", "frame", "cycles", "muestra", "muestras", "echantillon", "echantillons", "campione",
+    "campioni", "amostra", "amostras", "abtastwert", "abtastwerte", "messpunkt", "messung", "zeile", "punkt", "probka", "vzorek",
+})  # fmt: skip
+_NO_COUNTERS = frozenset({"data", "number", "no"})  # by themselves
 # A German compound: its last noun is the quantity, set-point or measured are said before or behind it.
 _COMPOUND = re.compile(
     r"(soll|ist)?(\w*?)(soll|ist)?"
@@ -97,9 +104,9 @@ def parse_column_name(name: str, unit: str = "") -> ColumnName:
     behind = None if found else _BEHIND.search(text)
     if behind is not None and known_unit(behind[1]):
         found, text = known_unit(behind[1]), text[: behind.start()]
-    # The last words of a topic's path or of a structure name the signal.
+    # The last words of a topic's path or of a structure name the signal; what counts the rows does so in any of them.
     path = re.split(r"[/.]", text.strip("/. "))
-    text = " ".join(path[-2:]) if len(path) > 1 else path[0]
+    text = path[-1] if _counts(path[-1]) else " ".join(path[-2:])
     words = [word for word in _WORD.findall(text) if word]
     if text.rstrip().endswith("*"):
         words.append("setpoint")  # as i_q* in the literature on drives
@@ -111,6 +118,16 @@ def parse_column_name(name: str, unit: str = "") -> ColumnName:
     letter = rest[0] if len(rest) == 1 and len(rest[0]) == 1 else ""
     parts = tuple(part for word in plain for part in _parts(word.lower()))
     return ColumnName(parts, found, index or (numbers[-1] if numbers else ""), letter, factor, "" if found else written)
+
+
+def is_counter(name: ColumnName) -> bool:
+    """Whether a name says that a column counts the rows: ``Data No``, ``sample``, ``Time (samples)``."""
+    return name.unit in ("", "counts") and (_counts(" ".join(name.words)) or _counts(name.written))
+
+
+def _counts(text: str) -> bool:
+    words = {word.lower() for word in _WORD.findall(_without_accents(text)) if not word.isdigit()}
+    return words <= _COUNTERS and bool(words - _NO_COUNTERS or {"data", "no"} <= words or {"data", "number"} <= words)
 
 
 def _says_which(inside: str) -> bool:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from idloop.records.formats.clock_names import TIME_WORDS
-from idloop.records.recognition.column_name import MEASURED, WANTED, ColumnName
+from idloop.records.recognition.column_name import MEASURED, WANTED, ColumnName, is_counter
 from idloop.records.tables.base_units import SECONDS
 
 Signal = Literal[
@@ -110,6 +110,8 @@ def role_by_name(name: ColumnName) -> RoleByName:
     """Return the role that words and unit of a name stand for."""
     words, unit = _axes_joined(set(name.words)), name.unit
     wanted, measured = words & WANTED, words & MEASURED
+    if is_counter(name) and not words & TIME_WORDS:
+        return RoleByName("other", 0.0, "")
     if words & _TEMPERATURES or unit == "°C":
         return RoleByName("temperature", 1.0, "by its name")
     voltage = unit in ("V", "mV") or bool(words & _VOLTAGES)

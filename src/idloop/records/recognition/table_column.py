@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
-from idloop.records.recognition.column_name import ColumnName
+from idloop.records.recognition.column_name import ColumnName, parse_column_name
 from idloop.records.recognition.guess import MOTION, Guess
-from idloop.records.recognition.roles import RoleByName
+from idloop.records.recognition.roles import RoleByName, role_by_name
 from idloop.records.recognition.signal_units import find_wrap
 from idloop.records.recognition.time_base import TimeBase, counts_rows
 from idloop.records.tables.base_units import COUNTS
@@ -94,7 +94,9 @@ class TableColumn:
 
         A motion at one speed from the first row to the last would show nothing either.
         """
-        if self.by_name.role in ("", "position") and not self.parsed.unit and counts_rows(self.value):
+        # A value that is set may rise by one with each row, such as a duty cycle: then its own name says so.
+        own = role_by_name(parse_column_name(self.name.rpartition(".")[2])).role
+        if not self.parsed.unit and own != "command" and counts_rows(self.value):
             return True
         if self.by_name.role or not self.moves or self.value.size != seconds.size:
             return False

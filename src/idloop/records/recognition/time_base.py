@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
-from idloop.records.recognition.column_name import parse_column_name
+from idloop.records.recognition.column_name import is_counter, parse_column_name
 from idloop.records.recognition.guess import Given
 from idloop.records.recognition.roles import RoleByName, role_by_name
 from idloop.records.tables.base_units import SECONDS, known_unit
@@ -32,9 +32,11 @@ _EVEN = 0.97  # share of the steps of a column without a name that are nearly eq
 # "Sampling period [ms];1", "sample rate: 1000 Hz" in the notes above a table.
 _PERIOD = re.compile(
     r"(?:sampl\w*|tast\w*|cycle|abtast\w*|interval|dt)\b[^0-9]*?(?:\[(?P<before>[^\]]+)\][^0-9]*)?"
-    r"(?P<number>\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)\s*(?P<behind>[µa-zA-Z]+)?",
+    r"(?P<number>\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)[\s,;\[(]*(?P<behind>[µa-zA-Z]+)?",
     re.IGNORECASE,
 )
+# "TM=1000us" in the name of a column that counts the samples.
+_IN_NAME = re.compile(r"=\s*(\d+(?:[.,]\d+)?)\s*([µa-z]+)", re.IGNORECASE)
 _FEWEST_ROWS, _FEWEST_STAMPS = 10, 3
 _NEAR = 0.05  # of its range, in which a time starts again
 _SAME = 0.02  # difference of two periods that agree
@@ -119,18 +121,35 @@ def find_time_base(
             " whole"
         )
     unit = given.unit if given is not None else ""
-    if name := _named(table, numbers):
+    name = _named(table, numbers)
+    if name and is_counter(parse_column_name(name, table.units.get(name, ""))) and not unit:
+        found = _period_in_name(name) or _increment(table) or _period_in_notes(table)
+        if found is None:
+            raise InputError(
+                f"{table.path}: {name!r} counts samples and is no time; say how often one was taken: --rate HZ or"
+                " --period S"
+            )
+        seconds, reason = found
+        whole = counts_rows(numbers[name])
+        doubt = "" if whole else f"{name!r} does not rise by one with each row, but the rows are taken as even"
+        return TimeBase(Time(period=seconds), reason, doubt, np.arange(count, dtype=np.float64) * seconds)
+    if name:
         reason = role_by_name(parse_column_name(name, table.units.get(name, ""))).reason
         return _of_column(table, numbers, name, unit, reason)
     if found := _increment(table) or _period_in_notes(table):
         seconds, reason = found
         return TimeBase(Time(period=seconds), reason, "", np.arange(count, dtype=np.float64) * seconds)
-    steady = [name for name, value in numbers.items() if _is_clock(value)] or [
-        name for name, value in numbers.items() if value.size > _FEWEST_ROWS and (np.diff(value) > 0).all()
+    may_be = {
+        name: value
+        for name, value in numbers.items()
+        if not is_counter(parse_column_name(name, table.units.get(name, "")))
+    }
+    steady = [name for name, value in may_be.items() if _is_clock(value)] or [
+        name for name, value in may_be.items() if value.size > _FEWEST_ROWS and (np.diff(value) > 0).all()
     ]
     # Of two columns that rise evenly, the one that rises by one counts the rows.
     steady = [name for name in steady if not (_role(table, name).role or counts_rows(numbers[name]))] or steady
-    again = [] if steady else [name for name, value in numbers.items() if _starts_again(value)]
+    again = [] if steady else [name for name, value in may_be.items() if _starts_again(value)]
     for name in (*steady, *again):
         base = _of_column(
             table, numbers, name, unit, "it rises from row to row" + (", and starts again" if again else "")
@@ -148,6 +167,9 @@ def _why_not(table: Table, numbers: dict[str, Floats]) -> str:
     """Say what keeps columns that could be a time from being one; empty where none could."""
     said = []
     for name in table.columns:
+        if is_counter(parse_column_name(name, table.units.get(name, ""))):
+            said.append(f"{name!r} counts the rows")
+            continue
         if _role(table, name).role != "time":
             said += [f"{name!r} {_BACKWARDS}"] if name in numbers and _is_clock(-numbers[name]) else []
             continue
@@ -354,6 +376,15 @@ def _units_of_time(value: Floats) -> tuple[tuple[str, ...], str]:
     if len(fitting) == 1:
         return tuple(fitting), f"because a sample every {step:g} {fitting[0]} is usual"
     return tuple(fitting), f"because a sample every {step:g} {fitting[0]} is the most usual"
+
+
+def _period_in_name(name: str) -> tuple[float, str] | None:
+    """Sampling period that the name of a column states [s], and why."""
+    match = _IN_NAME.search(name)
+    if match is None or known_unit(match[2]) not in SECONDS:
+        return None
+    period = float(match[1].replace(",", ".")) * SECONDS[known_unit(match[2])]
+    return (period, f"its name says every {period:g} s") if period > 0.0 else None
 
 
 def _period_in_notes(table: Table) -> tuple[float, str] | None:

@@ -91,6 +91,9 @@ def split(lines: Sequence[str], delimiter: str) -> list[Row]:
     return [next(iter(csv.reader([line], delimiter=delimiter, skipinitialspace=True)), []) for line in lines]
 
 
+_ABOVE = 3  # rows in which the name of a column is looked for that the header does not name
+
+
 def find_layout(lines: Sequence[str], *, delimiter: str | None = None, header: bool | None = None) -> Layout:
     """Find the table in the first lines of a file.
 
@@ -144,7 +147,17 @@ def find_layout(lines: Sequence[str], *, delimiter: str | None = None, header: b
     gaps = any(cell.strip() and not name.strip() for cell, name in zip(below, names, strict=False))
     if (gaps or (below and repeated(names))) and (found := _in_groups(names, below)):
         return Layout(chosen, head + 1, found, tuple(units[1:]), width, below)
-    return Layout(chosen, head, names, tuple(units), width)
+    return Layout(chosen, head, _completed(names, rows[max(head - _ABOVE, 0) : head], width), tuple(units), width)
+
+
+def _completed(names: Row, above: Sequence[Row], width: int) -> Row:
+    """Header whose cells without a name have that of the next row above which names all of them."""
+    empty = [k for k, name in enumerate(names[:width]) if not name.strip()]
+    for row in reversed(above) if empty and len(empty) < len(names) else ():
+        whole = len(row) >= width and all(map(str.strip, row[:width])) and not any(map(is_number, row))
+        if whole and not any(known_unit(row[k]) for k in empty):
+            return [row[k].strip() if k in empty else name for k, name in enumerate(names)]
+    return names
 
 
 def repeated(names: Iterable[str]) -> list[str]:

@@ -1,0 +1,70 @@
+"""A number of the row is no signal and no time; the period stands elsewhere, or the user says it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from idloop.api.log import recognise
+from idloop.errors import InputError
+from idloop.records.recognition.column_name import is_counter, parse_column_name
+
+COUNT = 600
+TIME = np.arange(COUNT) / 200.0
+FORCE, ANGLE = np.sign(np.sin(5.0 * TIME)), 1.0 - np.cos(3.0 * TIME)
+
+
+def _write(path, head, *columns, delimiter=","):
+    rows = (delimiter.join(f"{cell:.7g}" for cell in row) for row in zip(*columns, strict=True))
+    path.write_text(head + "\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("name", ["sample", "Data No", "Sample No.", "index", "tension.sample", "échantillon"])
+def test_names_of_counters(name):
+    assert is_counter(parse_column_name(name))
+
+
+@pytest.mark.parametrize("name", ["data", "count", "encoder count", "n", "tension.value", "sample_rate", "no"])
+def test_names_of_no_counters(name):
+    assert not is_counter(parse_column_name(name))
+
+
+@pytest.mark.parametrize(
+    ("counter", "stems"), [("sample", ("tension", "angle")), ("k", ("run_tension", "run_n_angle"))]
+)
+def test_a_counter_in_joined_files_is_no_signal(tmp_path, counter, stems):
+    rows = np.arange(COUNT)
+    files = [
+        _write(tmp_path / f"{stems[0]}.csv", f"{counter},t,tension (V)", rows, TIME, FORCE),
+        _write(tmp_path / f"{stems[1]}.csv", f"{counter},t,angle (rad)", rows, TIME, ANGLE),
+    ]
+    found = recognise(files).recognition
+    assert [guess.column for guess in found.guesses] == [f"{stems[0]}.tension (V)", f"{stems[1]}.angle (rad)"]
+
+
+def test_a_duty_cycle_in_steps_of_one_is_no_counter(tmp_path):
+    path = _write(tmp_path / "log.csv", "t,pwm,omega", np.arange(200), np.arange(200), 0.5 * np.arange(200))
+    assert recognise(path, {"time": "t=s"}).recognition.of("command").column == "pwm"
+
+
+@pytest.mark.parametrize(
+    ("head", "period"),
+    [
+        ("Sampling Time,2000,us\nObject,Torque Reference,Speed\nUnit,%,min-1\nData No,,", 0.002),
+        ("Sampling time,5.000,[ms]\nsample,u [V],angle [rad]", 0.005),
+        ("Time (samples) TM=976.5625us,u [V],angle [rad]", 976.5625e-6),
+    ],
+)
+def test_the_period_of_counted_samples_is_found_elsewhere(tmp_path, head, period):
+    found = recognise(_write(tmp_path / "log.csv", head, np.arange(COUNT), FORCE, ANGLE)).recognition
+    assert found.base.time.period == pytest.approx(period)
+    assert found.of("command").column in ("Torque Reference", "u [V]")
+
+
+@pytest.mark.parametrize("name", ["Data No", "Time (samples)"])
+def test_counted_samples_alone_are_no_time(tmp_path, name):
+    path = _write(tmp_path / "log.csv", f"{name},u [V],angle [rad]", np.arange(COUNT), FORCE, ANGLE)
+    with pytest.raises(InputError, match=r"counts.*--rate HZ"):
+        recognise(path)
+    assert recognise(path, period=0.005).recognition.of("position").column == "angle [rad]"
