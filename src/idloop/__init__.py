@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from idloop.api.ladder import Ladder, refine
     from idloop.api.monitor import Monitor
     from idloop.api.robot import RobotIdentification, identify_robot
+    from idloop.api.robot_excitation import RobotExcitation, excite_robot
     from idloop.api.start import Start, start
     from idloop.api.suggestion import Suggestion, suggest
     from idloop.errors import IdloopError, InputError
@@ -53,6 +54,7 @@ __all__ = [
     "Model",
     "Monitor",
     "Record",
+    "RobotExcitation",
     "RobotIdentification",
     "Signal",
     "Start",
@@ -61,6 +63,7 @@ __all__ = [
     "compensate",
     "diagnose",
     "excitation",
+    "excite_robot",
     "export",
     "fit",
     "identify",
@@ -90,6 +93,7 @@ _WHERE = {
     "Model": "physics.model",
     "Monitor": "api.monitor",
     "Record": "records.record",
+    "RobotExcitation": "api.robot_excitation",
     "RobotIdentification": "api.robot",
     "Signal": "signals",
     "Start": "api.start",
@@ -98,6 +102,7 @@ _WHERE = {
     "compensate": "api.compensation",
     "diagnose": "api.diagnosis",
     "excitation": "signals.generate:build_signal",
+    "excite_robot": "api.robot_excitation",
     "export": "api.export",
     "fit": "api.fit",
     "identify": "api.identification",

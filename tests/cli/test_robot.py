@@ -46,3 +46,13 @@ def test_a_missing_extra_is_one_line(files, monkeypatch, capsys):
     monkeypatch.setitem(__import__("sys").modules, "pinocchio", None)
     assert main.run(["robot", str(files / "one.urdf"), str(files / "other")]) == 2
     assert "pip install 'idloop[robot]'" in capsys.readouterr().err
+
+
+def test_a_trajectory_is_planned_and_written(files, monkeypatch, capsys):
+    monkeypatch.chdir(files)
+    words = ("excite", "one.urdf", "--period", "4", "--harmonics", "2", "--steps", "2", "--output", "t.csv")
+    assert main.run(["robot", *words]) == 0
+    assert "condition number" in capsys.readouterr().out
+    assert (files / "t.csv").read_text().startswith("time,hinge.position")
+    assert main.run(["robot", *words]) == 2
+    assert "the file is there already" in capsys.readouterr().err

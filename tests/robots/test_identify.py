@@ -42,8 +42,8 @@ def found(urdf, bags):
 
 def test_effects_of_the_command_are_not_looked_for_behind_the_drive():
     names = effects_of_joints()
-    assert {"cogging", "stribeck_friction", "gravity"} <= set(names)
-    assert not {"dead_zone", "saturation", "input_delay", "thermal_viscosity"} & set(names)
+    assert {"cogging", "stribeck_friction", "cable_spring"} <= set(names)
+    assert not {"dead_zone", "saturation", "input_delay", "thermal_viscosity", "gravity"} & set(names)
 
 
 @pytest.mark.slow

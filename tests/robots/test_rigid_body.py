@@ -42,6 +42,8 @@ def test_joints_come_in_the_order_asked_for_and_others_are_fixed(urdf):
     assert one.torque(one.nominal, *(motion[:, 1:] for motion in MOTION)) == pytest.approx(
         both.torque(both.nominal, *alone)[:, 1:]
     )
+    alone = [motion[:, 1:] for motion in MOTION]
+    assert one.regressor(*alone) @ one.nominal == pytest.approx(one.torque(one.nominal, *alone))
     assert both.types == ("revolute", "continuous")
     assert both.limits["upper"].tolist() == [2.0, np.inf]
 

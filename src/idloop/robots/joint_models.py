@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 Report = Callable[[float, str], None]
 
 _MEAN_OVER = 500  # configurations over which a joint's own inertia is averaged
+# What the weight of the links does, which the rigid bodies have already: at a joint it would be taken for their error.
+_OF_LINKS = ("gravity", "imbalance")
 _LEAST = 1e-6  # of start values of a fit
 
 
@@ -59,12 +61,12 @@ def effects_of_joints() -> tuple[str, ...]:
     """Names of the effects that a joint with a measured effort can show.
 
     The effort is measured behind the drive: what limits, delays or distorts a command has acted already. Effects of a
-    condition, such as a temperature, need its record.
+    condition, such as a temperature, need its record, and the weight of the links is that of the rigid bodies.
     """
     return tuple(
         name
         for name, several in catalogue().items()
-        if any(one.site in {BODY, OUTPUT} and not one.condition for one in several)
+        if name not in _OF_LINKS and any(one.site in {BODY, OUTPUT} and not one.condition for one in several)
     )
 
 

@@ -105,6 +105,10 @@ class RigidBody:
             "effort": _positive(model.effortLimit[self._nv]),
         }
 
+    def pinocchio_model(self) -> Any:
+        """Pinocchio's model of the joints."""
+        return self._model
+
     def configuration(self, position: Array) -> Array:
         """Pinocchio's configuration of joint positions (joints,)."""
         q = np.empty(self._model.nq)
@@ -128,7 +132,8 @@ class RigidBody:
         for k in range(len(position)):
             v[self._nv], a[self._nv] = velocity[k], acceleration[k]
             q = self.configuration(position[k])
-            found[k] = self._pin.computeJointTorqueRegressor(self._model, self._data, q, v, a)[pick]
+            table = self._pin.computeJointTorqueRegressor(self._model, self._data, q, v, a)
+            found[k] = np.atleast_2d(table)[pick]  # a vector for a single joint
         return found
 
     def torque(self, parameters: Array, position: Array, velocity: Array, acceleration: Array) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -17,7 +18,7 @@ from idloop.cli._common import (
     print_json,
     save_plot,
 )
-from idloop.cli._places import OUTPUT_FOLDER, force_option
+from idloop.cli._places import OUTPUT_FOLDER, OutputFile, force_option
 from idloop.cli._progress import progress, quiet_option
 from idloop.errors import InputError
 
@@ -25,13 +26,90 @@ EXAMPLE = """\b
 Examples:
   idloop robot arm.urdf bags/arm1 bags/arm2 --validate bags/arm3 --output runs/arm
   idloop robot arm.urdf bags/arm1 --payload bags/with_tool
+  idloop robot excite arm.urdf --output trajectory.yaml    (idloop robot excite --help)
 """
+EXCITE_EXAMPLE = """\b
+Examples:
+  idloop robot excite arm.urdf --output trajectory.yaml
+  idloop robot excite arm.urdf --share 0.5 --max-acceleration 4 --output trajectory.csv
+"""
+EXCITE = "excite"
 
 
 class RobotCommand(ListOptionCommand):
-    """A command whose list options take several values at once."""
+    """A command whose list options take several values at once; `excite` as the first word is a command of its own."""
 
     list_options = ("--validate", "--payload")
+
+    def make_context(
+        self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
+    ) -> click.Context:
+        """Hand the line over to `excite` where that is its first word."""
+        if args and args[0] == EXCITE:
+            return excite.make_context(f"{info_name} {EXCITE}", args[1:], parent, **extra)
+        return super().make_context(info_name, args, parent, **extra)
+
+
+@click.command(EXCITE, epilog=EXCITE_EXAMPLE)
+@click.argument("urdf", type=click.Path(path_type=Path), metavar="URDF")
+@click.option("--period", type=click.FloatRange(0.0, min_open=True), default=10.0, show_default=True, metavar="SECONDS")
+@click.option("--periods", type=click.IntRange(min=1), default=2, show_default=True, help="How often it is repeated.")
+@click.option("--harmonics", type=click.IntRange(min=2), default=5, show_default=True, help="Sines of each joint.")
+@click.option("--share", type=float, default=0.8, show_default=True, help="Part of every limit of the URDF to use.")
+@click.option("--max-acceleration", type=click.FloatRange(0.0, min_open=True), help="Of every joint [rad/s² or m/s²].")
+@click.option("--distance", type=float, default=0.03, show_default=True, help="Least distance between links [m].")
+@click.option("--rate", type=click.FloatRange(1.0), default=50.0, show_default=True, help="Points per second.")
+@click.option("--steps", type=click.IntRange(min=0), default=20, show_default=True, help="Of the optimiser.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Equal seeds give equal answers.")
+@click.option(
+    "--output",
+    type=OutputFile((".yaml", ".yml", ".csv")),
+    metavar="FILE",
+    help="Write the points (.yaml: trajectory_msgs/msg/JointTrajectory; .csv).",
+)
+@force_option("Overwrite the file of --output.")
+@plot_option
+@quiet_option
+@json_option
+def excite(
+    urdf: Path,
+    *,
+    period: float,
+    periods: int,
+    harmonics: int,
+    share: float,
+    max_acceleration: float | None,
+    distance: float,
+    rate: float,
+    steps: int,
+    seed: int,
+    output: Path | None,
+    force: bool,
+    plot: Path | None,
+    as_json: bool,
+) -> None:
+    """Plan the trajectory that shows most of the parameters of the robot in URDF, within its limits.
+
+    Periodic sums of sines that begin and end at rest, optimised for the base parameters within the limits of position,
+    velocity, effort and acceleration, with the links apart from each other. The surroundings of the robot are not
+    known: run it slowly first.
+    """
+    from idloop.api.robot_excitation import excite_robot
+
+    with progress(f"planning for {urdf.stem}") as update:
+        found = excite_robot(
+            urdf, period=period, periods=periods, harmonics=harmonics, share=share, max_acceleration=max_acceleration,
+            distance=distance, rate=rate, steps=steps, seed=seed, progress=update,
+        )  # fmt: skip
+    save_plot(found.plot, plot)
+    log_written(plot)
+    if output is not None:
+        found.save(output)
+    log_written(output)
+    if as_json:
+        print_json({**found.to_dict(), "output": output, "plot": plot})
+    else:
+        print_blocks(found.blocks())
 
 
 @click.command(cls=RobotCommand, epilog=EXAMPLE)
