@@ -105,18 +105,12 @@ def run(machine: Machine, reference: Array, *, rate: float = 500.0, seed: int = 
     """Follow a reference (samples, 2, 6) at the control rate, from its first position and velocity."""
     import mujoco
 
-    model: Any = mujoco.MjModel.from_xml_path(str(MJCF))
-    model.body_mass[2:] *= machine.mass
-    model.body_inertia[2:] *= machine.mass[:, None]
-    model.dof_damping[:] *= machine.friction
-    model.dof_frictionloss[:] *= machine.friction
-    if machine.payload is not None:
-        _add_payload(model, *machine.payload)
+    model = machine_model(machine)
     data: Any = mujoco.MjData(model)
     data.qpos[:], data.qvel[:] = reference[0, 0], reference[0, 1]
     mujoco.mj_forward(model, data)
     mass = np.zeros((6, 6))
-    mujoco.mj_fullM(model, mass, data.qM) if hasattr(data, "qM") else mujoco.mj_fullM(model, data, mass)
+    mujoco.mj_fullM(model, data, mass)
     gain = _BANDWIDTH**2 * np.diag(mass)
     rate_gain = 1.4 * _BANDWIDTH * np.diag(mass)
     dry = np.array(model.dof_frictionloss)
@@ -149,16 +143,36 @@ def run(machine: Machine, reference: Array, *, rate: float = 500.0, seed: int = 
     return Log(time, table[:, :6], table[:, 6:12], np.round(effort / quantum) * quantum)
 
 
+def machine_model(machine: Machine) -> Any:
+    """MuJoCo's model of a machine, without its hidden effects."""
+    import mujoco
+
+    model: Any = mujoco.MjModel.from_xml_path(str(MJCF))
+    model.body_mass[2:] *= machine.mass
+    model.body_inertia[2:] *= machine.mass[:, None]
+    model.dof_damping[:] *= machine.friction
+    model.dof_frictionloss[:] *= machine.friction
+    if machine.payload is not None:
+        _add_payload(model, *machine.payload)
+    return model
+
+
+def _turn(quaternion: Array) -> Array:
+    import mujoco
+
+    flat = np.zeros(9)
+    mujoco.mju_quat2Mat(flat, quaternion)
+    return flat.reshape(3, 3)
+
+
 def _add_payload(model: Any, mass: float, place: Array) -> None:
     """Hang a point mass on the last link."""
     own, com = float(model.body_mass[-1]), np.array(model.body_ipos[-1])
     total = own + mass
     centre = (own * com + mass * place) / total
-    turn = np.zeros(9)
     import mujoco
 
-    mujoco.mju_quat2Mat(turn, model.body_iquat[-1])
-    turn = turn.reshape(3, 3)
+    turn = _turn(model.body_iquat[-1])
     inertia = turn @ np.diag(model.body_inertia[-1]) @ turn.T
     for part, at in ((own, com), (mass, place)):
         d = at - centre
@@ -188,3 +202,26 @@ def hide(names: Sequence[str], joints: Sequence[int], random: np.random.Generato
         }[name]
         found.append(Hidden(joint, name, values))
     return tuple(found)
+
+
+def true_parameters(machine: Machine) -> tuple[Array, Array]:
+    """Parameters of a machine without payload as `idloop.robots` has them.
+
+    Returns
+    -------
+    links : array, shape (6, 10)
+        Mass, first moments, inertia about the joint's frame (xx, xy, yy, xz, yz, zz).
+    own : array, shape (6, 4)
+        Armature, viscous and Coulomb friction, offset.
+    """
+    model = machine_model(machine)
+    links = np.zeros((6, 10))
+    for joint in range(6):
+        body = joint + 2
+        mass, centre = float(model.body_mass[body]), np.array(model.body_ipos[body])
+        turn = _turn(model.body_iquat[body])
+        inertia = turn @ np.diag(model.body_inertia[body]) @ turn.T
+        inertia += mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+        links[joint] = [mass, *(mass * centre), *inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]]
+    own = np.column_stack([model.dof_armature, model.dof_damping, model.dof_frictionloss, np.zeros(6)])
+    return links, own
