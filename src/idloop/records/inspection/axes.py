@@ -36,6 +36,7 @@ def axes_of(
     *,
     start_ns: int,
     has_reference: bool,
+    joined: bool = False,
 ) -> list[Axis]:
     """Return the joints that move, of streams whose clock runs forward.
 
@@ -53,6 +54,8 @@ def axes_of(
     start_ns : int
         Zero of the times.
     has_reference : bool
+    joined : bool
+        Whether the recording was put together from several files.
     """
     found: dict[str, Axis] = {}
     two = {topic: find_publishers(stream) for topic, stream in measured.items()}
@@ -81,6 +84,7 @@ def axes_of(
                 command_name=name if given else "",
                 units=units,
                 has_reference=has_reference,
+                joined=joined,
                 measured_stream=stream,
                 command_stream=command,
                 publishers=tuple(one for one in (two_commands, two[topic]) if one is not None),

@@ -76,6 +76,8 @@ class Axis:
         Topics with two publishers; the joint has the messages of the more frequent one.
     trusts_velocity : bool
         Whether the velocity is that of the position.
+    joined : bool
+        Whether command and motion may come from files of their own.
     bad : mapping of str to (array, array)
         Times and values of the readings of position, velocity or command that lie far outside of all others; the
         arrays have NaN there.
@@ -94,6 +96,7 @@ class Axis:
     command_stream: JointStream | None = None
     publishers: tuple[Publishers, ...] = ()
     trusts_velocity: bool = True
+    joined: bool = False
     bad: Mapping[str, tuple[Floats, Floats]] = field(default_factory=dict)
 
     def without_bad_readings(self) -> Axis:

@@ -274,6 +274,7 @@ def inspect_bag(
         units,
         start_ns=min((int(stream.stamp_ns.min()) for stream in streams.values()), default=0),
         has_reference=closed_loop,
+        joined=len(import_metadata(metadata).get("files", ())) > 1,
     )
     own = {axis.joint: inspect_axis(axis) for axis in axes}
     findings += dict.fromkeys(one for found in own.values() for one in found)

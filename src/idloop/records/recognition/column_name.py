@@ -31,7 +31,8 @@ MEASURED = frozenset({
 _COUNTERS = frozenset({
     "sample", "samples", "seq", "sequence", "index", "idx", "row", "rows", "line", "record", "no", "nr", "data",
     "number", "packet", "pkt", "frame", "cycles", "muestra", "muestras", "echantillon", "echantillons", "campione",
-    "campioni", "amostra", "amostras", "abtastwert", "abtastwerte", "messpunkt", "messung", "zeile", "punkt", "probka", "vzorek",
+    "campioni", "amostra", "amostras", "abtastwert", "abtastwerte", "messpunkt", "messung", "zeile", "punkt",
+    "probka", "vzorek",
 })  # fmt: skip
 _NO_COUNTERS = frozenset({"data", "number", "no"})  # by themselves
 # A German compound: its last noun is the quantity, set-point or measured are said before or behind it.

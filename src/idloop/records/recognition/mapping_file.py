@@ -71,7 +71,8 @@ def _skips_text(table: Table) -> bool:
 
 
 def _time(time: Time) -> dict[str, Any]:
-    return time.model_dump(exclude_none=True, exclude={"unit"} if time.column is None else None)
+    left_out = {"offset", "stretch", *({"unit"} if time.column is None else ())}
+    return time.model_dump(exclude_none=True, exclude=left_out)
 
 
 def _channel(found: Recognition, guess: Guess) -> dict[str, Any]:

@@ -125,6 +125,7 @@ def import_bag(
                 "mapping": mapping.name,
                 "part": part or "",
                 "source": source.name,
+                "files": mapping.files,
                 "units": channels,
                 "attributes": attributes,
                 "notes": mapping.notes,

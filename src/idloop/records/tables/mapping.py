@@ -20,7 +20,7 @@ Name = Annotated[str, Field(max_length=MOST_NAME)]
 # Columns of one kind of signal, each of another joint.
 _MOST_CHANNELS = 100
 # Stamps are whole nanoseconds [s].
-_SHORTEST = 1e-9
+_SHORTEST, _LONGEST = 1e-9, 1e9
 # Lines of a file that may be left out at its beginning.
 _MOST_SKIPPED = 1_000_000
 
@@ -43,6 +43,9 @@ class Time(_Strict):
     period: float | None = Field(default=None, ge=_SHORTEST, allow_inf_nan=False)
     rate: float | None = Field(default=None, gt=0, le=1.0 / _SHORTEST, allow_inf_nan=False)
     stamps: Literal["header", "receive"] | None = None
+    # Of a clock that began at another time, or runs at another rate: t becomes first + offset + stretch (t - first).
+    offset: float = Field(default=0.0, ge=-_LONGEST, le=_LONGEST, allow_inf_nan=False)
+    stretch: float = Field(default=1.0, ge=0.5, le=2.0, allow_inf_nan=False)
 
     @model_validator(mode="after")
     def _one_source(self) -> Time:

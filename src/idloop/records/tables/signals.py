@@ -298,6 +298,9 @@ def _time(table: Table, time: Time, count: int, rows: slice) -> tuple[Stamps, ND
         with np.errstate(over="ignore"):
             whole = np.round(seconds if time.unit == "ns" else seconds * SECONDS[time.unit] * 1e9)
         stamp = _as_stamps(table, time.column, whole, first)
+    if stamp.size and (time.offset or time.stretch != 1.0):
+        passed = np.round((stamp - stamp[0]) * time.stretch).astype(np.int64)
+        stamp = stamp[0] + passed + round(time.offset * 1e9)
     if stamp.size != count:
         raise InputError(
             f"{table.path}: time column {time.column!r} has {stamp.size} rows, the others {count}; choose columns"

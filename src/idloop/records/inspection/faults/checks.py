@@ -53,7 +53,7 @@ _RESPONSE: tuple[Check, ...] = (
     excitation.check,
 )
 # Faults after which the response of the axis means nothing.
-_CONFUSES = {"sign_lost", "two_clocks", "two_publishers", "inner_loop"}
+_CONFUSES = {"sign_lost", "two_clocks", clocks.OFFSET, "two_publishers", "inner_loop"}
 
 
 def inspect_axis(axis: Axis) -> list[Finding]:

@@ -1,0 +1,134 @@
+"""The time axis of a command against that of the motion, by the motion itself.
+
+The weak balance of forces is taken with the command at other times: shifted, and on a clock that runs faster or slower.
+The acceleration follows the command best at the times at which it acted. All shifts at once are one correlation, by the
+fast Fourier transform.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.records.inspection.axis import Axis
+from idloop.records.inspection.response import Projection, dry
+
+Floats = NDArray[np.float64]
+
+_WIDTHS = (17, 65)  # of the test functions [samples]
+# Clocks that differ by more than this part are none; steps in which it is sought, and then around the best.
+_FASTEST, _STEP, _FINE = 0.02, 5e-4, 5e-5
+_FARTHEST, _PART = 1.0, 8  # shifts that are looked at: up to so many seconds, and this part of the record
+_FEWEST = 200
+
+
+@dataclass(frozen=True)
+class TimeAxes:
+    """How the times of a command would have to be changed for the motion to follow it best.
+
+    A stamp ``t`` of the command becomes ``first + offset + stretch (t - first)``, with the first stamp of all.
+
+    Attributes
+    ----------
+    offset, stretch : float
+        [s]; 1 where both clocks run alike.
+    share : float
+        Share of the acceleration that the command explains then.
+    without_stretch : float
+        ... with the best shift alone.
+    causal : float
+        ... as it is, or acting later by any time.
+    duration : float
+        [s].
+    """
+
+    offset: float
+    stretch: float
+    share: float
+    without_stretch: float
+    causal: float
+    duration: float
+
+
+def time_axes(axis: Axis) -> TimeAxes | None:
+    """Estimate the time axis of the command of an axis; None where there is too little to compare."""
+    grid = axis.grid
+    if grid is None or not np.isfinite(grid.command).any():
+        return None
+    source, order = (grid.position, 2) if np.isfinite(grid.position).any() else (grid.velocity, 1)
+    best: tuple[float, TimeAxes] | None = None
+    for width in _WIDTHS:
+        functions = Projection(width, grid.period)
+        if grid.time.size < width + _FEWEST:
+            continue
+        table = [_every(functions, one) for one in (grid.speed, dry(grid))] + [np.ones(grid.time.size - width + 1)]
+        if order == 2:
+            place = _every(functions, source)
+            table.append(place - np.nanmean(place))
+        rows = (_every(functions, grid.command), _every(functions, source, order), np.column_stack(table))
+        known = np.logical_and.reduce(
+            [np.isfinite(one) if one.ndim == 1 else np.isfinite(one).all(axis=1) for one in rows]
+        )
+        if known.sum() < _FEWEST:
+            continue
+        command, acceleration, others = (one[known] for one in rows)
+        if np.std(command) == 0.0 or np.std(acceleration) == 0.0:
+            continue
+        # The first command stands before or behind the first sample of the motion.
+        ahead = float(axis.input_time[0] - grid.time[np.flatnonzero(known)[0]])
+        found = _compare(command, acceleration, others, grid.period, ahead)
+        if best is None or found.share > best[0]:
+            best = (found.share, found)
+    return None if best is None else best[1]
+
+
+def _compare(command: Floats, acceleration: Floats, others: Floats, period: float, ahead: float) -> TimeAxes:
+    shifts = _Shifts(acceleration, others, min(int(_FARTHEST / period), command.size // _PART))
+    rows = np.arange(command.size, dtype=np.float64)
+
+    def at(faster: float) -> tuple[float, float, int]:
+        shares = shifts.shares(np.interp(rows * (1.0 + faster), rows, command))
+        place = int(np.argmax(shares))
+        return float(shares[place]), faster, place - shifts.most
+
+    plain = shifts.shares(command)
+    coarse = max(at(one) for one in np.arange(-_FASTEST, _FASTEST + 0.5 * _STEP, _STEP))
+    share, faster, shift = max(at(coarse[1] + one) for one in np.arange(-_STEP, _STEP + 0.5 * _FINE, _FINE))
+    stretch = 1.0 / (1.0 + faster)
+    return TimeAxes(
+        offset=shift * period + ahead * (stretch - 1.0),
+        stretch=stretch,
+        share=share,
+        without_stretch=float(plain.max()),
+        causal=float(plain[shifts.most :].max()),
+        duration=command.size * period,
+    )
+
+
+class _Shifts:
+    """The share of an acceleration that a command explains beside other signals, over all shifts [samples]."""
+
+    def __init__(self, acceleration: Floats, others: Floats, most: int) -> None:
+        self.most = most
+        self._size = 1 << int(np.ceil(np.log2(acceleration.size + most + 1)))
+        basis = np.linalg.qr(others)[0]
+        left = acceleration - basis @ (basis.T @ acceleration)
+        self._power = float(left @ left)
+        self._spectra = np.fft.rfft(np.column_stack([left, basis]), self._size, axis=0)
+
+    def shares(self, command: Floats) -> Floats:
+        """Shares (2 most + 1,) with the command from `most` samples earlier to as many later."""
+        centred = command - command.mean()
+        spectrum = np.conj(np.fft.rfft(centred, self._size))
+        products = np.fft.irfft(self._spectra * spectrum[:, None], self._size, axis=0)
+        products = products[np.arange(-self.most, self.most + 1)]
+        power = float(centred @ centred)
+        alone = np.maximum(power - np.sum(products[:, 1:] ** 2, axis=1), 1e-6 * power)
+        return np.asarray(products[:, 0] ** 2 / (alone * self._power))
+
+
+def _every(functions: Projection, value: Floats, derivative: int = 0) -> Floats:
+    """Mean of a derivative over a test function around every sample, shape (n - width + 1,)."""
+    return np.asarray(np.convolve(value, functions.kernel(derivative)[::-1], mode="valid"))
