@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from idloop.errors import InputError
 from idloop.records.tables.csv_file import read_csv
 from idloop.records.tables.csv_layout import find_layout
+from idloop.records.tables.table_files import read_table
 
 
 def _lines(text):
@@ -218,3 +219,13 @@ def test_texts_that_end_in_a_unit_stay_texts(tmp_path):
     assert table.columns["note"] == ["start", "2 s", "end"]
     table = _read(tmp_path, "t,5V,12V\n0,1,2\n1,1,2\n")
     assert list(table.columns) == ["t", "5V", "12V"]
+
+
+@pytest.mark.parametrize("options", [{}, {"decimal": ","}])
+def test_a_point_between_thousands_of_a_file_with_decimal_commas(tmp_path, options):
+    """Of three decimals a small number looks like a thousand once its comma is a point."""
+    values = [-0.045, 4274.061, -1401.83, 999.5, 12345.678, 7.0] * 4
+    written = ["-0,045", "4.274,061", "-1.401,830", "999,500", "12.345,678", "7,000"] * 4
+    path = tmp_path / "log.csv"
+    path.write_text("t;x\n" + "".join(f"0,{k:03d};{cell}\n" for k, cell in enumerate(written)), encoding="utf-8")
+    np.testing.assert_allclose(read_table(path, options=options).numbers("x"), values)

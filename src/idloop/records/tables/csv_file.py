@@ -305,7 +305,17 @@ def _with_points(part: Part) -> Part:
     """Convert numbers that were written with a decimal comma."""
     if isinstance(part, np.ndarray):
         return part
-    return _numbers_or_texts([cell.replace(",", ".") if DECIMAL_COMMA.fullmatch(cell) else cell for cell in part])
+    return _numbers_or_texts(list(map(_with_point, part)))
+
+
+def _with_point(cell: str) -> str:
+    """A number of a file with decimal commas; another sign between its digits is that of thousands."""
+    if DECIMAL_COMMA.fullmatch(cell):
+        return cell.replace(",", ".")
+    grouped = GROUPED.fullmatch(cell.strip())
+    if grouped is None or grouped["sign"] == ",":
+        return cell
+    return grouped["head"] + re.sub(r"\D", "", grouped["groups"]) + (grouped["part"] or "").replace(",", ".")
 
 
 def _joined(parts: Sequence[Part]) -> NDArray[np.float64] | list[Any]:
@@ -354,7 +364,7 @@ class _Table:
         for index, (parts, written) in enumerate(zip(self.columns, zip(*rows, strict=False), strict=False)):
             if index >= self.used_width and any(map(str.strip, written)):
                 self.used_width = index + 1
-            cells = [cell.replace(",", ".") for cell in written] if self._commas else written
+            cells = list(map(_with_point, written)) if self._commas else written
             part = _numbers_or_texts(cells)
             self.has_points = self.has_points or (isinstance(part, np.ndarray) and any("." in cell for cell in cells))
             self._bytes += part.nbytes if isinstance(part, np.ndarray) else _TEXT_CELL * len(part)

@@ -22,7 +22,7 @@ _NUMBERS = 0.34
 _TIME = re.compile(r"\d{4}-\d\d-\d\d([T ]\d\d:\d\d(:\d\d([.,]\d+)?)?(Z|[+-]\d\d:?\d\d)?)?|\d{1,2}:\d\d:\d\d([.,]\d+)?")
 # A number with groups of thousands: 1,234.5 and 1.234,5 and 1'234.5.
 GROUPED = re.compile(
-    r"(?P<head>[-+]?\d{1,3})(?P<groups>(?P<sign>[,.'\s])\d{3}(?:(?P=sign)\d{3})*)(?P<part>(?!(?P=sign))[.,]\d+)?"
+    r"(?P<head>[-+]?[1-9]\d{0,2})(?P<groups>(?P<sign>[,.'\s])\d{3}(?:(?P=sign)\d{3})*)(?P<part>(?!(?P=sign))[.,]\d+)?"
 )
 DECIMAL_COMMA = re.compile(r"\s*[+-]?(\d*),(\d+)(?:[eE][+-]?\d+)?\s*")
 # A number and its unit: 0.284 V, -3°, 1500 1/min.
