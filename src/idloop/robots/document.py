@@ -35,7 +35,7 @@ def document(robot: Robot, payload: Payload | None, findings: Sequence[str]) -> 
         {
             **_joint(ladder, task),
             "type": robot.rigid_body.types[place],
-            "own_inertia": float(robot.inertia[place]),
+            "own_inertia": task.inertia,
             "errors": [
                 {
                     "record": one.record,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from idloop.diagnosis import Ladder
 from idloop.robots.balance import Balance, RobotMotion, balance_of, robot_motions
-from idloop.robots.joint_models import JointTask, effect_torque, joint_tasks, own_inertia, refine_joints
+from idloop.robots.joint_models import JointTask, effect_torque, joint_tasks, own_inertia, refine_joints, unchanged
 from idloop.robots.joint_records import JointRecord
 from idloop.robots.rigid_body import RigidBody
 from idloop.robots.rigid_fit import RigidFit, fit_rigid
@@ -67,8 +67,6 @@ class Robot:
         Links and joints, with the torque of the effects subtracted.
     start : RigidFit
         The first fit, without them.
-    inertia : array, shape (joints,)
-        Mean own inertia of the links, which the model of each joint has besides its armature [kg·m² or kg].
     ladders : tuple of Ladder
         One for each joint.
     tasks : tuple of JointTask
@@ -81,7 +79,6 @@ class Robot:
     rigid_body: RigidBody
     fit: RigidFit
     start: RigidFit
-    inertia: Array
     ladders: tuple[Ladder, ...]
     tasks: tuple[JointTask, ...]
     balances: tuple[Balance, ...]
@@ -115,12 +112,22 @@ def identify(
     fit = start = fit_rigid(robot.joints, balances[: len(records)], robot.nominal)
     tasks: list[JointTask] = []
     ladders: list[Ladder] = []
-    inertia = np.zeros(len(robot.joints))
     for number in range(rounds):
-        done, whole = 0.05 + 0.9 * number / rounds, 0.9 / rounds
         inertia = own_inertia(robot, fit.links, motions)
-        tasks = joint_tasks(robot, fit, inertia, motions, unseen, level, seed)
-        ladders = refine_joints(tasks, workers, _within(report, done, whole))
+        anew = joint_tasks(robot, fit, inertia, motions, unseen, level, seed)
+        changed = [
+            place
+            for place, task in enumerate(anew)
+            if not tasks or not unchanged(tasks[place], task, motions, place, float(fit.sigma[place]))
+        ]
+        if not changed:
+            break
+        climbed = refine_joints(
+            [anew[place] for place in changed], workers, _within(report, 0.05 + 0.9 * number / rounds, 0.9 / rounds)
+        )
+        tasks, ladders = tasks or anew, ladders or climbed
+        for place, ladder in zip(changed, climbed, strict=True):
+            tasks[place], ladders[place] = anew[place], ladder
         if not any(one.added for one in ladders):
             break
         left = [one.without(_effects(ladders, one.motion)) for one in balances[: len(records)]]
@@ -129,9 +136,7 @@ def identify(
     errors = [
         torque_error(one, start, fit, ladders, unseen=place >= len(records)) for place, one in enumerate(balances)
     ]
-    return Robot(
-        robot, fit, start, inertia, tuple(ladders), tuple(tasks), tuple(balances[: len(records)]), tuple(errors)
-    )
+    return Robot(robot, fit, start, tuple(ladders), tuple(tasks), tuple(balances[: len(records)]), tuple(errors))
 
 
 def _within(report: Report, done: float, whole: float) -> Report:

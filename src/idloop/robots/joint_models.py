@@ -9,13 +9,15 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from idloop.diagnosis import Ladder, refine
+from idloop.diagnosis.options import MINIMUM_IMPROVEMENT
+from idloop.estimation.force_balance.motion import low_pass
 from idloop.physics.effect import BODY, OUTPUT, catalogue
 from idloop.physics.engine import Engine
 from idloop.physics.model import Model
@@ -32,6 +34,7 @@ Report = Callable[[float, str], None]
 _MEAN_OVER = 500  # configurations over which a joint's own inertia is averaged
 # What the weight of the links does, which the rigid bodies have already: at a joint it would be taken for their error.
 _OF_LINKS = ("gravity", "imbalance")
+_RATE = 8.0  # of a joint's record, as a multiple of the motion's cut-off
 _LEAST = 1e-6  # of start values of a fit
 
 
@@ -45,6 +48,8 @@ class JointTask:
         Inertia, viscous and Coulomb friction, constant torque.
     records, validation : tuple of Record
         With the effort that is left for the joint.
+    inertia : float
+        Mean own inertia of the links, which the model has besides the armature [kg·m² or kg].
     level : float
         Family-wise error rate of every step of this joint.
     seed : int
@@ -53,6 +58,7 @@ class JointTask:
     model: Model
     records: tuple[Record, ...]
     validation: tuple[Record, ...]
+    inertia: float
     level: float
     seed: int
 
@@ -102,12 +108,48 @@ def joint_tasks(
             viscous=max(viscous, _LEAST), dry=max(dry, _LEAST), constant=constant,
         )  # fmt: skip
         records = [
-            one.record.axis(place, model, effort[:, place])
+            _thinned_axis(one, place, model, effort[:, place])
             for one, effort in zip((*motions, *unseen), left, strict=True)
         ]
         fitted, rest = records[: len(motions)], records[len(motions) :]
-        tasks.append(JointTask(model, tuple(fitted), tuple(rest), level / len(robot.joints), seed))
+        own = float(inertia[place])
+        tasks.append(JointTask(model, tuple(fitted), tuple(rest), own, level / len(robot.joints), seed))
     return tasks
+
+
+def _stride(motion: RobotMotion) -> int:
+    return max(int(1.0 / (_RATE * motion.cutoff * motion.record.sample_time)), 1)
+
+
+def _thinned_axis(motion: RobotMotion, place: int, model: Model, effort: Array) -> Record:
+    """Record of a joint at a rate that resolves its motion; what a fit takes longer for shows nothing more."""
+    record, stride = motion.record, _stride(motion)
+    smooth = low_pass(effort, 0.4 / (stride * record.sample_time), record.sample_time) if stride > 1 else effort
+    kept = replace(
+        record,
+        time=record.time[::stride],
+        position=record.position[::stride],
+        velocity=record.velocity[::stride],
+        effort=record.effort[::stride],
+    )
+    return kept.axis(place, model, np.ascontiguousarray(smooth[::stride]))
+
+
+def unchanged(before: JointTask, after: JointTask, motions: Sequence[RobotMotion], place: int, sigma: float) -> bool:
+    """Whether a new rigid-body fit leaves a joint the same effort.
+
+    Inertia, viscous friction and constant torque of its model are free, and a change of the rest that is small beside
+    the residual can neither make nor break an effect that reduces the errors by the least improvement.
+    """
+    rows, changes = [], []
+    for one, old, new in zip(motions, before.records, after.records, strict=True):
+        stride = _stride(one)
+        rows.append(np.column_stack([one.acceleration[::stride, place], one.velocity[::stride, place]]))
+        changes.append(new.input - old.input)
+    table, change = np.concatenate(rows), np.concatenate(changes)
+    table = np.column_stack([table, np.ones(len(table))])
+    rest = change - table @ np.linalg.lstsq(table, change, rcond=None)[0]
+    return bool(np.mean(rest**2) < MINIMUM_IMPROVEMENT * sigma**2)
 
 
 def refine_joint(task: JointTask, report: Report) -> Ladder:
