@@ -94,6 +94,22 @@ def test_the_page_climbs_to_the_hidden_effect_and_back(source):
     assert len(card["picture"]["curve"]) > 5
     assert state["assessment"]["telling"]["variable"] in {"velocity", "direction", "command", "since_reversal"}
 
+    # The fit with which a diagnosis begins is said: what it changed is no part of what an effect changes.
+    assert shown.given is not None
+    assert shown.reason == "fitted to run 1 before effects were looked for"
+    assert shown.reason in shown.note.text
+
+    source.order("add", "quadratic_drag@motor")
+    shown = settled(source, lambda b: b.effects == ("quadratic_drag@motor",))
+    assert all(one.stderr is not None for one in shown.model.parameters if one.free)
+    assert shown.reason.startswith("quadratic drag @ motor was added")
+    assert shown.computing == ""
+    source.order("undo")
+    shown = settled(source, lambda b: b.effects == ())
+    assert shown.reason == "the last step was taken back"
+    source.order("diagnose")
+    settled(source, lambda b: b.missing is not None)
+
     source.order("add", "coulomb_friction@motor")
     shown = settled(source, lambda b: b.effects == ("coulomb_friction@motor",))
     errors = [step.validation["nrmse"]["motor.velocity"] for step in shown.ladder.steps]
@@ -105,7 +121,7 @@ def test_the_page_climbs_to_the_hidden_effect_and_back(source):
     source.order("undo")
     shown = settled(source, lambda b: b.effects == ())
     assert len(shown.ladder.steps) == 1
-    assert [len(ladder.steps) for ladder in source.kept] == [1, 2, 1]
+    assert [len(ladder.steps) for ladder in source.kept] == [1, 2, 1, 1, 2, 1]
     with pytest.raises(InputError, match="nothing to undo"):
         source.order("undo")
 

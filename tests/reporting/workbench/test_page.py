@@ -643,3 +643,45 @@ def test_response_poles_and_residual_tests_are_of_the_output_that_is_looked_at(v
     finally:
         site.close()
         source.close()
+
+
+@pytest.mark.slow
+def test_while_a_model_is_computed_every_number_says_so(visit):
+    """Head, ladder and version: no number of the model before is read as one of the next."""
+    source = FakeSource(live=False)
+    record = measured_record(source.model)
+    source.signals.load(record)
+    source.state.change(
+        assessment=assess(source.model, record, lambda share, text: None), recordings=("run1 (fitted)",)
+    )
+    one = Site(source, Place())
+    try:
+        page = visit(one.address).page
+        page.wait_for_selector("#fits .fit")
+        assert "being computed" not in page.inner_text("#fits")
+        source.state.change(computing="+ quadratic drag @ motor")
+        page.wait_for_selector("#steps .computing")
+        assert "quadratic drag @ motor" in page.inner_text("#steps .computing")
+        tiles = page.locator("#fits .fit").all_inner_texts()
+        assert tiles
+        assert all("being computed" in text and not re.search(r"\d", text) for text in tiles)
+        assert "the next one is being computed" in page.inner_text("#model-panel")
+        assert "being computed" in page.inner_text("#where-hint")
+        source.state.change(computing="", reason="quadratic drag @ motor was added")
+        page.wait_for_function("() => document.querySelector('#reason').textContent.includes('was added')")
+        assert page.locator("#steps .computing").count() == 0
+        page.goto("about:blank")
+    finally:
+        one.close()
+        source.close()
+
+
+def measured_record(model):
+    """A square wave on the motor as it is, with noise."""
+    time = 0.01 * np.arange(1200)
+    command = np.where((time % 2.0) < 1.0, 2.0, -2.0)
+    clean = simulate(model, time, command, time).output
+    noise = 0.02 * np.random.default_rng(1).standard_normal(clean.shape)
+    units = tuple(one.unit for one in model.outputs)
+    names = tuple(model.output_names)
+    return Record("run1", time, command, time, clean + noise, model.input.name, model.input.unit, names, units)

@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from idloop.errors import InputError
-from idloop.reporting.terms import FITTED, UNSEEN
+from idloop.reporting.terms import FITTED, UNSEEN, effect_words
 from idloop.reporting.workbench.assessment import assess
 from idloop.reporting.workbench.coordinator import Coordinator
 from idloop.reporting.workbench.files import content
 from idloop.reporting.workbench.signals import Signals
 from idloop.reporting.workbench.state import OK, Missing, Note, Snapshot, State, model_version
-from idloop.reporting.workbench.steps import Found, Study, add, find_missing, suggest
+from idloop.reporting.workbench.steps import Found, Study, add, find_missing, fitted_records, suggest
 
 if TYPE_CHECKING:
     from idloop.diagnosis import Diagnosis, Ladder
@@ -93,13 +93,17 @@ class OfflineSource:
         elif verb == "add":
             if not what:
                 raise InputError("no effect is named")
-            self._coordinator.order(f"adding {what}", lambda: self._add(what))
+            text = effect_words(what)
+            self._coordinator.order(f"adding {text}", self._computing(f"+ {text}", lambda: self._add(what)))
         elif verb == "undo":
             ladder = self.state.snapshot.ladder
             if ladder is None:
                 raise InputError("there is no step to take back")
             shorter = ladder.undo()
-            self._coordinator.order("taking the last step back", lambda: self._climb(shorter))
+            back = self._computing(
+                "the last step taken back", lambda: self._climb(shorter, "the last step was taken back")
+            )
+            self._coordinator.order("taking the last step back", back)
         elif verb == "experiment":
             if self._found is None or self._found.verdict == "adequate":
                 raise InputError("nothing is undecided: find what is missing first")
@@ -124,6 +128,18 @@ class OfflineSource:
 
     # jobs, on the coordinator's thread
 
+    def _computing(self, text: str, job: Callable[[], None]) -> Callable[[], None]:
+        """A job that makes another model: until it is done the page says so of every number."""
+
+        def run() -> None:
+            self.state.change(computing=text)
+            try:
+                job()
+            finally:
+                self.state.change(computing="")
+
+        return run
+
     def _assess(self) -> None:
         self._show_model(self._model)
 
@@ -136,7 +152,7 @@ class OfflineSource:
         found = self._coordinator.work(assess, model, self._records[shown])
         self._model = model
         # The page asks for its words less often than for its curves.
-        self.state.change(model=model, assessment=found, shown=shown, **changes)
+        self.state.change(model=model, assessment=found, shown=shown, computing="", **changes)
         if number is not None:
             self.signals.load(self._records[shown])
         self.signals.show(found, every=True)
@@ -167,19 +183,30 @@ class OfflineSource:
             "suggestion": None,
         }
         if self.state.snapshot.ladder is None:  # its parameters are fitted now
-            self._show_model(found.ladder.model, **changes)
+            why = f"fitted to {fitted_records(self._study)} before effects were looked for"
+            self._show_model(found.ladder.model, given=found.given, **changes, **self._said(found.ladder.model, why))
         else:
             self.state.change(**changes)
         self._kept(found.ladder)
 
     def _add(self, name: str) -> None:
         ladder = self._coordinator.work(add, self._study, self._model, self.state.snapshot.ladder, self._found, name)
-        self._climb(ladder)
+        self._climb(ladder, f"{effect_words(name)} was added, and everything fitted to {fitted_records(self._study)}")
 
-    def _climb(self, ladder: Ladder) -> None:
-        self._show_model(ladder.model, ladder=ladder, missing=None, pictures={}, suggested=None, suggestion=None)
+    def _climb(self, ladder: Ladder, why: str) -> None:
+        self._show_model(
+            ladder.model, ladder=ladder, missing=None, pictures={}, suggested=None, suggestion=None,
+            **self._said(ladder.model, why),
+        )  # fmt: skip
         self._found = None
         self._kept(ladder)
+
+    def _said(self, model: Model, why: str) -> dict[str, Any]:
+        """What the page says where a model has other values than the one before it."""
+        before, after = model_version(self._model), model_version(model)
+        if before == after:
+            return {}
+        return {"reason": why, "note": Note(f"The model is another one now ({before} → {after}): {why}.", OK)}
 
     def _suggest(self) -> None:
         found = self._coordinator.work(suggest, self._study, self._found)

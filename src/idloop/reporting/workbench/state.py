@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
-    from idloop.diagnosis import Candidate, Ladder, UnknownStructure
+    from idloop.diagnosis import Candidate, Ladder, Step, UnknownStructure
     from idloop.diagnosis.design.suggest import Suggestion
     from idloop.physics import Model
     from idloop.reporting.figures.evidence import Decided
@@ -227,6 +227,12 @@ class Snapshot:
         A file that is there and the version of the model in it, as `model_version` gives it; empty where there is none.
     inspected : tuple of str
         What the inspection says of the recordings that are fitted.
+    computing : str
+        What the next model has or lacks while it is computed: until then no number of the present one is the newest.
+    reason : str
+        Why the present model is another one than that with which the page was opened.
+    given : Step or None
+        The model as the page was opened with it, where the first step of the ladder has other values.
     """
 
     version: int = 0
@@ -256,6 +262,9 @@ class Snapshot:
     options: tuple[str, ...] = ()
     model_file: tuple[str, str] = ("", "")
     inspected: tuple[str, ...] = ()
+    computing: str = ""
+    reason: str = ""
+    given: Step | None = None
 
     @property
     def effects(self) -> tuple[str, ...]:

@@ -98,6 +98,8 @@ def page_state(snapshot: Snapshot, signals: Signals) -> dict[str, Any]:
         "automatic": None if snapshot.automatic is None else list(snapshot.automatic),
         "effects": [effect_words(name) for name in snapshot.effects],
         "version": "" if snapshot.model is None else model_version(snapshot.model),
+        "reason": snapshot.reason,
+        "computing": snapshot.computing,
         "parameters": [] if snapshot.model is None else parameter_rows(snapshot.model, _held(snapshot)),
         "equations": [] if snapshot.model is None else _equations(snapshot.model, snapshot.ladder),
         "files": offered(snapshot),
@@ -115,7 +117,7 @@ def page_state(snapshot: Snapshot, signals: Signals) -> dict[str, Any]:
         "looks": snapshot.looks,
         "recordings": list(snapshot.recordings),
         "shown": snapshot.shown,
-        "ladder": None if snapshot.ladder is None else _ladder(snapshot.ladder, snapshot.recordings),
+        "ladder": None if snapshot.ladder is None else _ladder(snapshot.ladder, snapshot.recordings, snapshot.given),
         "suggested": None if snapshot.suggested is None else _suggested(snapshot.suggested),
         "limits": [{"name": name, "value": value} for name, value in snapshot.limits],
         "activity": None
@@ -183,7 +185,7 @@ def _head(snapshot: Snapshot) -> dict[str, Any]:
         pending, why = not snapshot.fitted, f"no fit: {fit.error}" if fit.error else ""
         scores = {} if fit.error else scores_of({"fit": fit.unseen}, f"unseen data, {fit.seconds:.1f} s")
     elif not snapshot.live and found is not None:
-        pending, why = not snapshot.assessed, ""
+        pending, why = bool(snapshot.computing) or not snapshot.assessed, ""
         scores = scores_of(found.errors, _data_shown(snapshot), model_version(found.model))
     if snapshot.live and scores and found is not None and snapshot.assessed:
         force = scores_of(found.errors, found.record).get(DRIVE_FORCE)
@@ -330,13 +332,21 @@ def _points(x: Any, y: Any) -> list[list[float]]:
     return [[float(f"{a:.5g}"), float(f"{b:.5g}")] for a, b in zip(x, y, strict=True) if math.isfinite(a + b)]
 
 
-def _ladder(ladder: Ladder, recordings: Sequence[str]) -> dict[str, Any]:
+def _ladder(ladder: Ladder, recordings: Sequence[str], given: Step | None = None) -> dict[str, Any]:
     kind = judging(ladder)
     count = _count(recordings, DATA_USE[kind])
     by = CRITERIA[ladder.criterion] if ladder.criterion != "auto" else "what the data show best"
     together = f" ({count} recordings together)" if count > 1 else ""
     return {
-        "steps": [_step(number, step, ladder, kind) for number, step in enumerate(ladder.steps)],
+        # Before the fit, with its own errors: what the fit has done is no part of what an effect has done.
+        "given": None if given is None else [one.to_dict() for one in step_scores(given, kind).values()],
+        "steps": [
+            {
+                **_step(number, step, ladder, kind),
+                **({} if number or given is None else {"by": "the same model, fitted"}),
+            }
+            for number, step in enumerate(ladder.steps)
+        ],
         "verdict": ladder.verdict,
         "data": f"Errors of the {DATA_USE[kind]} data{together}. Effects are judged by {by}.",
         "beware": [
@@ -378,7 +388,7 @@ def _assessment(snapshot: Snapshot) -> dict[str, Any] | None:
     return {
         "record": found.record,
         "version": model_version(found.model),
-        "current": snapshot.assessed,
+        "current": snapshot.assessed and not snapshot.computing,
         "maps": [_map(one) for one in found.where.maps],
         "outputs": _outputs(found),
         "poles": [] if found.frequency is None else found.frequency.pole_texts,

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
+
+from idloop.spelling import joined_names
 
 if TYPE_CHECKING:
     from idloop.diagnosis import Candidate, Diagnosis, Ladder, Step
@@ -69,12 +71,16 @@ class Study:
 
 @dataclass(frozen=True)
 class Found:
-    """A diagnosis without its fits, the ladder as it is now, what the effects look like, and the residual tests."""
+    """A diagnosis without its fits, the ladder as it is now, what the effects look like, and the residual tests.
+
+    `given` is the model before the fit with which a diagnosis begins, with its errors; None where that changed nothing.
+    """
 
     diagnosis: Diagnosis
     ladder: Ladder
     pictures: dict[str, Characteristic]
     left: tuple[ResidualFinding, ...] = ()
+    given: Step | None = None
 
 
 def find_missing(study: Study, model: Model, ladder: Ladder | None, report: Report) -> Found:
@@ -82,7 +88,9 @@ def find_missing(study: Study, model: Model, ladder: Ladder | None, report: Repo
     from idloop.diagnosis import Ladder, diagnose
     from idloop.reporting.residual_findings import findings_on_records
     from idloop.reporting.workbench.assessment import draw_characteristics
+    from idloop.reporting.workbench.state import model_version
 
+    report(0.0, f"first the model is fitted to {fitted_records(study)}")
     found = diagnose(
         model,
         study.records,
@@ -91,13 +99,16 @@ def find_missing(study: Study, model: Model, ladder: Ladder | None, report: Repo
         minimum_improvement=study.minimum_improvement,
         effects=study.effects or None,
         seed=study.seed,
-        progress=lambda share, text: report(0.9 * share, text),
+        progress=lambda share, text: report(0.9 * share, text if share else ""),
     )
     pictures = draw_characteristics(
         found.candidates, study.records[0], lambda share, text: report(0.9 + 0.1 * share, text)
     )
+    given = None
     if ladder is None:
         ladder = Ladder((_step(study, found.model),), criterion=found.criterion, level=study.level)
+        if model_version(found.model) != model_version(model):
+            given = _step(study, model)
     ladder = replace(
         ladder,
         verdict=found.verdict,
@@ -109,26 +120,36 @@ def find_missing(study: Study, model: Model, ladder: Ladder | None, report: Repo
         limits=found.gate.limits,
         response=found.response,
     )
-    return Found(found, ladder, pictures, tuple(findings_on_records(found.model, study.records)))
+    return Found(found, ladder, pictures, tuple(findings_on_records(found.model, study.records)), given)
+
+
+def fitted_records(study: Study) -> str:
+    """Names of the recordings that are fitted."""
+    return joined_names([record.name for record in study.records])
 
 
 def add(
     study: Study, model: Model, ladder: Ladder | None, found: Diagnosis | None, name: str, report: Report
 ) -> Ladder:
-    """Add an effect: as a diagnosis fitted it where there is one, else fitted now."""
+    """Add an effect: as a diagnosis has fitted it with its intervals, else fitted now."""
     from idloop.diagnosis import add_effect
     from idloop.diagnosis.screening.command_response import CommandResponse
 
     if ladder is None:
         from idloop.diagnosis import Ladder
+        from idloop.estimation import fit
 
-        ladder = Ladder((_step(study, model),), level=study.level)
+        # What an effect is worth shows beside the same model fitted without it.
+        begun = fit(model, study.records, study.criterion, lambda share, text: report(0.3 * share, text)).model
+        ladder = Ladder((_step(study, begun),), level=study.level)
     rungs = () if found is None else _rungs(found, name)
     if not rungs:
-        return add_effect(ladder, name, study.records, study.validation, seed=study.seed, progress=report)
+        grown = add_effect(ladder, name, study.records, study.validation, seed=study.seed, progress=report)
+        added = grown.steps[-1].added
+        return replace(grown, steps=(*_kept(grown.steps[:-1], added), grown.steps[-1]))
     for number, rung in enumerate(rungs):
         report(number / len(rungs), f"errors with {rung.added.name}")
-        ladder = _with(study, ladder, rung, "diagnosis" if found is not None and name in found.set else "user")
+        ladder = _with(study, ladder, rung)
     return replace(
         ladder, verdict="missing", candidates=(), unknown=None, passed_over={}, limits={},
         response=CommandResponse.FOLLOWS,
@@ -143,25 +164,30 @@ def suggest(study: Study, found: Diagnosis, report: Report) -> Suggestion | None
 
 
 def _rungs(found: Diagnosis, name: str) -> tuple[Rung, ...]:
-    """What a diagnosis would add for an effect: both of a pair, one, or nothing that it has fitted."""
+    """What a diagnosis would add for an effect: both of a pair, one, or nothing that it has fitted to its end.
+
+    Of an effect that it has not chosen there is a trial fit, without standard errors.
+    """
     from idloop.diagnosis.candidate import Rung
 
     if found.pair is not None and name in found.pair:
         return found.rungs
-    one = next((c for c in found.candidates if c.name == name and c.model is not None), None)
-    if one is None:
-        return ()
-    return (Rung(one, found.set if name in found.set else (name,)),)
+    one = next((c for c in found.candidates if c.name == name and c.model is not None and name in found.set), None)
+    return () if one is None else (Rung(one, found.set),)
 
 
-def _with(study: Study, ladder: Ladder, rung: Rung, chosen_by: str) -> Ladder:
+def _with(study: Study, ladder: Ladder, rung: Rung) -> Ladder:
     added = rung.added
     if added.model is None:
         return ladder
-    # What an effect takes the place of is no step of its own any more.
-    steps = [s for s in ladder.steps if s.added is None or s.added.name != added.replaces or s.chosen_by == "user"]
-    step = replace(_step(study, added.model, added), set=rung.set, p_value=added.p_value, chosen_by=chosen_by)
-    return replace(ladder, steps=(*steps, step))
+    step = replace(_step(study, added.model, added), set=rung.set, p_value=added.p_value)
+    return replace(ladder, steps=(*_kept(ladder.steps, added), step))
+
+
+def _kept(steps: Sequence[Step], added: Candidate | None) -> list[Step]:
+    """Steps without that whose effect the added one takes the place of: it is none of its own any more."""
+    gone = None if added is None else added.replaces
+    return [s for s in steps if s.added is None or s.added.name != gone or s.chosen_by == "user"]
 
 
 def _step(study: Study, model: Model, added: Candidate | None = None) -> Step:

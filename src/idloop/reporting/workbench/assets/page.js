@@ -400,10 +400,13 @@
     $("undo").disabled = steps.length < 2 || Boolean(s.activity);
     say("ladder-hint", steps.length ? s.ladder.data : "Each effect that is added becomes a step; the error on unseen data says what it was worth.");
     render("beware", s.ladder?.beware ?? [], () => (s.ladder?.beware ?? []).map((text) => make("p", {}, text)));
-    render("steps", steps, () => steps.map((one) => make("li", { "data-step": one.number },
+    const scores = (all) => make("span", { class: "errors" }, ...all.map((score) => make("span", { "data-output": score.quantity, title: score.about }, make("small", {}, `${score.name} `), score.text)));
+    const before = s.ladder?.given ? [make("li", { class: "given" }, make("span", {}, "as it was opened", make("small", {}, "before the fit")), scores(s.ladder.given))] : [];
+    const next = s.computing ? [make("li", { class: "computing" }, make("span", {}, s.computing), make("span", { class: "errors" }, COMPUTING))] : [];
+    render("steps", [steps, s.ladder?.given, s.computing], () => [...before, ...steps.map((one) => make("li", { "data-step": one.number },
       make("span", {}, one.words, one.by ? make("small", {}, one.by) : null, one.ties.length ? make("small", {}, `this data cannot distinguish it from ${one.ties.join(", ")}`) : null,
         one.parameters.length ? make("small", {}, one.parameters.join(" · ")) : null),
-      make("span", { class: "errors" }, ...one.scores.map((score) => make("span", { "data-output": score.quantity, title: score.about }, make("small", {}, `${score.name} `), score.text))))));
+      scores(one.scores))), ...next]);
   }
 
   // The model itself: what its numbers are of.
@@ -416,6 +419,8 @@
     render("parameters", s.parameters, () => s.parameters.map((one) => make("tr", { "data-parameter": one.key },
       make("th", { scope: "row" }, one.name), make("td", {}, [one.value, one.unit].filter(Boolean).join("\u00a0")), make("td", {}, one.bounds), make("td", {}, one.kind))));
     say("version", s.version);
+    say("reason", s.computing ? `: the next one is ${COMPUTING}` : s.reason ? `: ${s.reason}` : "");
+    $("model-panel").setAttribute("aria-busy", String(Boolean(s.computing)));
     render("commands", s.commands, () => s.commands.map((text) => make("code", {}, text)));
     $("commands-block").hidden = !s.commands.length;
     say("commands-hint", s.downloaded ? "The same on the command line, beside the downloaded model.yaml:" : "The same on the command line:");
