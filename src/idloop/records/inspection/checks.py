@@ -14,6 +14,7 @@ from idloop.records.inspection.bad_readings import bad_readings, without_bad_rea
 from idloop.records.inspection.differenced import differenced
 from idloop.records.inspection.measured_input import measured_input
 from idloop.records.inspection.motion import Motion, analyse_motion, beginnings
+from idloop.records.inspection.repeats import without_repeats
 from idloop.records.inspection.values import unusable_magnitude
 from idloop.records.record import Record
 
@@ -56,7 +57,7 @@ def check_record(record: Record, *, held: bool = True) -> Record:
     """Return the record with findings on outputs that never move or are differences of another, and on few samples.
 
     Readings far outside of all others are marked as not measured, those of the command are replaced by the value
-    before; a finding counts them.
+    before; so are values that a log repeats which is faster than its sensor. A finding counts them.
 
     Parameters
     ----------
@@ -93,7 +94,7 @@ def check_record(record: Record, *, held: bool = True) -> Record:
             raise InputError(
                 f"{name}: {output} has only {count} samples, at least {FEWEST_SAMPLES} are needed; record longer"
             )
-    record = _without_bad_readings(record)
+    record = _without_repeats(_without_bad_readings(record))
     signals = [(record.input_name, record.input), *zip(record.output_names, record.output.T, strict=True)]
     for signal, values in signals:
         known = values[np.isfinite(values)]
@@ -130,6 +131,20 @@ def _without_bad_readings(record: Record) -> Record:
     before = good[np.maximum(np.searchsorted(good, np.arange(record.input.size), side="right") - 1, 0)]
     output = np.column_stack([without_bad_readings(values) for values in record.output.T])
     return replace(record, input=record.input[before], output=output, findings=(*record.findings, *found))
+
+
+def _without_repeats(record: Record) -> Record:
+    output = np.column_stack([without_repeats(values) for values in record.output.T])
+    found = []
+    for name, values, fresh in zip(record.output_names, record.output.T, output.T, strict=True):
+        if count := int(np.isfinite(values).sum() - np.isfinite(fresh).sum()):
+            text = f"{name}: {count} values repeat the one before, the sensor is slower than the log: not measured"
+            found.append(Finding("repeated_samples", text, count, name, "warning"))
+    if not found:
+        return record
+    # A row without anything new is none: the force balance needs the rate of the sensor.
+    kept = np.isfinite(output).any(axis=1) | ~np.isfinite(record.output).any(axis=1)
+    return replace(record, time=record.time[kept], output=output[kept], findings=(*record.findings, *found))
 
 
 def check_commands(records: Sequence[Record]) -> list[Record]:

@@ -37,7 +37,6 @@ _SIGNALS: tuple[Check, ...] = (
     publishers.check,
     clocks.check,
     stamps.check,
-    repeated_samples.check,
     wrap.check,
     missed_pulses.check,
     spikes.check,
@@ -58,7 +57,9 @@ _CONFUSES = {"sign_lost", "two_clocks", clocks.OFFSET, "two_publishers", "inner_
 
 def inspect_axis(axis: Axis) -> list[Finding]:
     """Return the faults of one joint; of one cause only the first is reported."""
-    found = wrong_velocity.check(axis)
+    repeated = repeated_samples.check(axis)
+    axis = repeated_samples.fresh(axis) if repeated else axis
+    found = [*wrong_velocity.check(axis), *repeated]
     wrong = any(one.kind == WRONG_VELOCITY for one in found)
     axis = replace(axis, trusts_velocity=not wrong)
     for check in _SIGNALS:

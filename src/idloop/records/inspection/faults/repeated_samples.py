@@ -1,25 +1,15 @@
-"""Values that are repeated with new stamps: the log is faster than the sensor, or a value was sent again.
-
-An axis under way passes several steps of its sensor in a sample, so that equal values are as rare as any other step. A
-sensor that was not read gives equal values far more often than values one step apart.
-"""
+"""Values that are repeated with new stamps: the log is faster than the sensor, or a value was sent again."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
-from numpy.typing import NDArray
 
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import around, fault
-
-Floats = NDArray[np.float64]
-
-# Samples on each side that give the speed, the steps of the sensor that pass in a sample, and repeats that count.
-_BESIDE, _STEPS = 8, 4.0
-_FEWEST, _SHARE, _OFTENER = 10, 0.01, 5.0
-# Ratio of the speeds before and after; share of the travel since the last new value that the next one catches up.
-_STEADY, _CATCHES_UP = 0.3, 0.6
+from idloop.records.inspection.repeats import FASTER_LOG, FEWEST, SHARE, repeats, without_repeats
 
 
 def check(axis: Axis) -> list[Finding]:
@@ -27,15 +17,18 @@ def check(axis: Axis) -> list[Finding]:
     found = []
     for name, value in axis.columns.items():
         known = np.flatnonzero(np.isfinite(value))
-        rows, moving = _repeats(value[known])
+        rows, moving = repeats(value[known])
         share = rows.size / max(moving, 1)
-        if rows.size < _FEWEST or share < _SHARE:
+        if rows.size < FEWEST or share < SHARE:
             continue
-        fresh = max(1.0 - share, 0.01)
+        fresh = max(1.0 - share, SHARE)
         rate = 1.0 / axis.period
-        if share > 0.3:
-            why = f"the log runs at {rate:.4g} Hz, the sensor at about {rate * fresh:.3g} Hz"
-            cure = f"record at the rate of the sensor, or keep every {round(1 / fresh)}. sample (`Record.decimate`)"
+        if share > FASTER_LOG:
+            why = (
+                f"the log runs at {rate:.4g} Hz, the sensor at about {rate * fresh:.3g} Hz; the repeats count as not"
+                " measured"
+            )
+            cure = "record at the rate of the sensor"
         else:
             why, cure = "the last value was sent again where none was read", "mark them as missing in the log"
         found.append(
@@ -45,7 +38,7 @@ def check(axis: Axis) -> list[Finding]:
                 f"{name} repeats {rows.size} of {moving} values in motion ({100 * share:.2g} %) with new stamps: {why}",
                 cure,
                 evidence={"share": share, "repeats": float(rows.size)},
-                spoils=("delays", "sensor noise") if share > 0.3 else (),
+                spoils=("delays",) if share > FASTER_LOG else (),
                 count=int(rows.size),
                 places=around(axis.time, known[rows + 1]),
             )
@@ -53,31 +46,7 @@ def check(axis: Axis) -> list[Finding]:
     return found
 
 
-def _repeats(value: Floats) -> tuple[NDArray[np.int64], int]:
-    """Return the intervals without a change while there is motion, and the number of intervals in motion."""
-    nothing = np.zeros(0, dtype=np.int64)
-    if value.size < 8 * _BESIDE:
-        return nothing, 0
-    step = np.diff(value)
-    changes = np.abs(step[step != 0.0])
-    if not changes.size:
-        return nothing, 0
-    resolution = float(np.percentile(changes, 1.0)) if np.unique(changes).size > 0.2 * changes.size else changes.min()
-    # Under way on both sides: a standstill beside a motion is no repeat.
-    early, late = np.zeros(step.size), np.zeros(step.size)
-    early[_BESIDE:] = np.abs(value[_BESIDE:-1] - value[: -_BESIDE - 1])
-    late[:-_BESIDE] = np.abs(value[_BESIDE + 1 :] - value[1:-_BESIDE])
-    least = _STEPS * _BESIDE * resolution
-    moving = np.minimum(early, late) > np.maximum(least, _STEADY * np.maximum(early, late))
-    # The next value catches up with the motion; an axis that stops and starts does not.
-    change = np.flatnonzero(step != 0.0)
-    following = np.searchsorted(change, np.arange(step.size))
-    next_change = change[np.minimum(following, change.size - 1)]
-    before = np.where(following > 0, change[np.maximum(following, 1) - 1], -1)
-    travel = (next_change - before) * (early + late) / (2.0 * _BESIDE)
-    catches_up = np.abs(step[next_change]) > _CATCHES_UP * travel
-    rows = np.flatnonzero(moving & catches_up & (step == 0.0))
-    # On steps of the sensor, noise alone makes as many small changes as none, with the same step after them.
-    tiny = moving[:-1] & (step[:-1] != 0.0) & (np.abs(step[:-1]) < 1.5 * resolution)
-    small = np.count_nonzero(tiny & (np.abs(step[1:]) > _CATCHES_UP * (early + late)[:-1] / _BESIDE))
-    return (rows if rows.size > _OFTENER * 0.5 * small else nothing), int(moving.sum())
+def fresh(axis: Axis) -> Axis:
+    """Return the axis with NaN where a log that is faster than its sensor repeats a value."""
+    position, velocity = (None if one is None else without_repeats(one) for one in (axis.position, axis.velocity))
+    return replace(axis, position=position, velocity=velocity)
