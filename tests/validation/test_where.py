@@ -12,7 +12,7 @@ import pytest
 from idloop.errors import IdloopError
 from idloop.physics import Model, load_model, simulate
 from idloop.records import Record
-from idloop.validation import Comparison, compare
+from idloop.validation import Comparison, compare, share_measures
 from idloop.validation.error_choice import drift
 from idloop.validation.variables import VARIABLES
 from idloop.validation.where import DRIVE_FORCE
@@ -132,6 +132,24 @@ def test_a_free_run_that_does_not_stay_finite_gives_way_to_a_prediction(monkeypa
     assert "does not stay finite" in result.where["motor.position"].why
     assert result.share == {}
     json.dumps(result.to_dict(), allow_nan=True)
+
+
+def test_models_are_compared_by_one_error() -> None:
+    """The free run of one drifts, that of the other does not: both are looked at by the prediction."""
+    plain = load_model("dc_motor")
+    true = plain.with_effects(["load_torque@motor(torque=2)"])
+    record = recorded(true, swept())
+    drifting, right = compare(plain, record), compare(true, record)
+    share_measures([drifting, right])
+    first, second = (one.where["motor.position"] for one in (drifting, right))
+    assert compare(true, record).where["motor.position"].basis == "free_run"  # by itself
+    assert (first.basis, first.kind) == (second.basis, second.kind) == ("ahead", first.kind)
+    assert second.why == "as of a model whose free run drifts"
+    # And a model that takes the place of another one keeps its error, whatever would suit it.
+    kept = compare(plain, record, measures={"motor.position": "free_run"}).where
+    assert kept["motor.position"].basis == "free_run"
+    assert "it is analysed all the same" in kept["motor.position"].why
+    assert kept.measures["motor.position"] == "free_run"
 
 
 def test_what_is_not_measured_is_left_out_and_said(friction: Comparison) -> None:

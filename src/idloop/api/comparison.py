@@ -133,16 +133,19 @@ def compare(
     """
     from idloop.records import Record
     from idloop.validation import compare as compare_record
+    from idloop.validation import share_measures
 
     several = [models] if not isinstance(models, Sequence) else list(models)
     if any(model.output_names != several[0].output_names for model in several):
         raise InputError("the models have different outputs: compare them one by one")
     records = [record] * len(several) if isinstance(record, Record) else list(record)
     rows: list[tuple[str, RecordComparison]] = []
-    for index, (label, model, one) in enumerate(zip(labels or names_of(several), several, records, strict=True)):
-        progress(index / len(several), label)
+    for label, model, one in zip(labels or names_of(several), several, records, strict=True):
         # The drive side of all models in one band, that of the first.
         force = rows[0][1].force if rows else None
         rows.append((label, compare_record(model, one, steps=steps, cutoff=force.cutoff if force else None)))
-        rows[-1][1].compute()
+    share_measures([one for _, one in rows])
+    for index, (label, comparison) in enumerate(rows):
+        progress(index / len(several), label)
+        comparison.compute()
     return Comparison(tuple(rows))

@@ -23,8 +23,6 @@ Array = NDArray[np.float64]
 MARKED_STRETCHES = 3
 # Share of an error from which on a curve over one variable is worth a sentence.
 _CURVE = 0.25
-# Variables whose curve says what to look for; over time and frequency every error varies.
-_PHYSICAL = ("velocity", "position", "command", "direction", "since_reversal")
 
 
 def bin_edges(breakdown: Breakdown) -> Array:
@@ -77,20 +75,41 @@ def axis_name(breakdown: Breakdown) -> tuple[str, str]:
 
 
 def legend_entry(maps: Sequence[tuple[str, ErrorMap]], index: int) -> str:
-    """Name a model with the size of its error, or with the kind of error where kinds differ: no sizes to compare."""
+    """Name a model with the size of its error."""
     label, one = maps[index]
-    if len({other.kind for _, other in maps}) > 1:
-        return f"{label}: {one.kind}"
     return f"{label} (rms {short(one.rms)} {one.unit})"
 
 
+def measured_error(one: ErrorMap) -> str:
+    """Which error a figure is of: "motor.velocity: free-run error"."""
+    return f"{one.name}: {one.kind}"
+
+
+def comparable(maps: Sequence[tuple[str, ErrorMap]]) -> list[tuple[str, ErrorMap]]:
+    """Errors that one axis may hold: of the kind of the last one."""
+    return [(label, one) for label, one in maps if one.kind == maps[-1][1].kind]
+
+
 def along_text(breakdown: Breakdown) -> str:
-    """What a figure over a variable shows: where the error is largest for its time, and what a curve makes up of it."""
+    """What a figure over a variable shows: where the error stands out, and what a curve makes up of it.
+
+    A part that holds about as much of the error as of the time is no finding.
+    """
+    title = TITLES[breakdown.variable]
+    part = breakdown.worst.text if breakdown.stands_out else ""
     if not math.isfinite(breakdown.follows):
-        return breakdown.worst.text
-    return (
-        f"{breakdown.worst.text}; a curve over {TITLES[breakdown.variable]} makes up {percent(breakdown.follows)} of it"
-    )
+        return part or f"no part of the {title} stands out"
+    curve = f"a curve over {title} makes up {percent(breakdown.follows)} of"
+    return f"{part}; {curve} it" if part else f"{curve} the error, and no part of it stands out"
+
+
+def _curve(breakdown: Breakdown) -> float:
+    return float(breakdown.follows) if math.isfinite(breakdown.follows) else 0.0
+
+
+def _accounts_for(breakdown: Breakdown) -> float:
+    """Share of the error that a view shows beyond an even distribution: of its worst part, or of a curve over it."""
+    return max(breakdown.worst.error - breakdown.worst.usual, _curve(breakdown))
 
 
 def shown_first(maps: Sequence[ErrorMap]) -> tuple[str, str] | None:
@@ -104,12 +123,14 @@ def shown_first(maps: Sequence[ErrorMap]) -> tuple[str, str] | None:
     Returns
     -------
     tuple of (str, str), or None
-        Name of the error and the variable; a notable one where there is any. None without a breakdown.
+        Name of the error and the variable: that which shows most of the error beyond what its share of the time would
+        be. Over frequency every error is spread otherwise than the signal, so that it comes last. None without a
+        breakdown.
     """
     # The force is free of the drift of a free run, which follows whatever moves slowly; a reason against it is noise.
     considered = [one for one in maps if one.basis == "force" and not one.why] or list(maps)
     ranked = [
-        (is_notable(b), b.variable in _PHYSICAL, float(np.nan_to_num(b.follows)), one.name, b.variable)
+        (is_notable(b), b.variable != "frequency", _accounts_for(b), one.name, b.variable)
         for one in considered
         for b in one.breakdowns
     ]
@@ -123,4 +144,4 @@ def shown_first(maps: Sequence[ErrorMap]) -> tuple[str, str] | None:
 
 def is_notable(breakdown: Breakdown) -> bool:
     """Whether a part of the data stands out along a variable, or a curve over it makes up a quarter of the error."""
-    return breakdown.stands_out or (math.isfinite(breakdown.follows) and breakdown.follows >= _CURVE)
+    return breakdown.stands_out or _curve(breakdown) >= _CURVE

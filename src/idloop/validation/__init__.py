@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from idloop.validation.breakdown import Breakdown
-from idloop.validation.compare import Comparison, compare
+from idloop.validation.compare import Comparison, compare, share_measures
 from idloop.validation.drive import ForceError, force_error
 from idloop.validation.measures import fit_percent, measures, nrmse, rmse
 from idloop.validation.residual import ResidualTest, residual_tests
@@ -25,5 +25,6 @@ __all__ = [
     "nrmse",
     "residual_tests",
     "rmse",
+    "share_measures",
     "where",
 ]

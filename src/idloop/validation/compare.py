@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from idloop.errors import IdloopError, InputError
 from idloop.estimation.feedback import exogenous_signals, feedback_possible
 from idloop.estimation.sensors import body_sensors
+from idloop.validation.error_choice import MEASURES, choose_basis
 from idloop.validation.measures import fit_percent, measures, nrmse, rmse
 from idloop.validation.operating_state import error_share, motion_regions, smooth_velocity
 from idloop.validation.residual import ResidualTest, residual_tests
@@ -28,7 +30,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Comparison(Runs):
-    """Runs of a model on one record with their measures; costly parts are computed at first use."""
+    """Runs of a model on one record with their measures; costly parts are computed at first use.
+
+    `wanted`: by output the error to break down, as `idloop.validation.where` takes it.
+    """
+
+    wanted: dict[str, str] = field(default_factory=dict, compare=False, repr=False)
 
     # -- measures -----------------------------------------------------------------------
 
@@ -72,7 +79,7 @@ class Comparison(Runs):
     @cached_property
     def where(self) -> Where:
         """Error analysis: share of every error by time, frequency, velocity, position, command, ..."""
-        return where(self)
+        return where(self, self.wanted)
 
     @cached_property
     def _tested(self) -> dict[int, list[ResidualTest]]:
@@ -171,7 +178,25 @@ class Comparison(Runs):
         return None
 
 
-def compare(model: Model, record: Record, steps: int = 10, cutoff: float | None = None) -> Comparison:
+def share_measures(comparisons: Sequence[Comparison]) -> None:
+    """Let models be compared by one error of each output: where the free run of one drifts, by a prediction of all.
+
+    To be asked before the error analysis of any of them.
+    """
+    for column, name in enumerate(comparisons[0].names if len(comparisons) > 1 else ()):
+        suit = {choose_basis(one, column, one.wanted.get(name, "")).name for one in comparisons}
+        if len(suit) > 1:
+            for one in comparisons:
+                one.wanted[name] = max(suit, key=MEASURES.index)
+
+
+def compare(
+    model: Model,
+    record: Record,
+    steps: int = 10,
+    cutoff: float | None = None,
+    measures: Mapping[str, str] | None = None,
+) -> Comparison:
     """Compare a model with a record: outputs in free run and some steps ahead, drive force, residuals.
 
     Parameters
@@ -183,6 +208,9 @@ def compare(model: Model, record: Record, steps: int = 10, cutoff: float | None 
     cutoff : float, optional
         Cut-off of the differentiating filter on the drive side [Hz]; that of the training record
         (``Comparison.force.cutoff``) to compare records in one band.
+    measures : mapping of str to str, optional
+        By output the error to break down: ``free_run``, ``ahead`` or ``one_step``; that of another comparison
+        (``Comparison.where.measures``) to compare models. Without it a prediction where the free run drifts.
 
     Raises
     ------
@@ -193,7 +221,7 @@ def compare(model: Model, record: Record, steps: int = 10, cutoff: float | None 
     """
     if steps < 1:
         raise InputError(f"steps = {steps} is no prediction horizon; choose at least 1")
-    comparison = Comparison(model, record, steps, cutoff)
+    comparison = Comparison(model, record, steps, cutoff, dict(measures or {}))
     # Simulated now, so that unsuitable data fails here and not in a later plot.
     if not np.any(np.isfinite(comparison.simulated)) and not np.any(np.isfinite(comparison.innovation)):
         raise IdloopError(f"neither free run nor prediction of model {model.name!r} stays finite")

@@ -36,25 +36,34 @@ class Basis:
     error: Array  # shape (n,): measured minus modelled; NaN where one is not known
 
 
-def choose_basis(runs: Runs, column: int) -> Basis:
-    """Error of the free run of an output (its column), or of a prediction when the free run drifts."""
+# Errors of an output, from that which needs the model most to that which needs it least.
+FREE_RUN, AHEAD, ONE_STEP = "free_run", "ahead", "one_step"
+MEASURES = (FREE_RUN, AHEAD, ONE_STEP)
+
+
+def choose_basis(runs: Runs, column: int, wanted: str = "") -> Basis:
+    """Error of the free run of an output (its column), or of a prediction when the free run drifts.
+
+    Models are compared by one error only: `wanted` is that of the others, and it is taken wherever it is known.
+    """
     measured, simulated = runs.measured[:, column], runs.simulated[:, column]
     free = measured - simulated
     reason = drift(runs.time, measured, free)
-    if not reason:
-        return Basis("free_run", "free-run error", "", free)
+    if (not reason and wanted in ("", FREE_RUN)) or (wanted == FREE_RUN and np.any(np.isfinite(free))):
+        return Basis(FREE_RUN, "free-run error", reason and f"{reason}; it is analysed all the same", free)
+    instead = f"{reason}; a prediction is analysed instead" if reason else "as of a model whose free run drifts"
     start = runs.settled
     ahead = measured - runs.ahead[:, column]
     ahead[: start + runs.steps] = np.nan
-    if np.any(np.isfinite(ahead)):
+    if np.any(np.isfinite(ahead)) and wanted != ONE_STEP:
         length = short(runs.steps * runs.record.sample_time)
         kind = f"prediction error {runs.steps} steps ({length} s) ahead"
-        return Basis("ahead", kind, f"{reason}; a prediction is analysed instead", ahead)
+        return Basis(AHEAD, kind, instead, ahead)
     innovation = runs.innovation[:, column].copy()
     innovation[:start] = np.nan
     if np.any(np.isfinite(innovation)):
-        return Basis("one_step", "one-step prediction error", f"{reason}; a prediction is analysed instead", innovation)
-    return Basis("free_run", "free-run error", f"{reason}, but this model has no observer", free)
+        return Basis(ONE_STEP, "one-step prediction error", instead, innovation)
+    return Basis(FREE_RUN, "free-run error", reason and f"{reason}, but this model has no observer", free)
 
 
 def drift(time: Array, measured: Array, error: Array) -> str:

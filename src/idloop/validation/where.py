@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.validation.breakdown import Breakdown
-from idloop.validation.error_choice import choose_basis
+from idloop.validation.error_choice import MEASURES, choose_basis
 from idloop.validation.operating_state import OperatingState, operating_state
 from idloop.validation.stretch import Stretch, worst_stretches
 from idloop.validation.variables import TITLES, break_down_all
@@ -115,6 +116,11 @@ class Where:
     record: str
     maps: tuple[ErrorMap, ...]  # the drive force first where it can be compared, then the outputs
 
+    @property
+    def measures(self) -> dict[str, str]:
+        """Error of each output that was broken down, as `where` takes it."""
+        return {one.name: one.basis for one in self.maps if one.basis in MEASURES}
+
     def __getitem__(self, name: str) -> ErrorMap:
         """Return the map of an output or of the ``drive force``."""
         for one in self.maps:
@@ -131,8 +137,12 @@ class Where:
         return {one.name: one.to_dict() for one in self.maps}
 
 
-def where(runs: Runs) -> Where:
-    """Break the errors of a model down by all variables."""
+def where(runs: Runs, measures: Mapping[str, str] | None = None) -> Where:
+    """Break the errors of a model down by all variables.
+
+    `measures`: by output the error to break down (``free_run``, ``ahead``, ``one_step``), that of the models that this
+    one is compared with; the one that suits where there is none.
+    """
     maps = []
     force = _force_map(runs)
     if force is not None:
@@ -141,7 +151,7 @@ def where(runs: Runs) -> Where:
     for column, output in enumerate(runs.model.outputs):
         if output.body not in states:
             states[output.body] = operating_state(runs.model, runs.data, output.body)
-        basis = choose_basis(runs, column)
+        basis = choose_basis(runs, column, (measures or {}).get(output.name, ""))
         known = np.isfinite(basis.error)
         if np.sum(known) < _FEWEST:
             continue

@@ -27,7 +27,12 @@ from idloop.validation.variables import VARIABLES
 def error(mean=0.0, rms=1.0, **variables):
     """An error of the force along variables: how much of it follows each, and whether it stands out."""
     along = {
-        name: SimpleNamespace(variable=name, follows=follows, stands_out=loud, worst=SimpleNamespace(text="loud here"))
+        name: SimpleNamespace(
+            variable=name,
+            follows=follows,
+            stands_out=loud,
+            worst=SimpleNamespace(text="loud here", error=0.6 if loud else 0.1, usual=0.1),
+        )
         for name, (follows, loud) in variables.items()
     }
     return SimpleNamespace(
@@ -51,6 +56,23 @@ def test_what_the_error_follows_most_is_shown_of_several():
     assert first_shown(one) == {"error": "drive force", "variable": "position"}
 
 
+def test_the_view_that_accounts_for_most_of_the_error_opens():
+    """A curve or a part, over time as well; over frequency every error is spread otherwise than the signal."""
+    drift = error(velocity=(0.3, True), time=(0.83, True), since_reversal=(0.1, True), frequency=(float("nan"), True))
+    assert first_shown(drift)["variable"] == "time"
+    even = error(velocity=(0.1, False), frequency=(float("nan"), True))
+    assert first_shown(even)["variable"] == "frequency"
+
+
+def test_a_part_that_holds_as_much_of_the_error_as_of_the_time_is_no_finding():
+    one = error(velocity=(0.1, False), command=(0.1, True), frequency=(float("nan"), False))
+    assert breakdowns.along_text(one.along("velocity")) == (
+        "a curve over velocity makes up 10 % of the error, and no part of it stands out"
+    )
+    assert breakdowns.along_text(one.along("command")) == "loud here; a curve over command makes up 10 % of it"
+    assert breakdowns.along_text(one.along("frequency")) == "no part of the frequency stands out"
+
+
 def test_the_variable_that_is_shown_first_has_the_dot():
     one = error(velocity=(0.1, False), position=(0.2, False), time=(0.4, False))
     assert first_shown(one)["variable"] == "time"
@@ -69,7 +91,9 @@ def test_the_words_along_a_variable_are_the_numbers_that_are_drawn():
     one = error(velocity=(0.5, True), command=(0.21, False), frequency=(float("nan"), True))
     assert breakdowns.along_text(one.along("velocity")) == "loud here; a curve over velocity makes up 50 % of it"
     # A curve that the eye sees is named, however small.
-    assert breakdowns.along_text(one.along("command")) == "loud here; a curve over command makes up 21 % of it"
+    assert breakdowns.along_text(one.along("command")) == (
+        "a curve over command makes up 21 % of the error, and no part of it stands out"
+    )
     assert breakdowns.along_text(one.along("frequency")) == "loud here"
 
 

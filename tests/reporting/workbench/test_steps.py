@@ -10,10 +10,13 @@ from idloop.diagnosis import Candidate, Diagnosis, Ladder, Step
 from idloop.diagnosis.identifiability import Gate
 from idloop.physics import load_model, simulate
 from idloop.records import Record
+from idloop.reporting.text.comparison import brief_map
+from idloop.reporting.workbench import state_json
 from idloop.reporting.workbench.signals import Signals
 from idloop.reporting.workbench.state import Snapshot
 from idloop.reporting.workbench.state_json import page_state
 from idloop.reporting.workbench.steps import Study, add, find_missing
+from idloop.validation import compare
 
 FRICTION, DRAG = "coulomb_friction@motor", "quadratic_drag@motor"
 
@@ -75,3 +78,20 @@ def test_what_the_first_fit_has_changed_is_a_row_of_its_own(monkeypatch):
     assert shown["ladder"]["steps"][0]["by"] == "the same model, fitted"
     again = find_missing(Study((record,)), fitted, found.ladder, silent)
     assert again.given is None  # nothing is fitted a second time
+
+
+def test_the_worst_stretch_is_that_of_the_command_line():
+    """A stretch with much error in much time is none: page, figure and `idloop compare` count by one rule."""
+    record = recorded(3000)
+    pushed = record.output.copy()
+    pushed[1000:1040] += 0.3
+    pushed[2000:2250, 0] += 0.1 * np.sin(np.linspace(0.0, np.pi, 250))
+    found = compare(load_model("dc_motor"), replace(record, output=pushed)).where
+    for one in found.maps:
+        said = [line for line in brief_map(one, 2) if "worst:" in line]
+        shown = state_json._map(one)["stretches"]
+        assert [f"{s['start']:.3f} .. {s['stop']:.3f} s" for s in shown[: len(said)]] == [
+            line.partition("worst: ")[2].partition(" (")[0] for line in said
+        ]
+        assert len(shown) <= len(one.loud_stretches)
+    assert any(one.loud_stretches for one in found.maps)

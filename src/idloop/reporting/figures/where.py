@@ -9,7 +9,15 @@ from bokeh.models import DataRange1d, FixedTicker, HoverTool
 from bokeh.models.annotations import BoxAnnotation, Label
 from bokeh.plotting import figure
 
-from idloop.reporting.breakdowns import MARKED_STRETCHES, axis_name, bins, legend_entry, named_ticks
+from idloop.reporting.breakdowns import (
+    MARKED_STRETCHES,
+    axis_name,
+    bins,
+    comparable,
+    legend_entry,
+    measured_error,
+    named_ticks,
+)
 from idloop.reporting.figures.theme import FONT, LIGHT, Theme, add_legend, add_zero_line, new_figure, padded, source
 from idloop.reporting.figures.thinning import BUCKETS, draw_thinned
 from idloop.validation.breakdown import Breakdown
@@ -37,6 +45,7 @@ def error_along(maps: Sequence[tuple[str, ErrorMap]], variable: str, theme: Them
     """
     if variable == "time":
         return error_in_time(maps, theme)
+    maps = comparable(maps)
     drawn = [(index, b) for index, (_, one) in enumerate(maps) if (b := one.along(variable)) is not None]
     if not drawn:
         return None
@@ -50,6 +59,7 @@ def error_along(maps: Sequence[tuple[str, ErrorMap]], variable: str, theme: Them
         **({"y_range": DataRange1d(start=0.0)} if frequency else {}),
         height=230,
     )
+    _head(plot, maps[0][1])
     entries = []
     for index, breakdown in drawn:
         glyphs = _draw(plot, breakdown, theme.models[index % len(theme.models)])
@@ -90,7 +100,9 @@ def error_in_time(maps: Sequence[tuple[str, ErrorMap]], theme: Theme = LIGHT, bu
     """
     if not maps:
         return None
+    maps = comparable(maps)
     plot = new_figure(theme, ("time", "s"), ("error", maps[0][1].unit), height=210)
+    _head(plot, maps[0][1])
     entries = []
     for index, (_, one) in enumerate(maps):
         colour = theme.models[index % len(theme.models)]
@@ -113,6 +125,13 @@ def error_in_time(maps: Sequence[tuple[str, ErrorMap]], theme: Theme = LIGHT, bu
     if len(maps) > 1:
         add_legend(plot, theme, entries)
     return plot
+
+
+def _head(plot: figure, one: ErrorMap) -> None:
+    """Write above a figure which error it is of."""
+    heading: Any = plot.title
+    heading.text = measured_error(one)
+    plot.height = int(plot.height or 0) + 18
 
 
 def _draw(plot: figure, breakdown: Breakdown, colour: str) -> list[Any]:

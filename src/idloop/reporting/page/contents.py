@@ -13,7 +13,7 @@ from idloop.errors import IdloopError
 from idloop.reporting.scores import scores_of
 from idloop.reporting.sensor_noise import believed_noise, refuted_noise
 from idloop.reporting.terms import FITTED, UNSEEN
-from idloop.validation import Comparison, compare
+from idloop.validation import Comparison, compare, share_measures
 from idloop.validation.characteristic import Characteristic, characteristic
 from idloop.validation.where import DRIVE_FORCE
 
@@ -150,7 +150,9 @@ def gather(
     for index, (use, record) in enumerate(every):
         report(0.8 * index / max(len(every), 1), f"comparing with {record.name}")
         one_more = None if driven is None else (_effects(driven), compare(ladder.steps[driven].model, record))
-        judged.append(Judged(use, tuple((label, compare(model, record)) for label, model in models), one_more))
+        rows = tuple((label, compare(model, record)) for label, model in models)
+        share_measures([one for _, one in (*rows, *([one_more] if one_more else []))])
+        judged.append(Judged(use, rows, one_more))
     report(0.8, "characteristics")
     found: dict[str, Characteristic] = {}
     drawn_at: dict[str, int] = {}

@@ -13,7 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop import drawing
-from idloop.reporting.breakdowns import MARKED_STRETCHES, axis_name, bin_edges, legend_entry, named_ticks
+from idloop.reporting.breakdowns import (
+    MARKED_STRETCHES,
+    axis_name,
+    bin_edges,
+    comparable,
+    legend_entry,
+    measured_error,
+    named_ticks,
+)
 from idloop.validation.breakdown import Breakdown
 from idloop.validation.variables import TITLES, VARIABLES
 from idloop.validation.where import ErrorMap, Where
@@ -52,7 +60,7 @@ def plot_where(models: Sequence[tuple[str, Where]]) -> Figure:
             ha="left", va="top", fontsize=10.0, fontweight="bold",
         )  # fmt: skip
         for block, name in enumerate(names):
-            maps = [(label, one) for label, where in models for one in where.maps if one.name == name]
+            maps = comparable([(label, one) for label, where in models for one in where.maps if one.name == name])
             _draw_block(_new_block(figure, width, height, _HEAD + block * block_height), maps)
     return figure
 
@@ -97,17 +105,11 @@ def _draw_block(axes: Any, maps: list[Named]) -> None:
     if means:
         means[0].set_ylabel(drawing.label("mean ± rms", maps[0][1].unit))
     axes[0, 0].set_ylabel(drawing.label("share", "%"))
-    axes[0, 0].set_title(_title(maps), loc="left", fontweight="bold", pad=6)
+    axes[0, 0].set_title(measured_error(maps[0][1]), loc="left", fontweight="bold", pad=6)
     entries = axes[0, 0].get_legend_handles_labels()
     axes[0, -1].legend(
         *entries, loc="lower right", bbox_to_anchor=(1.0, 1.02), borderaxespad=0.0, ncols=len(entries[1])
     )  # fmt: skip
-
-
-def _title(maps: list[Named]) -> str:
-    """Name of an error and what kind it is, where that is the same for all models."""
-    first = maps[0][1]
-    return f"{first.name}: {first.kind}" if len({one.kind for _, one in maps}) == 1 else first.name
 
 
 def _link(axes: list[Any]) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -62,8 +62,13 @@ class Assessment:
     residual_tests: tuple[ResidualFinding, ...] = ()
 
 
-def assess(model: Model, record: Record, report: Report) -> Assessment:
+def assess(model: Model, record: Record, report: Report, measures: Mapping[str, str] | None = None) -> Assessment:
     """Compare a model, its parameters as they are, with a record.
+
+    Parameters
+    ----------
+    measures : mapping of str to str, optional
+        By output the error to break down, that of the model before: as `idloop.validation.compare` takes them.
 
     Raises
     ------
@@ -76,7 +81,7 @@ def assess(model: Model, record: Record, report: Report) -> Assessment:
     from idloop.validation import compare
 
     report(0.1, "free run")
-    comparison = compare(model, record)
+    comparison = compare(model, record, measures=measures)
     simulated = comparison.simulated
     report(0.5, "where it fails")
     found = comparison.where

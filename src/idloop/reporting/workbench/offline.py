@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -57,6 +58,8 @@ class OfflineSource:
         self._study = study
         self._keep = keep
         self._found: Diagnosis | None = None
+        # By recording: models that follow one another are looked at by one error.
+        self._measures: dict[int, dict[str, str]] = {}
         # What the fits do not see says most about the model: it is shown first.
         self._records: Sequence[Record] = (*study.validation, *study.records)
         names = [
@@ -149,7 +152,10 @@ class OfflineSource:
         A page that showed the new ladder first would contradict its own figures while they are computed.
         """
         shown = self.state.snapshot.shown if number is None else number
-        found = self._coordinator.work(assess, model, self._records[shown])
+        found = self._coordinator.work(
+            functools.partial(assess, measures=self._measures.get(shown)), model, self._records[shown]
+        )
+        self._measures.setdefault(shown, found.where.measures)
         self._model = model
         # The page asks for its words less often than for its curves.
         self.state.change(model=model, assessment=found, shown=shown, computing="", **changes)

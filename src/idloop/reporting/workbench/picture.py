@@ -56,7 +56,7 @@ def take_picture(address: str, file: Path, *, add: int = 0, dark: bool = False, 
         except Error as error:
             raise IdloopError(f"no workbench answers at {address}: {str(error).splitlines()[0]}") from error
         page.wait_for_selector("body[data-ready]")
-        page.wait_for_selector("#stretches button")
+        page.wait_for_selector("#stretches > *")
         if page.is_visible("#stop"):
             page.wait_for_selector(".fit .what >> text=unseen data")
         climb(page, add)

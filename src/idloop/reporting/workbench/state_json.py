@@ -427,7 +427,7 @@ def _map(one: ErrorMap) -> dict[str, Any]:
         },
         "stretches": [
             {"start": s.start, "stop": s.stop, "error": percent(s.error), "time": percent(s.time), "text": s.text}
-            for s in one.stretches[:MOST_STRETCHES]
+            for s in one.loud_stretches[:MOST_STRETCHES]
         ],
     }
 

@@ -256,13 +256,14 @@
       one.tabIndex = checked ? 0 : -1;
       one.classList.toggle("loud", map.loud.includes(name));
     }
+    say("where-title", `Where the model fails: ${map.name}, ${map.kind}`);
     say("where-words", map.along[shown.variable || "velocity"] ?? "");
     render("stretches", [map.name, map.stretches], () => map.stretches.length ? [
       make("h3", {}, "Worst stretches: a click zooms to them"),
       ...map.stretches.map((one, index) => make("button", { type: "button", "data-focus": `stretch${index}`, onclick: () => zoom(one) },
         make("b", {}, String(index + 1)),
         make("span", {}, `${one.start.toFixed(2)} to ${one.stop.toFixed(2)} s: ${one.error} of the error in ${one.time} of the time `, make("small", {}, one.text)))),
-    ] : []);
+    ] : [make("p", { class: "hint" }, "No stretch of time stands out.")]);
   }
 
   // Of the output whose error is looked at, or the first one, as the figures are.
