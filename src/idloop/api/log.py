@@ -141,6 +141,11 @@ class Log:
         """The option that gives the command the sign of a column; empty where there is none."""
         return self._command(f"{self.turned_column.removeprefix('-')} * sign(COLUMN)") if self.turned_column else ""
 
+    def command_in(self, unit: str) -> str:
+        """The option that gives the command a unit."""
+        one = self.recognition.of("command")
+        return f"--command '{one.column if one is not None and one.column else self.turned_column}={unit}'"
+
     def _command(self, formula: str) -> str:
         one = self.recognition.of("command")
         return f"--command '{formula}{f'={one.unit}' if one is not None and one.unit else ''}'"

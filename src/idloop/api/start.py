@@ -84,6 +84,17 @@ class Start(Result):
         return "" if self.fit is None else verdict(self.inspections, self.fit.rows)
 
     @property
+    def set_point_unit(self) -> str:
+        """Unit in which the command is a set-point that the motion follows, where the log says none; else empty."""
+        from idloop.records.inspection.faults.inner_loop import unit_of_set_point
+
+        if self.done.model.loop is not None:
+            return ""
+        return next(
+            (unit for one in self.inspections for fault in one.faults if (unit := unit_of_set_point(fault))), ""
+        )
+
+    @property
     def records(self) -> list[Record]:
         """The records that were fitted, as the model reads them."""
         from idloop.api.data import read_bags
@@ -133,6 +144,11 @@ class Start(Result):
             yield f"not fitted: {self.not_fitted}"
         if self.done.reversed and (flag := self.log.turned_command):
             yield f"run again with {flag} and another --output"
+        if self.set_point_unit and self.log.recognition.of("command") is not None:
+            yield (
+                f"run again with {self.log.command_in(self.set_point_unit)} and another --output for a model of the"
+                " loop in the drive; if it is a force, a torque, a current or a voltage, give its unit"
+            )
         lost = any(fault.kind == _SIGN_LOST for one in self.inspections for fault in one.faults)
         if lost and (flag := self.log.signed_command):
             yield f"where a column has the sign, such as that of a direction pin, run again with {flag}"
@@ -416,14 +432,14 @@ def _apart(
 
     `looped` says whether the model has a loop in the drive.
     """
-    from idloop.records.inspection.faults.inner_loop import is_of_position
+    from idloop.records.inspection.faults.inner_loop import KIND as SET_POINT
     from idloop.records.inspection.grade import EVERYTHING, what
 
     # A record whose fault spoils every fit would spoil the others' as well; one of no use may serve beside others.
-    # Without a loop in the drive, a set-point of the position makes a motion that no force explains.
+    # Without a loop in the drive, a set-point makes a motion that no force explains.
     spoiling = {
         one.path.name: [
-            fault for fault in one.faults if EVERYTHING in fault.spoils or (is_of_position(fault) and not looped)
+            fault for fault in one.faults if EVERYTHING in fault.spoils or (fault.kind == SET_POINT and not looped)
         ]
         for one in inspections
     }

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idloop.records.inspection.faults.inner_loop import check, is_of_position
+from idloop.records.inspection.faults.inner_loop import check, unit_of_set_point
 
 
 def _looped(make_axis, stiffness, damping, unit):
@@ -30,12 +30,31 @@ def _looped(make_axis, stiffness, damping, unit):
 @pytest.mark.parametrize(("stiffness", "damping"), [(3.0, 0.1), (20.0, 0.2)])
 def test_a_set_point_that_is_overshot_or_followed_softly_is_none_of_a_force(make_axis, stiffness, damping):
     (found,) = check(_looped(make_axis, stiffness, damping, "-"))
-    assert is_of_position(found)
+    assert "set-point of the position" in found.text
+    assert unit_of_set_point(found) == "rad"
     assert found.evidence["gain"] == pytest.approx(1.0, abs=0.02)
 
 
 def test_a_force_is_no_set_point(make_axis):
     assert check(replace(make_axis(), units={})) == []
+
+
+@pytest.mark.parametrize("unit", ["", "-"])
+@pytest.mark.parametrize(("name", "factor"), [("rad/s", 1.0), ("rpm", 30.0 / np.pi), ("deg/s", 180.0 / np.pi)])
+def test_a_set_point_of_the_velocity_without_a_unit(make_axis, unit, name, factor):
+    set_point = np.repeat(np.random.default_rng(2).normal(size=60), 50)
+    axis = make_axis(command=set_point)
+    late = np.concatenate([np.full(4, set_point[0]), set_point[:-4]])
+    axis = replace(axis, position=None, velocity=late, command=factor * set_point)
+    (found,) = check(replace(axis, units={**axis.units, "j.effort": unit}))
+    assert unit_of_set_point(found) == name
+    assert "set-point of the velocity" in found.text
+
+
+def test_a_voltage_may_make_a_speed_of_the_same_number(make_axis):
+    set_point = np.repeat(np.random.default_rng(2).normal(size=60), 50)
+    axis = make_axis(command=set_point)
+    assert check(replace(axis, position=None, velocity=set_point)) == []
 
 
 @pytest.mark.parametrize("spring", [20.0, 80.0])
