@@ -658,22 +658,19 @@ def test_while_a_model_is_computed_every_number_says_so(visit):
     try:
         page = visit(one.address).page
         page.wait_for_selector("#fits .fit")
-        assert "being computed" not in page.inner_text("#fits")
-        source.state.change(computing="+ quadratic drag @ motor")
-        page.wait_for_selector("#steps .computing")
-        assert "quadratic drag @ motor" in page.inner_text("#steps .computing")
-        tiles = page.locator("#fits .fit").all_inner_texts()
-        assert tiles
-        assert all("being computed" in text and not re.search(r"\d", text) for text in tiles)
-        assert "the next one is being computed" in page.inner_text("#model-panel")
-        assert "being computed" in page.inner_text("#where-hint")
-        source.state.change(computing="", reason="quadratic drag @ motor was added")
-        page.wait_for_function("() => document.querySelector('#reason').textContent.includes('was added')")
-        assert page.locator("#steps .computing").count() == 0
-        page.goto("about:blank")
-    finally:
-        one.close()
-        source.close()
+    assert "being computed" not in page.inner_text("#fits")
+    source.state.change(computing="+ quadratic drag @ motor")
+    page.wait_for_selector("#steps .computing")
+    assert "quadratic drag @ motor" in page.inner_text("#steps .computing")
+    tiles = page.locator("#fits .fit").all_inner_texts()
+    assert tiles
+    assert all("being computed" in text and not re.search(r"\d", text) for text in tiles)
+    assert "the next one is being computed" in page.inner_text("#model-panel")
+    assert "being computed" in page.inner_text("#where-hint")
+    source.state.change(computing="", reason="quadratic drag @ motor was added")
+    page.wait_for_function("() => document.querySelector('#reason').textContent.includes('was added')")
+    assert page.locator("#steps .computing").count() == 0
+    page.goto("about:blank")
 
 
 def measured_record(model):

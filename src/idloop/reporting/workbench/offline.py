@@ -216,10 +216,12 @@ class OfflineSource:
 
     def _suggest(self) -> None:
         found = self._coordinator.work(suggest, self._study, self._found)
-        if found is None:
-            self.state.change(note=Note("nothing is undecided that an experiment could settle", OK))
+        if found.suggestion is not None:
+            self.state.change(suggested=found.suggestion.to_dict(), suggestion=found.suggestion)
+        elif found.reason:
+            self.state.change(suggested={"text": found.reason}, suggestion=None)
         else:
-            self.state.change(suggested=found.to_dict(), suggestion=found)
+            self.state.change(note=Note("nothing is undecided that an experiment could settle", OK))
 
     def _kept(self, ladder: Ladder) -> None:
         if self._keep is not None:

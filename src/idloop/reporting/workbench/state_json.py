@@ -15,6 +15,7 @@ from idloop.reporting.figures.evidence import drawn_lines
 from idloop.reporting.ladder_errors import step_evidence, step_title
 from idloop.reporting.page.equations import equations, to_mathml
 from idloop.reporting.residual_findings import residual_warnings
+from idloop.reporting.same_force import same_forces
 from idloop.reporting.scores import Score, disagreements, judging, scores_of, step_scores
 from idloop.reporting.terms import (
     DATA_USE,
@@ -221,6 +222,7 @@ def _missing(
     lacking = [effect_words(name) for name in found.pair or found.set[:1]] if found.verdict == "missing" else []
     level = LEVEL if ladder is None else ladder.level
     twins = () if ladder is None else find_equivalent_effects(ladder.model, found.set)
+    twins += same_forces(found.candidates, without_equivalents(found.set, twins))
     return {
         "verdict": found.verdict,
         "conclusion": _conclusion(found.verdict, ladder, left),

@@ -11,9 +11,10 @@ from idloop.spelling import joined_names
 if TYPE_CHECKING:
     from idloop.diagnosis import Candidate, Diagnosis, Ladder, Step
     from idloop.diagnosis.candidate import Rung
-    from idloop.diagnosis.design.suggest import Limits, Suggestion
+    from idloop.diagnosis.design.suggest import Limits
     from idloop.physics import Model
     from idloop.records import Record
+    from idloop.reporting.next_experiment import Next
     from idloop.reporting.residual_findings import ResidualFinding
     from idloop.validation.characteristic import Characteristic
 
@@ -95,7 +96,7 @@ def find_missing(study: Study, model: Model, ladder: Ladder | None, report: Repo
         model,
         study.records,
         level=study.level,
-        criterion=study.criterion if ladder is None else ladder.criterion,
+        criterion=study.criterion,
         minimum_improvement=study.minimum_improvement,
         effects=study.effects or None,
         seed=study.seed,
@@ -111,6 +112,7 @@ def find_missing(study: Study, model: Model, ladder: Ladder | None, report: Repo
             given = _step(study, model)
     ladder = replace(
         ladder,
+        criterion=found.criterion,
         verdict=found.verdict,
         candidates=tuple(replace(one, model=None) for one in found.candidates),
         untestable=found.untestable,
@@ -156,11 +158,13 @@ def add(
     )  # fmt: skip
 
 
-def suggest(study: Study, found: Diagnosis, report: Report) -> Suggestion | None:
-    """Choose the experiment that settles what a diagnosis has left open."""
-    from idloop.diagnosis.design.next_experiment import suggest_next
+def suggest(study: Study, found: Diagnosis, report: Report) -> Next:
+    """Choose the experiment that settles what a diagnosis has left open, or say why there is none."""
+    from idloop.diagnosis.design.suggest import Limits
+    from idloop.reporting.next_experiment import next_of_diagnosis
 
-    return suggest_next(found, study.records, study.limits, duration=study.duration, seed=study.seed, progress=report)
+    options = {"duration": study.duration, "seed": study.seed, "progress": report}
+    return next_of_diagnosis(found, study.records, study.limits or Limits(), options)
 
 
 def _rungs(found: Diagnosis, name: str) -> tuple[Rung, ...]:

@@ -463,7 +463,9 @@
   function showExperiment(s) {
     const m = s.missing;
     const tied = m && m.separable;
-    const open = tied || m?.verdict === "not_excited";
+    // One that was looked for and not found is not offered again.
+    const futile = s.suggested && !s.suggested.signal;
+    const open = !futile && (tied || m?.verdict === "not_excited");
     $("onward").hidden = !open;
     const aim = tied ? "that tells them apart" : "that shows more";
     say("experiment", s.live ? `Run the experiment ${aim} …` : `Work out the experiment ${aim}`);
@@ -476,7 +478,8 @@
     }
     say("experiment-signal", s.suggested?.signal ?? "");
     say("experiment-text", s.suggested?.text ?? "");
-    $("experiment-hint").hidden = s.live;
+    say("experiment-title", futile ? "No experiment decides it" : "The next experiment");
+    $("experiment-hint").hidden = s.live || Boolean(futile);
     render("outcomes", s.suggested?.outcomes ?? [], () => (s.suggested?.outcomes ?? []).map((text) => make("li", {}, text)));
     render("limits", s.limits, () => s.limits.map((one) => make("tr", {}, make("th", { scope: "row" }, one.name), make("td", {}, one.value))));
   }
