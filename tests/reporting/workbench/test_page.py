@@ -645,19 +645,38 @@ def test_response_poles_and_residual_tests_are_of_the_output_that_is_looked_at(v
         source.close()
 
 
-@pytest.mark.slow
-def test_while_a_model_is_computed_every_number_says_so(visit):
-    """Head, ladder and version: no number of the model before is read as one of the next."""
+@pytest.fixture
+def recording():
+    """A recording on the page, assessed."""
     source = FakeSource(live=False)
     record = measured_record(source.model)
     source.signals.load(record)
-    source.state.change(
-        assessment=assess(source.model, record, lambda share, text: None), recordings=("run1 (fitted)",)
-    )
+    found = assess(source.model, record, lambda share, text: None)
+    source.state.change(assessment=found, recordings=("run1 (fitted)",))
     one = Site(source, Place())
-    try:
-        page = visit(one.address).page
-        page.wait_for_selector("#fits .fit")
+    yield source, one.address
+    one.close()
+    source.close()
+
+
+@pytest.mark.slow
+def test_an_experiment_that_decides_nothing_is_not_to_be_sent_in(recording, visit):
+    source, address = recording
+    page = visit(address).page
+    page.wait_for_selector("#experiment")
+    source.state.change(suggested={"text": "no experiment within these limits tells them apart"})
+    page.wait_for_selector("#experiment-text >> text=No experiment within these limits")
+    assert page.is_hidden("#experiment-hint")
+    assert page.is_hidden("#experiment")
+    page.goto("about:blank")
+
+
+@pytest.mark.slow
+def test_while_a_model_is_computed_every_number_says_so(recording, visit):
+    """Head, ladder and version: no number of the model before is read as one of the next."""
+    source, address = recording
+    page = visit(address).page
+    page.wait_for_selector("#fits .fit")
     assert "being computed" not in page.inner_text("#fits")
     source.state.change(computing="+ quadratic drag @ motor")
     page.wait_for_selector("#steps .computing")
