@@ -100,6 +100,7 @@ def test_the_results_are_written(found, tmp_path):
     assert "cogging" in page
     assert 'id="joint-elbow"' in page
     assert "http://" not in page.partition("<script>")[0].replace("http-equiv", "")
-    assert "elbow" in found.summary()
+    assert "harmonic 9" in page
+    assert "harmonic 9" in found.summary()
     assert found.plot().axes
     assert found.ladder("elbow").added == ("cogging@elbow",)

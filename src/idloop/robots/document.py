@@ -97,6 +97,9 @@ def _joint(ladder: Ladder, task: JointTask) -> dict[str, Any]:
             for step in ladder.steps
         ],
         "parameters": parameter_estimates(ladder.model),
+        "chosen": {
+            one.name: one.value for one in ladder.model.parameters if not one.free and one.name.startswith(ladder.added)
+        },
         "model": ladder.model.to_yaml(),
         "where": _where(ladder, task),
         "not_shown": undetectable(ladder),
@@ -108,8 +111,9 @@ def _where(ladder: Ladder, task: JointTask) -> str:
     """Where the torque error of a joint is largest; empty where it is spread evenly."""
     for one in compare(ladder.model, task.records[0]).where.maps:
         if one.name == DRIVE_FORCE:
-            line = one.lines()[1].strip()
-            return "" if line.startswith(("evenly", "worst")) else line
+            line = " ".join(one.lines()[1].split())
+            variable, _, rest = line.partition(" ")
+            return "" if variable in {"evenly", "worst:"} else f"by {variable}, {rest}"
     return ""
 
 

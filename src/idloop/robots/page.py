@@ -14,7 +14,7 @@ from idloop.reporting.page.page import TEMPLATES, browser_code, figure_items
 from idloop.reporting.terms import capitalised, effect_words, p_value_text
 from idloop.robots.figures import torque_figures
 from idloop.robots.identify import Robot
-from idloop.robots.words import joint_table, judged_error, link_table, parameter_lines, payload_lines
+from idloop.robots.words import effect_lines, joint_table, judged_error, link_table, parameter_lines, payload_lines
 
 OWN = Path(__file__).parent / "templates"
 
@@ -49,6 +49,7 @@ def render_robot(robot: Robot, document: Mapping[str, Any]) -> str:
         dark=DARK,
         effect_words=effect_words,
         p_text=p_value_text,
+        effect_lines=effect_lines,
         parameter_lines=parameter_lines,
         capitalised=capitalised,
         style=Markup((TEMPLATES / "report.css").read_text(encoding="utf-8")),  # noqa: S704

@@ -17,8 +17,8 @@ def robot_blocks(document: Mapping[str, Any]) -> Iterator[Block]:
     yield from (f"note: {text}" for text in document["findings"])
     yield joint_table(document)
     use = "unseen" if any(one["unseen"] for one in document["records"]) else "fitted"
-    yield f"(torque errors of the {use} records where the joint moves; {100.0 * document['level']:g} % false alarms"
-    yield " over all joints)"
+    false_alarms = f"{100.0 * document['level']:g} % false alarms over all joints"
+    yield f"(torque errors of the {use} records where the joint moves; {false_alarms})"
     for joint in document["joints"]:
         yield from _joint(joint)
     yield ""
@@ -75,12 +75,19 @@ def _joint(joint: Mapping[str, Any]) -> Iterator[Block]:
         yield f"{joint['name']}: {joint['conclusion']}"
     for one in joint["added"]:
         yield f"  + {one['effect']}, p {p_value_text(one['p_value'])}: {one['text']}"
-        own = [key for key in joint["parameters"] if key.startswith(one["effect"])]
-        yield from (f"    {line}" for line in parameter_lines(joint, own))
+        yield from (f"    {line}" for line in effect_lines(joint, one["effect"]))
         if one["rivals"]:
             yield f"    this data cannot tell it from {', '.join(one['rivals'])}"
     if joint["where"] and joint["verdict"] != "adequate":
         yield f"  where it fails: {joint['where']}"
+
+
+def effect_lines(joint: Mapping[str, Any], effect: str) -> Iterator[str]:
+    """Yield the parameters of an effect: those that were estimated, and those that were chosen."""
+    yield from parameter_lines(joint, [key for key in joint["parameters"] if key.startswith(f"{effect}.")])
+    for key, value in joint["chosen"].items():
+        if key.startswith(f"{effect}."):
+            yield f"{key.rpartition('.')[2]} {number(value)}"
 
 
 def parameter_lines(joint: Mapping[str, Any], names: list[str]) -> Iterator[str]:
@@ -95,7 +102,7 @@ def parameter_lines(joint: Mapping[str, Any], names: list[str]) -> Iterator[str]
 def link_table(document: Mapping[str, Any]) -> Table:
     """Table of the links' masses and centres of mass."""
     rows = [
-        (name, number(one["mass"], 4), *(number(value, 3) for value in one["centre"]))
+        (name, number(one["mass"], 4), *(number(round(value, 6), 3) for value in one["centre"]))
         for name, one in document["links"].items()
     ]
     return Table.of(("link behind", "mass kg", "centre x m", "y", "z"), rows)
