@@ -65,3 +65,16 @@ def test_the_slope_is_found_over_runs_of_which_some_show_nothing():
     assert found is not None
     assert found.value == pytest.approx(1.0, abs=0.01)
     assert slope_of(time, np.full(T.size, np.nan), rate, runs) is None
+
+
+@pytest.mark.parametrize("largest", [0.1, 0.3, 0.4])
+def test_a_position_that_goes_round_by_large_steps(largest):
+    """Its largest step between two samples is this part of a turn."""
+    time = np.arange(600) / 50.0
+    speed = largest * 360.0 * np.sin(0.9 * time)
+    assert find_wrap(np.cumsum(speed) % 360.0, "deg") == 360.0
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_noisy_angle_of_large_steps_does_not_go_round(seed):
+    assert find_wrap(np.random.default_rng(seed).uniform(0.0, 360.0, size=600), "deg") == 0.0

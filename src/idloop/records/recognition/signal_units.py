@@ -28,6 +28,9 @@ _TURNS = {"rad": 2.0 * pi, "deg": 360.0, "rev": 1.0}
 _COUNTS = tuple(float(2**bits) for bits in range(8, 25))
 _SAME_COUNT = 0.003  # difference of a measured number of counts per turn and that of the encoder
 _LARGEST_STEP = 0.25  # of the range, but for a wrap
+# An axis that goes round passes all of its range, by less than this part of it between two samples; without its wraps
+# its steps scatter by so much less, and so many of them show it.
+_MIDDLE, _NEXT, _SMOOTHER, _FEWEST_WRAPS = 0.25, 0.45, 0.3, 3
 
 
 @dataclass(frozen=True)
@@ -209,7 +212,22 @@ def find_wrap(value: Floats, unit: str) -> float:
         others = step[~jumps]
         if jumps.any() and others.size and float(others.max()) < _LARGEST_STEP * whole:
             return whole
+        if _goes_round(known - low, whole):
+            return whole
     return 0.0
+
+
+def _goes_round(value: Floats, whole: float) -> bool:
+    """Whether a position from 0 to a whole range goes round and round, by large parts of it between two samples."""
+    step = np.diff(value)
+    turned = step - whole * np.round(step / whole)
+    middle = float(np.mean(np.abs(value / whole - 0.5) < 0.25))
+    return bool(
+        np.count_nonzero(step != turned) >= _FEWEST_WRAPS
+        and middle > _MIDDLE
+        and float(np.abs(turned).max()) < _NEXT * whole
+        and float(np.std(np.diff(turned))) < _SMOOTHER * float(np.std(np.diff(step)))
+    )
 
 
 def find_decoding(value: Floats) -> str:
