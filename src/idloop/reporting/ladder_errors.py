@@ -52,7 +52,7 @@ class ErrorLine:
 
 
 def error_lines(ladder: Ladder) -> list[ErrorLine]:
-    """NRMSE of the free run of every output at every step; unseen data first, no line for what is nowhere known."""
+    """NRMSE of the free run of every output at every step; unseen data first, no line for what is known at one only."""
     names = dict.fromkeys(name for step in ladder.steps for name in step.train.get("nrmse", {}))
     return _lines(ladder, names, lambda part, name: part.get("nrmse", {}).get(name))
 
@@ -90,6 +90,7 @@ def _lines(
         for colour, name in enumerate(quantities):
             values = [read(getattr(step, kind), name) for step in ladder.steps]
             error = scale * np.array([np.nan if value is None else float(value) for value in values])
-            if np.any(np.isfinite(error)):
+            # One step of several says nothing of what an effect did.
+            if np.count_nonzero(np.isfinite(error)) >= min(2, len(error)):
                 found.append(ErrorLine(name, kind, DATA_USE[kind] if unseen else "", colour, error))
     return found

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bokeh.models import Scatter
 from bokeh.models.annotations import BoxAnnotation, Label, Legend, Span
 
 from idloop.reporting.breakdowns import bins
@@ -128,9 +129,24 @@ def test_the_ladder_draws_the_numbers_of_its_document(contents):
         np.testing.assert_allclose(force, [100.0 * step[kind]["force"] for step in document])
 
 
+def test_a_marker_of_the_ladder_is_hollow_for_fitted_data_wherever_there_are_unseen(contents):
+    """Also where nothing is known of the unseen; and a lone step, with nothing to compare it with, is no line."""
+    steps = [
+        replace(one, train={**one.train, "force": 0.2}, validation={**one.validation, "force": None})
+        for one in contents.ladder.steps
+    ]
+    force, _ = ladder_figures(replace(contents.ladder, steps=tuple(steps), criterion="force"))
+    assert labels(force)[0] == "error of the drive force, fitted data [%]"
+    (dots,) = [one for one in force.renderers if isinstance(one.glyph, Scatter)]
+    assert dots.glyph.fill_color == LIGHT.surface
+    lone = replace(steps[0], train={**steps[0].train, "force": None})
+    (only,) = ladder_figures(replace(contents.ladder, steps=(lone, *steps[1:]), criterion="force"))
+    assert labels(only)[0] == "NRMSE of the free run [-]"
+
+
 def test_the_ladder_names_its_steps_and_shows_the_noise_floor(contents):
     assert step_names(contents.ladder) == ["0  start", "1  + Coulomb friction @ motor"]
-    force, outputs = ladder_figures(contents.ladder, contents.floor)
+    outputs, force = ladder_figures(contents.ladder, contents.floor)  # judged by predictions
     assert labels(force)[0] == "error of the drive force [%]"
     assert labels(outputs)[0] == "NRMSE of the free run [-]"
     drawn = [one.data_source.data for one in outputs.renderers if "high" in one.data_source.data]

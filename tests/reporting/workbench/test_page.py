@@ -701,3 +701,19 @@ def measured_record(model):
     units = tuple(one.unit for one in model.outputs)
     names = tuple(model.output_names)
     return Record("run1", time, command, time, clean + noise, model.input.name, model.input.unit, names, units)
+
+
+@pytest.mark.slow
+def test_nothing_significant_never_stands_over_what_is_significant(recording, visit):
+    source, address = recording
+    page = visit(address).page
+    lag = replace(DRAG, effect="actuator_lag", at="input", p_value=1e-5)
+    why = {lag.name: "it reduces the errors by 0.1 % only, and 1 % is asked for"}
+    ladder = replace(source.state.snapshot.ladder, verdict="adequate")
+    found = replace(MISSING, verdict="adequate", candidates=(lag,), set=(), passed_over=why)
+    source.state.change(missing=found, ladder=ladder)
+    page.wait_for_selector("#beside >> text=actuator lag")
+    assert page.inner_text("#verdict") == "Nothing worth adding is missing."
+    assert "because it reduces the errors by 0.1" in page.inner_text("#beside").replace("\u00a0", " ")
+    assert "Effects are judged by" in page.inner_text("#fits")
+    page.goto("about:blank")

@@ -267,3 +267,24 @@ def test_commands_name_the_file_that_holds_the_model_of_the_page():
     # What the page has changed is in the file that it offers.
     changed = replace(snapshot, model=model.with_effects(["coulomb_friction@motor(level=2.0)"]))
     assert commands(changed)[0] == "idloop compare model.yaml bags/run"
+
+
+def test_what_is_significant_and_not_added_says_why():
+    """Wherever it stands: beside what is missing, and under a verdict that nothing is."""
+    lag = Candidate("actuator_lag", "input", "yes", "", "It lags.", gain=9.0, p_value=1e-5)
+    level = 0.01
+    known = Missing("adequate", candidates=(lag,), passed_over={lag.name: "it reduces the errors by 0.1 % only"})
+    assert state_json._why_not(lag, known, level) == "it reduces the errors by 0.1 % only"
+    for verdict in ("adequate", "not_excited", "missing"):
+        assert state_json._why_not(lag, Missing(verdict, candidates=(lag,)), level)
+    assert state_json._why_not(replace(lag, p_value=0.3), Missing("adequate"), level) == ""
+
+
+def test_head_and_ladder_name_the_error_that_decides():
+    model = load_model("dc_motor")
+    step = Step(None, model, validation={"fit": {"motor.position": 80.0}, "force": 0.2})
+    said = state_json._judged_by(Ladder((step,), criterion="force"), "validation")
+    assert said == "Effects are judged by the drive force that the measured motion leaves unexplained."
+    hidden = replace(step, validation={"fit": {"motor.position": 80.0}, "force": None})
+    said = state_json._judged_by(Ladder((hidden,), criterion="force"), "validation")
+    assert said.endswith("unexplained; its error is not shown, sensor noise may be all of it.")

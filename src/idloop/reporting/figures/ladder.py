@@ -23,7 +23,7 @@ from idloop.reporting.ladder_errors import (
     step_evidence,
     step_title,
 )
-from idloop.reporting.scores import TRAIN, VALIDATION
+from idloop.reporting.scores import TRAIN
 from idloop.reporting.terms import effect_words
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def ladder_figures(ladder: Ladder, floor: Mapping[str, float] | None = None, the
     Returns
     -------
     list of figure
-        The drive force [%] where it is known, then the outputs; the more telling one first.
+        The drive force [%] where it is known, and the outputs; first what the steps were judged by.
     """
     plots = []
     forces, outputs = force_lines(ladder), error_lines(ladder)
@@ -67,7 +67,8 @@ def ladder_figures(ladder: Ladder, floor: Mapping[str, float] | None = None, the
     if outputs:
         floors = {line.colour: f for line in outputs if (f := (floor or {}).get(line.quantity, np.nan)) > 0.0}
         plots.append(_draw(ladder, outputs, ("NRMSE of the free run", "-"), floors, theme))
-    return plots
+    # What the steps were judged by comes first.
+    return plots if ladder.criterion == "force" else plots[::-1]
 
 
 def _draw(
@@ -90,10 +91,10 @@ def _draw(
         number_decades(plot, 0.8 * low, 1.3 * high)
     places = name_rows(plot, names, theme, below)
     entries = []
-    unseen = any(line.kind == VALIDATION for line in lines)
     for number, line in enumerate(lines):
         colour = theme.models[line.colour % len(theme.models)]
-        faint = line.kind == TRAIN and unseen
+        # As in every figure of a ladder with unseen data, also where nothing is known of those here.
+        faint = line.kind == TRAIN and bool(line.use)
         error = np.where(line.error > 0.0, line.error, np.nan)
         columns = source(
             x=error, before=np.concatenate([[np.nan], error[:-1]]), y=places - _APART * number, name=names,

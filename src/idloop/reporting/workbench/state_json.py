@@ -191,7 +191,9 @@ def _head(snapshot: Snapshot) -> dict[str, Any]:
     if snapshot.live and scores and found is not None and snapshot.assessed:
         force = scores_of(found.errors, found.record).get(DRIVE_FORCE)
         scores |= {} if force is None else {DRIVE_FORCE: force}
-    return {"scores": [one.to_dict() for one in scores.values()], "pending": pending, "why": why}
+    ladder = snapshot.ladder
+    judged = "" if ladder is None or not scores else _judged_by(ladder, judging(ladder))
+    return {"scores": [one.to_dict() for one in scores.values()], "pending": pending, "why": why, "judged": judged}
 
 
 def _held(snapshot: Snapshot) -> tuple[str, ...]:
@@ -313,11 +315,22 @@ def _candidate(
         "text": one.text,
         "replaces": effect_words(one.replaces) if one.replaces else "",
         "below_level": one.p_value < level,
-        "passed_over": in_words(found.passed_over.get(one.name, "")),
+        "passed_over": "" if significant else in_words(_why_not(one, found, level)),
         "parameters": _parameters(one.parameters),
         "picture": None if picture is None else _picture(picture),
         "no_picture": why,
     }
+
+
+def _why_not(one: Candidate, found: Missing, level: float) -> str:
+    """Why an effect that is significant by itself is not named; empty where it is not significant."""
+    if one.name in found.passed_over:
+        return found.passed_over[one.name]
+    if one.p_value >= level:
+        return ""
+    if found.verdict == "missing":
+        return "what is named explains more; whether this one is left shows once that is in the model"
+    return "its gain is within what differs from one part of the record to another"
 
 
 def _picture(one: Characteristic) -> dict[str, Any]:
@@ -337,7 +350,6 @@ def _points(x: Any, y: Any) -> list[list[float]]:
 def _ladder(ladder: Ladder, recordings: Sequence[str], given: Step | None = None) -> dict[str, Any]:
     kind = judging(ladder)
     count = _count(recordings, DATA_USE[kind])
-    by = CRITERIA[ladder.criterion] if ladder.criterion != "auto" else "what the data show best"
     together = f" ({count} recordings together)" if count > 1 else ""
     return {
         # Before the fit, with its own errors: what the fit has done is no part of what an effect has done.
@@ -350,12 +362,20 @@ def _ladder(ladder: Ladder, recordings: Sequence[str], given: Step | None = None
             for number, step in enumerate(ladder.steps)
         ],
         "verdict": ladder.verdict,
-        "data": f"Errors of the {DATA_USE[kind]} data{together}. Effects are judged by {by}.",
+        "data": f"Errors of the {DATA_USE[kind]} data{together}. {_judged_by(ladder, kind)}",
         "beware": [
             sentence(in_words(text))
             for text in (*(f"warning: {one.text}" for one in ladder.worsened), *disagreements(ladder))
         ],
     }
+
+
+def _judged_by(ladder: Ladder, kind: str) -> str:
+    """Name the error that decides about effects, and say where it is not among the numbers."""
+    by = CRITERIA[ladder.criterion] if ladder.criterion != "auto" else "what the data show best"
+    known = any(DRIVE_FORCE in step_scores(step, kind) for step in ladder.steps)
+    hidden = "" if known or ladder.criterion != "force" else "; its error is not shown, sensor noise may be all of it"
+    return f"Effects are judged by {by}{hidden}."
 
 
 def _step(number: int, step: Step, ladder: Ladder, kind: str) -> dict[str, Any]:

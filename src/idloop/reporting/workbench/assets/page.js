@@ -11,6 +11,7 @@
   const COMPUTING = "being computed";
   const LEVELS = ["ok", "warning", "error", "silent"];
   const MANY = 3; // effects that tie from which on each gets less room, so that all are seen at once
+  const LONG = 90; // letters from which on a verdict is read as text
   const FAILED = 2; // level of a check from which on the head says so
   // Texts for the states of the stop, and what the reader does about it.
   const BY_HAND = "The motor may still be driven: switch the drive off by hand.";
@@ -203,7 +204,7 @@
     render("model", s.effects, () => s.effects.length
       ? [make("span", { class: "plain", style: "background:none;padding:0" }, "with"), ...s.effects.map((e) => make("span", {}, e))]
       : ["no effects added"]);
-    render("fits", s.head, () => s.head.why ? [make("span", { class: "hint" }, s.head.why)] : s.head.scores.map((one) => tile(one, s.head.pending)));
+    render("fits", s.head, () => s.head.why ? [make("span", { class: "hint" }, s.head.why)] : [...s.head.scores.map((one) => tile(one, s.head.pending)), s.head.judged ? make("p", { class: "hint judged" }, s.head.judged) : null].filter(Boolean));
     $("fits").setAttribute("aria-busy", String(s.head.pending));
     $("stop").hidden = !s.moves;
     showStop(s.stop);
@@ -294,6 +295,7 @@
     const m = s.missing;
     const verdict = $("verdict");
     verdict.className = "verdict";
+    const beside = m ? m.candidates.filter((c) => !c.significant && c.fitted && c.below_level) : [];
     if (!m) say("verdict", s.activity ? "" : (s.ladder?.steps.length ?? 0) > 1 ? "Added. Is anything still missing?" : "No diagnosis yet.");
     else if (m.error) say("verdict", m.error);
     else if (m.verdict === "missing") {
@@ -303,8 +305,11 @@
     } else {
       verdict.classList.add(m.verdict === "unknown_structure" || m.conclusion ? "open" : "good");
       const shape = m.verdict === "unknown_structure" ? m.unknown : "";
-      say("verdict", [m.conclusion || VERDICTS[m.verdict], shape].filter(Boolean).join(" ") || m.line);
+      const plain = beside.length ? VERDICTS[m.verdict]?.replace("Nothing significant", "Nothing worth adding") : VERDICTS[m.verdict];
+      say("verdict", [m.conclusion || plain, shape].filter(Boolean).join(" ") || m.line);
     }
+    verdict.classList.toggle("long", verdict.textContent.length > LONG);
+    say("beside", m && m.verdict !== "missing" && beside.length ? `Significant by itself and not added: ${beside.map((c) => `${c.words}, because ${c.passed_over}`).join("; ")}.` : "");
     const busy = Boolean(s.activity);
     $("diagnose").disabled = busy;
     $("diagnose").classList.toggle("primary", !m || m.verdict !== "missing");
