@@ -68,3 +68,21 @@ def test_counted_samples_alone_are_no_time(tmp_path, name):
     with pytest.raises(InputError, match=r"counts.*--rate HZ"):
         recognise(path)
     assert recognise(path, period=0.005).recognition.of("position").column == "angle [rad]"
+
+
+def test_stamps_beside_every_signal_are_no_joint(tmp_path):
+    """Simulink writes each signal as a matrix of stamps and values."""
+    head = "vm[0],vm[1],theta[0],theta[1]"
+    path = _write(tmp_path / "log.csv", head, TIME, FORCE, TIME, ANGLE)
+    found = recognise(path)
+    assert found.recognition.of("position").column == "theta[1]"
+    assert not any("joints" in doubt for doubt in found.doubts)
+
+
+@pytest.mark.parametrize("taken", ["X", "Y"])
+def test_of_joints_with_names_the_one_that_moves_most_is_taken(tmp_path, taken):
+    far, near = (2.5 * ANGLE, ANGLE) if taken == "X" else (ANGLE, 2.5 * ANGLE)
+    path = _write(tmp_path / "log.csv", "t_s,X.u_A,X.pos_mm,Y.u_A,Y.pos_mm", TIME, FORCE, far, -FORCE, near)
+    found = recognise(path)
+    assert [one.column for one in found.recognition.guesses] == [f"{taken}.u_A", f"{taken}.pos_mm"]
+    assert any(f"2 joints (X, Y); joint {taken}" in doubt for doubt in found.doubts)

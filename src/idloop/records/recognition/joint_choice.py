@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Iterable
 from collections.abc import Mapping as Map
 from math import pi
 
@@ -20,13 +21,40 @@ Floats = NDArray[np.float64]
 _BLOCKS, _FEWEST_BLOCKS = 4000, 4  # means along which the path of a joint is measured
 
 
-def one_joint(columns: dict[str, TableColumn], named: set[str], doubts: list[str]) -> dict[str, TableColumn]:
+def joints_by_name(names: Iterable[str]) -> dict[str, str] | None:
+    """Return the joint of each column where several have columns of the same names: ``X.pos``, ``X.u``, ``Y.pos``, ...
+
+    None where the names say no joints so.
+    """
+    groups: dict[str, set[str]] = {}
+    for name in names:
+        joint, _, own = name.replace("/", ".").rpartition(".")
+        groups.setdefault(joint, set()).add(own)
+    alike = [
+        joint
+        for joint, own in groups.items()
+        if joint and len(own) > 1 and sum(own == other for other in groups.values()) > 1
+    ]
+    if not alike:
+        return None
+    joints = {name: name.replace("/", ".").rpartition(".")[0] for name in names}
+    return {name: joint for name, joint in joints.items() if joint in alike}
+
+
+def one_joint(
+    columns: dict[str, TableColumn], named: set[str], doubts: list[str], *, by_path: bool = False
+) -> dict[str, TableColumn]:
     """Return the columns of one joint, where a log has several: that which moves most, or that which the user names."""
     by_joint: dict[str, list[TableColumn]] = {}
     for one in columns.values():
         if one.by_name.role in MOTION and one.parsed.index:
             by_joint.setdefault(one.parsed.index, []).append(one)
-    roles = [(one.by_name.role, one.parsed.words) for some in by_joint.values() for one in some]
+    # Names of their own, which differ from joint to joint, say what is measured and not of which joint.
+    own = {
+        one.name: one.name.replace("/", ".").rpartition(".")[2] if by_path else one.parsed.words
+        for one in columns.values()
+    }
+    roles = [(one.by_name.role, own[one.name]) for some in by_joint.values() for one in some]
     if len(by_joint) < 2 or len(set(roles)) == len(roles):
         return columns
     chosen = next((index for index, some in by_joint.items() if any(one.name in named for one in some)), None)

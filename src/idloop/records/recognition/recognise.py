@@ -17,7 +17,7 @@ from idloop.records.formats.clock_names import known_clock_unit
 from idloop.records.formats.known_columns import recognise as known_drive
 from idloop.records.recognition.column_name import ColumnName, parse_column_name
 from idloop.records.recognition.guess import MOTION, NONE, ROLES, Given, Guess, quoted, with_unit
-from idloop.records.recognition.joint_choice import one_joint
+from idloop.records.recognition.joint_choice import joints_by_name, one_joint
 from idloop.records.recognition.role_units import LINEAR_UNITS, set_decoding, set_units, unit_by_words
 from idloop.records.recognition.roles import BY_UNIT, RoleByName, may_be_measured, may_be_supply, role_by_name
 from idloop.records.recognition.table_column import TableColumn, numbers_of, runs_of
@@ -211,6 +211,8 @@ def _by_names(
 ) -> tuple[dict[str, TableColumn], dict[str, Guess]]:
     """Return the columns, and what is given of them or said by their names."""
     columns = {}
+    paths = joints_by_name(numbers) if joints is None else None
+    joints = joints if paths is None else paths
     for name, value in numbers.items():
         parsed = parse_column_name(name, table.units.get(name, ""))
         if name == base.time.column or name in table.clocks.values():
@@ -224,7 +226,7 @@ def _by_names(
     _of_known_drive(columns, sources)
     _supplies(columns)
     named = {one.column for one in given.values()}
-    columns = one_joint(columns, named, doubts)
+    columns = one_joint(columns, named, doubts, by_path=paths is not None)
     chosen: dict[str, Guess] = {}
     for role in ROLES:
         said = given.get(role, Given())

@@ -14,7 +14,7 @@ from idloop.records.recognition.guess import MOTION, Guess
 from idloop.records.recognition.roles import RoleByName, role_by_name
 from idloop.records.recognition.signal_units import find_wrap
 from idloop.records.recognition.time_base import TimeBase, counts_rows
-from idloop.records.tables.base_units import COUNTS
+from idloop.records.tables.base_units import COUNTS, SECONDS
 from idloop.records.tables.table import Table
 
 Floats = NDArray[np.float64]
@@ -96,13 +96,16 @@ class TableColumn:
         """
         # A value that is set may rise by one with each row, such as a duty cycle: then its own name says so.
         own = role_by_name(parse_column_name(self.name.rpartition(".")[2])).role
-        if not self.parsed.unit and own != "command" and counts_rows(self.value):
+        plain = not self.parsed.unit and own != "command"
+        if plain and counts_rows(self.value):
             return True
-        if self.by_name.role or not self.moves or self.value.size != seconds.size:
+        if not self.moves or self.value.size != seconds.size:
             return False
+        if plain and any(np.array_equal(self.value * factor, seconds) for factor in SECONDS.values()):
+            return True
         # A value that is not finite leaves no correlation.
         along = np.corrcoef([self.value, seconds, np.arange(seconds.size)])[0, 1:]
-        return bool((1.0 - along**2 < _LINE**2).any())
+        return not self.by_name.role and bool((1.0 - along**2 < _LINE**2).any())
 
 
 def numbers_of(table: Table) -> dict[str, Floats]:
