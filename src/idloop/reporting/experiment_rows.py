@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop import drawing
+from idloop.reporting.estimates import NORMAL_95
 from idloop.reporting.terms import in_words
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ Array = NDArray[np.float64]
 
 # A limit is drawn where the view need not grow by more than this share of what it shows, at either end.
 _NEAR = {"sent": 2.0, "output": 0.5}
-_DEVIATIONS = 2.0
+_DEVIATIONS = NORMAL_95
 
 
 @dataclass(frozen=True)
@@ -133,7 +134,7 @@ def _differences(curves: list[Curve], unit: str, band: float | None = None) -> R
         if index:
             entries.append((f"RMS {_with_unit(float(np.sqrt(np.mean(apart[index].value ** 2))), unit)}", str(index)))
     if band is not None:
-        entries.append((f"±{_DEVIATIONS:g}σ of the noise (±{_with_unit(band, unit)})", "band"))
+        entries.append((f"95 % of the noise (±{_with_unit(band, unit)})", "band"))
     return Row("difference", drawing.label("difference", unit), apart, band=band, entries=entries)
 
 

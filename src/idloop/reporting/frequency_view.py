@@ -9,14 +9,48 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import IdloopError
-from idloop.validation.words import short
+from idloop.validation.words import percent, short
 
 if TYPE_CHECKING:
     from idloop.estimation.nonparametric import FrequencyResponse
     from idloop.validation import Comparison
 
+Array = NDArray[np.float64]
+
 # Part of the largest pole below which a pole, or its imaginary part, is the rounding error of an eigenvalue solver.
 _ROUNDING = 1e-9
+# Coherence from which on a response is read: below it more than two fifths of the output are not the command's.
+READABLE = 0.6
+
+
+@dataclass(frozen=True, eq=False)
+class BodeLine:
+    """A response of one output as it is drawn, over all lines from the resolution upwards.
+
+    Attributes
+    ----------
+    magnitude : array, shape (f,)
+        At every line.
+    readable : array of bool, shape (f,)
+        Where the command explains the output.
+    phase : array, shape (f,)
+        [deg]; NaN where it is not readable: what is unwrapped there is noise.
+    """
+
+    magnitude: Array
+    readable: NDArray[np.bool_]
+    phase: Array
+
+    @property
+    def read(self) -> Array:
+        """Magnitude where it is readable; NaN elsewhere."""
+        return np.where(self.readable, self.magnitude, np.nan)
+
+    @property
+    def unread(self) -> Array:
+        """Magnitude elsewhere, with the lines beside so that no gap is drawn; NaN where it is readable."""
+        inside = self.readable & np.roll(self.readable, 1) & np.roll(self.readable, -1)
+        return np.where(inside, np.nan, self.magnitude)
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +70,39 @@ class FrequencyView:
     poles: NDArray[np.complex128]
 
     @property
+    def frequency(self) -> Array:
+        """Lines that are drawn [Hz]."""
+        return self.measured.frequency[self.measured.resolved]
+
+    def coherence(self, output: int) -> Array | None:
+        """Share of the power of an output that the command explains."""
+        known = self.measured.coherence
+        return None if known is None else np.asarray(known[self.measured.resolved, output])
+
+    def bode(self, output: int) -> tuple[BodeLine, BodeLine]:
+        """Responses of measurement and model; the measured phase lies within half a turn of the model's."""
+        kept = self.measured.resolved
+        found, modelled = (one.response[kept, output, 0] for one in (self.measured, self.model))
+        seen, runs = (_readable(one, output) for one in (self.measured, self.model))
+        angle = _unwrapped(modelled, seen | runs)
+        near = angle + np.angle(found * np.conj(modelled))
+        return (
+            BodeLine(np.abs(found), seen, np.where(seen, np.degrees(near), np.nan)),
+            BodeLine(np.abs(modelled), runs, np.where(runs, np.degrees(angle), np.nan)),
+        )
+
+    def frequency_note(self, output: int) -> str:
+        """Over which frequencies the response can be read, in words."""
+        seen = self.frequency[_readable(self.measured, output)]
+        if not len(seen):
+            return f"The coherence is nowhere above {READABLE:g}: this record does not show the response."
+        share = len(seen) / len(self.frequency)
+        span = f"{short(float(seen[0]))} and {short(float(seen[-1]))} Hz"
+        return (
+            f"It can be read where the coherence is above {READABLE:g}, {percent(share)} of the lines, between {span}."
+        )
+
+    @property
     def pole_texts(self) -> list[str]:
         """Each real pole by its value, each pair by its natural frequency and damping ratio, slow ones first."""
         texts = []
@@ -48,6 +115,22 @@ class FrequencyView:
             elif pole.imag > 0.0:
                 texts.append(f"{short(size / (2 * np.pi))} Hz, damping ratio {short(-pole.real / size)}")
         return texts
+
+
+def _readable(one: FrequencyResponse, output: int) -> NDArray[np.bool_]:
+    """Lines of a response, from the resolution upwards, at which the command explains the output."""
+    if one.coherence is None:
+        return np.ones(int(np.count_nonzero(one.resolved)), dtype=bool)
+    return np.asarray(one.coherence[one.resolved, output] >= READABLE)
+
+
+def _unwrapped(response: NDArray[np.complex128], readable: NDArray[np.bool_]) -> Array:
+    """Angle without jumps within every band of readable lines [rad]; each band begins within one turn."""
+    angle = np.angle(response)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], readable, [False]]).astype(int)))
+    for first, last in zip(edges[::2], edges[1::2], strict=True):
+        angle[first:last] = np.unwrap(angle[first:last])
+    return np.asarray(angle)
 
 
 def frequency_view(comparison: Comparison) -> FrequencyView | None:

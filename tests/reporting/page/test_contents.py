@@ -165,3 +165,16 @@ def test_stepped_sines_give_describing_functions():
 
 def test_other_signals_are_no_sines(contents):
     assert contents.describing == ()
+
+
+def test_the_figures_to_take_along_are_all_of_the_page(contents):
+    """Characteristics, frequency responses and residual tests as well; each names its axes."""
+    figures = paper_figures(contents)
+    outputs = contents.ladder.model.output_names
+    wanted = {f"{kind}_{name}" for kind in ("frequency", "residual") for name in outputs}
+    wanted |= {f"effect_{name}" for name in contents.characteristics}
+    assert wanted <= figures.keys()
+    assert contents.characteristics
+    for stem in wanted:
+        assert all(axes.get_ylabel() for axes in figures[stem].axes)
+        assert figures[stem].axes[0].get_title(loc="left")

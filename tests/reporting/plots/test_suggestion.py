@@ -87,17 +87,17 @@ def test_the_rivals_and_their_differences_are_what_the_experiment_would_show():
     np.testing.assert_array_equal(zero.get_ydata(), 0.0)
     np.testing.assert_allclose(difference.get_ydata(), two[:, 1] - one[:, 1])
     rms = np.sqrt(np.mean((two - one)[:, 1] ** 2))
-    assert legend(apart) == [f"RMS {rms:.2g} rad/s", "±2σ of the noise (±0.1 rad/s)"]
+    assert legend(apart) == [f"RMS {rms:.2g} rad/s", "95 % of the noise (±0.098 rad/s)"]
 
 
-def test_the_band_is_two_standard_deviations_of_the_noise():
+def test_the_band_holds_95_percent_of_the_noise():
     _, _, position, _, velocity = plot_suggestion(suggestion()).axes
     for axes, noise in ((position, NOISE[0]), (velocity, NOISE[1])):
         (band,) = axes.patches
-        assert band.get_y() == pytest.approx(-2.0 * noise)
-        assert band.get_height() == pytest.approx(4.0 * noise)
+        assert band.get_y() == pytest.approx(-1.959964 * noise)
+        assert band.get_height() == pytest.approx(3.919928 * noise)
         low, high = axes.get_ylim()
-        assert low < -2.0 * noise < 2.0 * noise < high
+        assert low < -1.96 * noise < 1.96 * noise < high
 
 
 def test_near_limits_are_lines_and_far_ones_are_named():

@@ -717,3 +717,24 @@ def test_nothing_significant_never_stands_over_what_is_significant(recording, vi
     assert "because it reduces the errors by 0.1" in page.inner_text("#beside").replace("\u00a0", " ")
     assert "Effects are judged by" in page.inner_text("#fits")
     page.goto("about:blank")
+
+
+@pytest.mark.slow
+def test_the_saved_picture_has_room_for_title_and_legend(recording, visit):
+    _, address = recording
+    page = visit(address).page
+    page.wait_for_function("() => strips.pictures > 0")
+    page.evaluate("() => { window.said = []; const old = CanvasRenderingContext2D.prototype.fillText;"
+                  " CanvasRenderingContext2D.prototype.fillText = function (text, ...rest)"
+                  " { window.said.push(text); return old.call(this, text, ...rest); }; }")  # fmt: skip
+    with page.expect_download() as got:
+        page.click("#save")
+    width, height = struct.unpack(">II", Path(got.value.path()).read_bytes()[16:24])
+    assert height == round((page.evaluate("() => strips.height") + 44) * page.evaluate("() => strips.scale"))
+    assert width == page.evaluate("() => Math.round(strips.width * strips.scale)")
+    said = page.evaluate("() => window.said")
+    assert any(text.startswith("dc_motor: measured and free run, run1 (fitted), model ") for text in said)
+    assert {"measured", "model", "command", "95 % of the sensor noise"} <= {
+        text.replace("\u00a0", " ") for text in said
+    }
+    page.goto("about:blank")

@@ -45,7 +45,7 @@ def test_a_view_keeps_the_command_to_the_newest_measurement(signals):
 
 def test_the_band_is_that_of_the_sensor_and_else_of_the_bulk_of_the_residual(signals):
     fill(signals, 1000)
-    assert signals.view(0.0, 1.0, 100).band == pytest.approx([3 * 0.0332, 3 * 0.0728])
+    assert signals.view(0.0, 1.0, 100).band == pytest.approx([1.959964 * 0.0332, 1.959964 * 0.0728])
     signals.noise[:] = np.nan
     rng = np.random.default_rng(1)
     residual = rng.normal(0.0, 0.2, (1000, 2))
@@ -59,11 +59,11 @@ def test_a_residual_below_the_stated_noise_refutes_it(signals):
     rng = np.random.default_rng(2)
     residual = np.column_stack([rng.normal(0.0, 0.002, 1000), rng.normal(0.0, 0.0728, 1000)])
     signals.replace("residual", 10**9 + MS * np.arange(1000), residual)
-    assert signals.view(0.0, 1.0, 100).band == pytest.approx([3 * 0.002, 3 * 0.0728], rel=0.1)
+    assert signals.view(0.0, 1.0, 100).band == pytest.approx([1.959964 * 0.002, 1.959964 * 0.0728], rel=0.1)
     # A few samples, or none of which anything is left, say nothing.
-    assert signals.view(0.0, 0.05, 100).band == pytest.approx([3 * 0.0332, 3 * 0.0728])
+    assert signals.view(0.0, 0.05, 100).band == pytest.approx([1.959964 * 0.0332, 1.959964 * 0.0728])
     signals.replace("residual", 10**9 + MS * np.arange(1000), 0.0 * residual)
-    assert signals.view(0.0, 1.0, 100).band == pytest.approx([3 * 0.0332, 3 * 0.0728])
+    assert signals.view(0.0, 1.0, 100).band == pytest.approx([1.959964 * 0.0332, 1.959964 * 0.0728])
 
 
 def test_a_clock_that_is_set_back_begins_anew(signals):

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pytest
 
 from idloop.diagnosis import Candidate, Diagnosis, Ladder, Step
 from idloop.diagnosis.identifiability import Gate
+from idloop.errors import InputError
 from idloop.physics import load_model, simulate
 from idloop.records import Record
 from idloop.reporting.text.comparison import brief_map
 from idloop.reporting.workbench import state_json
+from idloop.reporting.workbench.files import commands
+from idloop.reporting.workbench.offline import OfflineSource
 from idloop.reporting.workbench.signals import Signals
 from idloop.reporting.workbench.state import Snapshot
 from idloop.reporting.workbench.state_json import page_state
@@ -95,3 +100,30 @@ def test_the_worst_stretch_is_that_of_the_command_line():
         ]
         assert len(shown) <= len(one.loud_stretches)
     assert any(one.loud_stretches for one in found.maps)
+
+
+def test_what_is_taken_along_is_named_by_whole_paths_and_says_where_it_comes_from(tmp_path, monkeypatch):
+    bag = tmp_path / "with space" / "run1"
+    bag.mkdir(parents=True)
+    (bag / "data").write_text("1 2 3")
+    monkeypatch.chdir(tmp_path)
+    model, record, asked = load_model("dc_motor"), recorded(), []
+    monkeypatch.setattr(OfflineSource, "_assess", lambda source: None)
+    source = OfflineSource(model, Study((record,), seed=7), paths=((Path("with space/run1"),), ()))
+    source.close()
+    source.state.change(ladder=Ladder((Step(None, model),)))
+    snapshot = source.state.snapshot
+    assert f"idloop compare model.yaml '{bag}'" in commands(snapshot)
+
+    def gather(ladder, records, validation, **options):
+        asked.append(options["provenance"])
+        raise InputError("enough")
+
+    monkeypatch.setattr("idloop.reporting.page.contents.gather", gather)
+    with pytest.raises(InputError, match="enough"):
+        source.file("report.html")
+    (origin,) = asked
+    assert origin["commands"] == commands(snapshot)
+    assert origin["seed"] == 7
+    assert [one["path"] for one in origin["bags"]] == [str(bag)]
+    assert len(origin["bags"][0]["sha256"]) == 64

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from bokeh.models import Range1d
@@ -113,4 +114,7 @@ def _cut(frame: Frame | None) -> dict[str, Range1d]:
 def _add_band(plot: figure, panel: Panel, column: int, theme: Theme) -> None:
     if panel.band is not None and np.isfinite(panel.band[column]):
         half = float(panel.band[column])
+        heading: Any = plot.title
+        heading.text = "grey: 95 % of the sensor noise"
+        plot.height = int(plot.height or 0) + 18
         plot.add_layout(BoxAnnotation(bottom=-half, top=half, fill_color=theme.band, fill_alpha=0.25, line_color=None))

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import numpy as np
 from bokeh.models import Range1d
+from bokeh.models.annotations import Span
 from bokeh.plotting import figure
 
 from idloop.reporting.figures.ladder import number_decades
 from idloop.reporting.figures.theme import LIGHT, Theme, add_legend, new_figure, source
-from idloop.reporting.frequency_view import FrequencyView
+from idloop.reporting.frequency_view import READABLE, FrequencyView
 
 
 def frequency_figures(view: FrequencyView, output: int = 0, theme: Theme = LIGHT) -> list[figure]:
     """Draw magnitude, phase and coherence of one output, from the resolution upwards.
+
+    What the coherence does not allow to be read is thin and grey, and has no phase.
 
     Parameters
     ----------
@@ -24,8 +26,7 @@ def frequency_figures(view: FrequencyView, output: int = 0, theme: Theme = LIGHT
     list of figure
         Their frequency axes are one.
     """
-    measured, kept = view.measured, view.measured.resolved
-    frequency = measured.frequency[kept]
+    frequency, measured = view.frequency, view.measured
     unit = f"{measured.output_units[output]}/{measured.input_units[0]}"
     across = Range1d(start=float(frequency[0]), end=float(frequency[-1]))
     look = {"x_axis_type": "log", "x_range": across}
@@ -36,22 +37,26 @@ def frequency_figures(view: FrequencyView, output: int = 0, theme: Theme = LIGHT
     )
     for plot in (size, phase, coherence):
         number_decades(plot, float(frequency[0]), float(frequency[-1]))
-    entries = []
-    modelled, found = (one.response[kept, output, 0] for one in (view.model, measured))
-    angle = np.unwrap(np.angle(modelled))
-    # The measured phase lies within half a turn of the model's: unwrapped by itself, noise turns it over and over.
-    for name, value, turned, colour in (
-        ("measured", found, angle + np.angle(found * np.conj(modelled)), theme.measured),
-        ("model", modelled, angle, theme.models[1]),
+    entries, unread = [], []
+    for name, line, colour in zip(
+        ("measured", "model"), view.bode(output), (theme.measured, theme.models[1]), strict=True
     ):
-        columns = source(frequency=frequency, magnitude=np.abs(value), phase=np.degrees(turned))
-        drawn = [
-            plot.line("frequency", y, source=columns, color=colour, line_width=1.6)
-            for plot, y in ((size, "magnitude"), (phase, "phase"))
-        ]
-        entries.append((name, drawn[:1]))
-    if measured.coherence is not None:
-        columns = source(frequency=frequency, coherence=measured.coherence[kept, output])
+        columns = source(frequency=frequency, read=line.read, unread=line.unread, phase=line.phase)
+        faint = size.line("frequency", "unread", source=columns, color=theme.band, line_width=0.8)
+        unread.append(faint)
+        drawn = size.line("frequency", "read", source=columns, color=colour, line_width=1.6)
+        # A line that stands alone is a dot.
+        size.scatter("frequency", "read", source=columns, color=colour, size=3)
+        phase.scatter("frequency", "phase", source=columns, color=colour, size=3)
+        phase.line("frequency", "phase", source=columns, color=colour, line_width=1.6)
+        entries.append((name, [drawn]))
+    known = view.coherence(output)
+    if known is not None:
+        columns = source(frequency=frequency, coherence=known)
         coherence.line("frequency", "coherence", source=columns, color=theme.measured, line_width=1.6)
+        coherence.add_layout(
+            Span(location=READABLE, dimension="width", line_color=theme.muted, line_dash=[4, 4], line_width=1)
+        )
+        entries.append((f"coherence below {READABLE:g}: not to be read", unread))
     add_legend(size, theme, entries)
     return [size, phase, coherence]

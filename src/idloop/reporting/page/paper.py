@@ -7,10 +7,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from idloop import drawing
+from idloop.reporting.frequency_view import frequency_view
 from idloop.reporting.page.page_figures import panel_of
 from idloop.reporting.plots.comparison import plot_panels
+from idloop.reporting.plots.diagnosis import plot_characteristic
 from idloop.reporting.plots.ladder import plot_ladder, plot_unknown
+from idloop.reporting.plots.linear import plot_frequency, plot_residual
 from idloop.reporting.plots.where import plot_where
+from idloop.reporting.residual_findings import FEWEST_FOR_TESTS
+from idloop.reporting.terms import effect_words
 from idloop.validation.where import DRIVE_FORCE
 
 if TYPE_CHECKING:
@@ -32,12 +37,31 @@ def paper_figures(contents: Contents) -> dict[str, Figure]:
     for index, judged in enumerate(contents.judged, start=1):
         figures[f"compare_{index}_{judged.use}"] = plot_panels([panel_of(judged)], judged.record)
         figures[f"where_{index}_{judged.use}"] = plot_where(_where(judged))
+    for name, one in contents.characteristics.items():
+        figures[f"effect_{name}"] = plot_characteristic(one, effect_words(name))
+    figures |= _linear(contents)
     if contents.ladder.unknown is not None:
         figures["unknown"] = plot_unknown(contents.ladder.unknown)
     if contents.suggestion is not None:
         from idloop.reporting.plots.suggestion import plot_suggestion
 
         figures["next"] = plot_suggestion(contents.suggestion)
+    return figures
+
+
+def _linear(contents: Contents) -> dict[str, Figure]:
+    """Frequency response and residual tests of the last model, on the record that is judged first."""
+    if not contents.judged:
+        return {}
+    judged = contents.judged[0]
+    comparison, figures = judged.rows[-1][1], {}
+    view = frequency_view(comparison)
+    if view is not None:
+        for number, name in enumerate(comparison.names):
+            figures[f"frequency_{name}"] = plot_frequency(view, number, f"{name}, {judged.title}")
+    tests = comparison.residual_tests() if len(comparison.time) >= FEWEST_FOR_TESTS else []
+    for test in tests:
+        figures[f"residual_{test.name}"] = plot_residual(test, f"one-step residual of {test.name}, {judged.title}")
     return figures
 
 

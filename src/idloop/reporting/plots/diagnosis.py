@@ -51,6 +51,15 @@ def plot_diagnosis(found: Diagnosis, records: Sequence[Record]) -> Figure:
     return figure
 
 
+def plot_characteristic(shape: Characteristic, name: str) -> Figure:
+    """Draw an effect on the data that ask for it."""
+    with drawing.styled():
+        figure, axes = drawing.new_figure(1, 1, (2.8,))
+        _draw_characteristic(axes[0, 0], shape, name)
+        axes[0, 0].set_title(name, loc="left", fontweight="bold")
+    return figure
+
+
 def _draw_characteristic(axes: Any, shape: Characteristic, name: str) -> None:
     axes.plot(shape.x, shape.y, ".", color=drawing.BAND, markersize=2, rasterized=True, label="left by the model")
     axes.errorbar(shape.centre, shape.mean, shape.band, fmt="o", markersize=3, color=drawing.MEASURED, label="mean")

@@ -7,7 +7,7 @@ import json
 import shlex
 import tempfile
 import zipfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,6 @@ from idloop.reporting.workbench.state import model_version
 
 if TYPE_CHECKING:
     from idloop.diagnosis import Ladder
-    from idloop.records import Record
     from idloop.reporting.page.contents import Contents
     from idloop.reporting.workbench.state import Snapshot
     from idloop.reporting.workbench.steps import Study
@@ -52,13 +51,16 @@ def content(name: str, snapshot: Snapshot, study: Study | None) -> bytes:
         return json.dumps(to_json(ladder.to_dict()), indent=2, ensure_ascii=False).encode()
     assert study is not None  # noqa: S101 - asked above
     make: Callable[[Contents], bytes] = _report if name == REPORT else _figures
-    return make(_contents(ladder, study.records, study.validation))
+    return make(_contents(snapshot, ladder, study))
 
 
-def _contents(ladder: Ladder, records: Sequence[Record], validation: Sequence[Record]) -> Contents:
+def _contents(snapshot: Snapshot, ladder: Ladder, study: Study) -> Contents:
     from idloop.reporting.page.contents import gather
+    from idloop.reporting.provenance import provenance
 
-    return gather(ladder, records, validation)
+    bags, validate = ([Path(path) for path in paths] for paths in (snapshot.bags, snapshot.validate))
+    origin = provenance(bags, validate, commands=commands(snapshot), seed=study.seed)
+    return gather(ladder, study.records, study.validation, suggestion=snapshot.suggestion, provenance=origin)
 
 
 def _report(contents: Contents) -> bytes:

@@ -75,10 +75,11 @@ class OfflineSource:
                 model=self._model,
                 ladder=ladder,
                 recordings=tuple(names),
-                bags=tuple(map(str, paths[0])),
-                validate=tuple(map(str, paths[1])),
+                # The commands that name them are run beside the files that are taken along.
+                bags=tuple(str(path.absolute()) for path in paths[0]),
+                validate=tuple(str(path.absolute()) for path in paths[1]),
                 options=study.options,
-                model_file=("", "") if model_file is None else (str(model_file), model_version(self._model)),
+                model_file=("", "") if model_file is None else (str(model_file.absolute()), model_version(self._model)),
                 inspected=tuple(inspected),
             )
         )

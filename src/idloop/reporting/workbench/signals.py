@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from idloop.reporting.estimates import NORMAL_95
 from idloop.reporting.sensor_noise import FEWEST, REFUTED
 from idloop.reporting.workbench.decimation import extremes, held_steps
 from idloop.reporting.workbench.ring import Ring
@@ -23,7 +24,7 @@ Array = NDArray[np.float64]
 
 SECOND = 1_000_000_000
 CAPACITY = 130_000  # samples: two minutes at 1 kHz
-BAND = 3.0  # standard deviations of the band around a residual of zero
+BAND = NORMAL_95  # standard deviations of the band around a residual of zero, as in every other figure
 ENOUGH = 5000  # samples of a residual that say how wide its bulk is
 JUMP = SECOND  # a stamp that goes back by more means that a new run has begun
 STREAMS = ("measured", "predicted", "residual", "free_run", "free_error", "command", "reference")

@@ -422,8 +422,12 @@ def _outputs(found: Assessment) -> list[dict[str, str]]:
     """What the tests say of the one-step error of each output, the numbers beside its figures."""
     tests = {one.test.name: one.test for one in found.residual_tests}
     return [
-        {"name": name, "tests": "" if name not in tests else _tests(tests[name])}
-        for name in (output.name for output in found.model.outputs)
+        {
+            "name": output.name,
+            "tests": "" if output.name not in tests else _tests(tests[output.name]),
+            "readable": "" if found.frequency is None else found.frequency.frequency_note(number),
+        }
+        for number, output in enumerate(found.model.outputs)
     ]
 
 

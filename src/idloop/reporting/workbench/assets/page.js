@@ -274,7 +274,7 @@
     $("linear-panel").hidden = !found || !(found.poles.length || one?.tests);
     if ($("linear-panel").hidden) return;
     $("linear-panel").setAttribute("aria-busy", String(!found.current));
-    say("frequency-hint", found.poles.length ? `From the command to ${one.name}: the measurement and the free run of the model on ${found.record}, by the same estimator (Welch). Only where the coherence is near 1 does the command explain the measurement.` : "");
+    say("frequency-hint", found.poles.length ? `From the command to ${one.name}: the measurement and the free run of the model on ${found.record}, by the same estimator (Welch), which spreads what is weak beside what is strong alike in both. ${one.readable}` : "");
     say("poles", found.poles.length ? `Poles of the linear part: ${found.poles.join("; ")}.` : "");
     say("residual-words", one.tests ? `The one-step error of ${one.name} on ${found.record} ${one.tests}.` : "");
   }
@@ -607,7 +607,9 @@
   $("recording").addEventListener("change", () => order("show", $("recording").value));
   $("whole").addEventListener("click", () => choose({ follow: false, stretch: null }));
   $("zoom-out").addEventListener("click", () => strips.zoom(2));
-  $("save").addEventListener("click", () => strips.save("workbench.png"));
+  $("save").addEventListener("click", () => strips.save("workbench.png",
+    [`${state.title}: ${TITLES[view.shown].toLowerCase()}`, state.recordings[state.shown], state.version && `model ${state.version}`].filter(Boolean).join(", "),
+    [...document.querySelectorAll(".legend li:not([hidden])")].map((one) => [one.firstElementChild.className.split(" ").at(-1), one.textContent])));
   $("span").addEventListener("change", () => choose({ span: Number($("span").value), follow: true }));
   $("shown").addEventListener("change", () => showModel($("shown").value));
   $("alone").addEventListener("click", () => { showModel("free_run"); $("shown").focus(); });

@@ -500,9 +500,33 @@ const Strips = (() => {
       g.fillText(text, this.right - 4, strip.top + 9);
     }
 
-    save(name) {
+    // A picture for somebody else: the strips below their title and what the lines are.
+    save(name, title, legend) {
       this.whole();
-      this.canvas.toBlob((blob) => {
+      const head = 44, scale = this.scale;
+      const sheet = document.createElement("canvas");
+      [sheet.width, sheet.height] = [this.canvas.width, this.canvas.height + head * scale];
+      const g = sheet.getContext("2d");
+      g.fillStyle = this.colours.surface;
+      g.fillRect(0, 0, sheet.width, sheet.height);
+      g.drawImage(this.canvas, 0, head * scale);
+      g.scale(scale, scale);
+      g.textBaseline = "middle";
+      g.fillStyle = this.colours.text;
+      g.font = `600 14px ${FONT}`;
+      g.fillText(title, LEFT, 12, this.right - LEFT);
+      g.font = `12px ${FONT}`;
+      let x = LEFT;
+      for (const [key, words] of legend) {
+        g.fillStyle = this.colours[key];
+        g.globalAlpha = key === "band" ? 0.4 : 1;
+        g.fillRect(x, key === "band" ? 27 : 31, 24, key === "band" ? 11 : 2.5);
+        g.globalAlpha = 1;
+        g.fillStyle = this.colours.text;
+        g.fillText(words, x + 30, 33);
+        x += 48 + g.measureText(words).width;
+      }
+      sheet.toBlob((blob) => {
         const link = document.createElement("a");
         link.href = URL.createObjectURL(blob);
         link.download = name;
