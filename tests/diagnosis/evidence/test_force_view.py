@@ -249,3 +249,24 @@ def test_a_limit_is_found_where_the_gain_is_free_and_the_inertia_is_not():
     step = evaluated(axis, record, ["saturation", "speed_limit_voltage"])
     assert step.names == ("saturation@input",)
     assert step.tied[0].fit.model.values["saturation@input.limit"] == pytest.approx(0.45, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("effect", "named"),
+    [
+        ("asymmetric_viscous_friction@axis(coefficient=0.02)", "asymmetric_viscous_friction@axis"),
+        ("load_torque@axis(torque=0.05)", "load_torque@axis"),
+    ],
+)
+def test_an_effect_that_can_imitate_a_constant_is_named_where_it_explains_more(effect, named):
+    """At a speed that varies little but in its sign, beside something else, a constant load explains most of a drag."""
+    machine = load_model("axis").with_effects([effect, "imbalance@axis(amplitude=0.05)"])
+    time = np.arange(0.0, 20.0, 0.002)
+    level = 0.4 + 0.1 * np.sin(0.9 * time)
+    command = level * np.clip(4.0 * np.sin(1.2 * time), -1.0, 1.0)
+    noise = np.random.default_rng(3).normal(size=(len(time), 2)) * [1e-5, 1e-4]
+    output = simulate(machine, time, command, time, noise=noise).output
+    names, units = machine.output_names, tuple(o.unit for o in machine.outputs)
+    record = Record("run", time, command, time, output, "axis.effort", machine.input.unit, names, units)
+    step = evaluated(load_model("axis"), record, ["load_torque", "asymmetric_viscous_friction"])
+    assert step.names == (named,)

@@ -253,8 +253,8 @@ class SearchStep(ABC, Generic[FitT]):
         return [first, *others]
 
     def _nearly_degenerates_to(self, rich: EvaluatedModel[FitT], plain: EvaluatedModel[FitT]) -> bool:
-        """Whether an effect that degenerates to another one explains at most twice as much."""
-        return rich.degenerates_to(plain) and plain.evidence.difference >= 0.5 * rich.evidence.difference
+        """Whether an effect that degenerates to another one explains nothing beyond chance that the other does not."""
+        return rich.degenerates_to(plain) and not self._distinguished(rich, plain)
 
     def _equal(self, best: EvaluatedModel[FitT], other: EvaluatedModel[FitT]) -> bool:
         """Whether the odds between two models are below those of a false alarm."""
