@@ -251,16 +251,19 @@ def test_a_limit_is_found_where_the_gain_is_free_and_the_inertia_is_not():
     assert step.tied[0].fit.model.values["saturation@input.limit"] == pytest.approx(0.45, rel=0.02)
 
 
+DRAG_BESIDE_SOMETHING = ["asymmetric_viscous_friction@axis(coefficient=0.02)", "imbalance@axis(amplitude=0.05)"]
+
+
 @pytest.mark.parametrize(
-    ("effect", "named"),
+    ("effects", "named"),
     [
-        ("asymmetric_viscous_friction@axis(coefficient=0.02)", "asymmetric_viscous_friction@axis"),
-        ("load_torque@axis(torque=0.05)", "load_torque@axis"),
+        (DRAG_BESIDE_SOMETHING, "asymmetric_viscous_friction@axis"),
+        (["load_torque@axis(torque=0.05)"], "load_torque@axis"),
     ],
 )
-def test_an_effect_that_can_imitate_a_constant_is_named_where_it_explains_more(effect, named):
+def test_an_effect_that_can_imitate_a_constant_is_named_where_it_explains_more(effects, named):
     """At a speed that varies little but in its sign, beside something else, a constant load explains most of a drag."""
-    machine = load_model("axis").with_effects([effect, "imbalance@axis(amplitude=0.05)"])
+    machine = load_model("axis").with_effects(effects)
     time = np.arange(0.0, 20.0, 0.002)
     level = 0.4 + 0.1 * np.sin(0.9 * time)
     command = level * np.clip(4.0 * np.sin(1.2 * time), -1.0, 1.0)
