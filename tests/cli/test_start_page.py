@@ -38,7 +38,9 @@ def test_the_document_says_what_is_missing_and_what_was_found(log, tmp_path, mon
     assert found["missing"] == ""
     columns = {one["role"]: (one["column"], one["unit"]) for one in found["signals"] if one["column"]}
     assert columns == {"command": ("torque", "N·m"), "position": ("angle", "deg")}
-    assert found["picture"].startswith("data:image/png;base64,")
+    (picture,) = found["pictures"]
+    assert (picture["name"], picture["choice"]) == ("drive log.csv", False)
+    assert picture["picture"].startswith("data:image/png;base64,")
     assert found["folder"] == str(tmp_path / "drive_log")
     assert found["turned"] == "-torque"
     assert found["doubts"] == ["the unit of the command is not written down and taken as N·m"]
@@ -47,7 +49,9 @@ def test_the_document_says_what_is_missing_and_what_was_found(log, tmp_path, mon
 
 def test_what_is_not_fitted_says_where_it_was_written_and_why(log, tmp_path):
     given = {"rate": "100", "position": "angle=deg", "command": "-torque=N·m"}
-    text = _start_page.refused(_start_page.start_of([log], given, lambda name: tmp_path / name))
+    begun, unseen = _start_page.start_of([log], given, lambda name: tmp_path / name)
+    assert unseen == ()
+    text = _start_page.refused(begun)
     assert text.startswith(f"written to {tmp_path / 'drive_log'}, but not fitted: ")
     assert text.endswith("; choose torque as the command")
     assert "--" not in text
@@ -62,7 +66,9 @@ def test_records_that_do_not_belong_together_are_followed_by_their_commands(tmp_
         commands=["idloop fit model.yaml a", "idloop fit model.yaml b"],
     )
     text = _start_page.refused(begun)
-    assert text.endswith("the commands here fit them apart: idloop fit model.yaml a; idloop fit model.yaml b")
+    assert text.endswith(
+        "the commands here fit them apart: idloop fit model.yaml a; idloop fit model.yaml b; or keep all but one unseen"
+    )
 
 
 def test_what_is_no_log_is_one_line(tmp_path):
@@ -116,7 +122,7 @@ def test_a_dropped_log_becomes_the_workbench_of_a_fitted_model(served, log, tmp_
     page.fill("input[aria-label='unit of the position']", "deg")
     page.click("#again")
     page.get_by_role("button", name="Fit and open the workbench").wait_for()
-    assert page.locator("#picture").is_visible()
+    assert page.locator("#pictures img").is_visible()
     assert "taken as N·m" in page.inner_text("#doubts")
     assert page.inner_text("#folder") == str(tmp_path / "drive_log")
     # A change is shown before it is fitted; a refused one leaves the table to be corrected.
@@ -172,9 +178,44 @@ def test_the_workbench_says_what_the_inspection_found_and_names_the_file_that_is
     assert items[0] == "scaled: usable with care, without axis.velocity"
     page.locator("#commands code").first.wait_for()
     commands = page.locator("#commands code").all_inner_texts()
-    assert all(" scaled/fitted.yaml scaled/bags/scaled" in text for text in commands)
+    model, bag = tmp_path / "scaled" / "fitted.yaml", tmp_path / "scaled" / "bags" / "scaled"
+    assert all(f" {model} {bag}" in text for text in commands)
     assert main.run(shlex.split(commands[0])[1:]) == 0
     capsys.readouterr()
+
+
+def test_each_file_is_shown_with_its_name_and_one_may_be_kept_unseen(faulty, tmp_path):
+    files = [faulty / "plain.csv", faulty / "twice.csv"]
+    found = _start_page.document_of(files, {"unseen": "twice.csv"})
+    shown = [(one["name"], one["choice"], one["unseen"]) for one in found["pictures"]]
+    assert shown == [("plain.csv", True, False), ("twice.csv", True, True)]
+    assert found["pictures"][0]["picture"] != found["pictures"][1]["picture"]
+    with pytest.raises(InputError, match="one at least must be fitted"):
+        _start_page.start_of(files, {"unseen": "plain.csv\ntwice.csv"}, lambda name: tmp_path / name)
+    begun, unseen = _start_page.start_of(files, {"unseen": "twice.csv"}, lambda name: tmp_path / name)
+    # The other record asks for another machine: only what is fitted has to suit the fit.
+    assert begun.fit is not None
+    assert [bag.name for bag in begun.bags] == ["plain"]
+    assert [bag.name for bag in unseen] == ["twice"]
+    assert all(bag.exists() for bag in unseen)
+
+
+@pytest.mark.slow
+def test_a_page_that_is_loaded_again_goes_on_from_there(served, faulty):
+    page, address = served
+    page.set_input_files("#files", [faulty / "plain.csv", faulty / "twice.csv"])
+    page.get_by_role("button", name="Fit and open the workbench").wait_for()
+    page.get_by_text("Every file is fitted").wait_for()
+    page.reload()
+    page.get_by_role("button", name="Fit and open the workbench").wait_for()
+    assert page.inner_text("#names") == "plain.csv, twice.csv"
+    assert page.locator("#pictures figcaption b").all_inner_texts() == ["plain.csv", "twice.csv"]
+    page.select_option("select[aria-label='use of twice.csv']", "unseen")
+    assert page.inner_text("#unseen-words") == ""
+    page.click("#begin")
+    page.wait_for_url(lambda url: url != address, timeout=120_000)
+    page.locator("#recording option").first.wait_for(state="attached")
+    assert page.locator("#recording option").all_inner_texts() == ["twice (unseen)", "plain (fitted)"]
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ import base64
 import io
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,8 +16,10 @@ from idloop.errors import InputError
 if TYPE_CHECKING:
     from idloop.api.log import Log
     from idloop.api.start import Start
+    from idloop.records.recognition.recognise import Recognition
 
-RATE = "rate"
+# Said of the log beside its signals: rows per second, and files that no fit sees, a line each.
+RATE, KEPT_UNSEEN = "rate", "unseen"
 # The options of the command line are of no use on the page, which has a table instead: what a doubt ends with, and what
 # answers a refusal.
 _OPTION = re.compile(r"[:;,]? ?(?:if [^;:]*, )?(?<![\w-])--(?:'[^']*'|[^;])*")
@@ -40,7 +43,7 @@ def document_of(files: list[Path], given: Mapping[str, str]) -> dict[str, Any]:
             "turned": "",
             "doubts": [],
             "notes": [],
-            "picture": "",
+            "pictures": [],
             "folder": "",
             "missing": _refusal(error, files),
         }
@@ -62,19 +65,28 @@ def document_of(files: list[Path], given: Mapping[str, str]) -> dict[str, Any]:
         "turned": log.turned_column,
         "doubts": [_OPTION.sub("", doubt) for doubt in log.doubts],
         "notes": [*log.notes, *log.unused],
-        "picture": _picture(log),
+        "pictures": _pictures(log, _unseen(files, given)),
         "folder": str(_free_folder(log.name).absolute()),
         "missing": "",
     }
 
 
-def start_of(files: list[Path], given: Mapping[str, str], output: Callable[[str], Path]) -> Start:
-    """Write, inspect and fit; what is refused is said in the words of the page."""
+def start_of(
+    files: list[Path], given: Mapping[str, str], output: Callable[[str], Path]
+) -> tuple[Start, tuple[Path, ...]]:
+    """Write, inspect and fit, and write the bags of what no fit sees; a refusal is in the words of the page."""
     from idloop.api.start import begin
 
+    kept = _unseen(files, given)
+    if kept == set(files):
+        raise InputError("every file is kept unseen: one at least must be fitted")
     try:
         log = _recognise(files, given)
-        return begin(log, output(log.name))
+        fitted, unseen = _parts(log, [one not in kept for one in files]), _parts(log, [one in kept for one in files])
+        begun = begin(fitted or log, output(log.name))
+        if unseen is None:
+            return begun, ()
+        return begun, begin(unseen, begun.folder / "unseen", fitted=False).bags
     except InputError as error:
         raise InputError(_refusal(error, files)) from None
 
@@ -88,7 +100,7 @@ def refused(begun: Start) -> str:
     why = _OPTION.sub("", begun.not_fitted)
     if begun.done.apart:
         # The page has no commands below: they follow where the shell points to them.
-        why = f"{why.replace(' below', ' here')}: {'; '.join(begun.commands)}"
+        why = f"{why.replace(' below', ' here')}: {'; '.join(begun.commands)}; or keep all but one unseen"
     return f"written to {begun.folder.absolute()}, but not fitted: {why}{turn}"
 
 
@@ -102,6 +114,7 @@ def serve(port: int, tell: Callable[[str], None]) -> None:
     tell : callable
         Called with the address.
     """
+    from idloop.api.data import read_bags
     from idloop.ending_signals import event_on_ending_signal
     from idloop.reporting.start_page.start_site import StartSite, Steps
     from idloop.reporting.workbench.offline import OfflineSource
@@ -111,15 +124,15 @@ def serve(port: int, tell: Callable[[str], None]) -> None:
     opened: list[tuple[Site, OfflineSource]] = []
 
     def begin(files: list[Path], given: Mapping[str, str]) -> dict[str, Any]:
-        begun = start_of(files, given, _free_folder)
+        begun, unseen = start_of(files, given, _free_folder)
         say(f"written: {begun.folder.absolute()}")
         inspected = [*begun.said(), *begun.done.notes]
         if begun.fit is None:
             return {"address": "", "inspected": inspected, "refused": refused(begun)}
         source = OfflineSource(
             begun.fit.model,
-            Study(tuple(begun.records)),
-            paths=(begun.done.bags, ()),
+            Study(tuple(begun.records), tuple(read_bags(unseen, begun.fit.model, fitted=False)) if unseen else ()),
+            paths=(begun.done.bags, unseen),
             model_file=begun.fitted_file,
             inspected=inspected,
         )
@@ -155,8 +168,23 @@ def _recognise(files: list[Path], given: Mapping[str, str]) -> Log:
     rate = given.get(RATE, "")
     if rate and not (is_number(rate) and float(rate) > 0.0):
         raise InputError(f"{rate!r} rows per second are none; give a number above zero")
-    said = {role: text for role, text in given.items() if role != RATE}
+    said = {role: text for role, text in given.items() if role not in (RATE, KEPT_UNSEEN)}
     return recognise(files, said, period=1.0 / float(rate) if rate else None)
+
+
+def _unseen(files: list[Path], given: Mapping[str, str]) -> set[Path]:
+    """Files that no fit is to see."""
+    names = given.get(KEPT_UNSEEN, "").splitlines()
+    return {path for path in files if path.name in names}
+
+
+def _parts(log: Log, chosen: list[bool]) -> Log | None:
+    """The log of some of its files; None of none. Files that are joined are one record, which is not parted."""
+    if log.joined:
+        return log if any(chosen) and chosen[0] else None
+    files = tuple(path for path, yes in zip(log.files, chosen, strict=True) if yes)
+    found = tuple(one for one, yes in zip(log.recognitions, chosen, strict=True) if yes)
+    return replace(log, files=files, recognitions=found) if files else None
 
 
 def _refusal(error: InputError, files: list[Path]) -> str:
@@ -180,10 +208,24 @@ def _signal(role: str, said: str, columns: list[str]) -> dict[str, str]:
     return {"role": role, "column": one.column, "unit": one.unit, "reason": "as given" if said else ""}
 
 
-def _picture(log: Log) -> str:
-    """The signals as a picture that a page can show."""
+def _pictures(log: Log, unseen: set[Path]) -> list[dict[str, Any]]:
+    """The signals of each file as a picture that a page can show, and whether a fit may be kept from seeing it."""
+    several = len(log.recognitions) > 1
+    shown = zip(log.files, log.recognitions, strict=True) if not log.joined else [(log.files[0], log.recognition)]
+    return [
+        {
+            "name": log.name if log.joined else path.name,
+            "choice": several,
+            "unseen": path in unseen,
+            "picture": _picture(one),
+        }
+        for path, one in shown
+    ]
+
+
+def _picture(found: Recognition) -> str:
     from idloop.reporting.plots.recognition import plot_recognition
 
     file = io.BytesIO()
-    plot_recognition(log.recognition).savefig(file, format="png", dpi=110)
+    plot_recognition(found).savefig(file, format="png", dpi=110)
     return "data:image/png;base64," + base64.b64encode(file.getvalue()).decode()

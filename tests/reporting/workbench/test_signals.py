@@ -51,7 +51,7 @@ def test_the_band_is_that_of_the_sensor_and_else_of_the_bulk_of_the_residual(sig
     residual = rng.normal(0.0, 0.2, (1000, 2))
     residual[::50] = 100.0  # bursts must not hide themselves
     signals.replace("residual", 10**9 + MS * np.arange(1000), residual)
-    assert signals.view(0.0, 1.0, 100).band == pytest.approx([0.6, 0.6], rel=0.2)
+    assert signals.view(0.0, 1.0, 100).band == pytest.approx([0.392, 0.392], rel=0.2)
 
 
 def test_a_residual_below_the_stated_noise_refutes_it(signals):

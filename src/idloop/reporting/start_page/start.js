@@ -21,6 +21,7 @@ async function attempt(work, text) {
     at("message").textContent = error.message;
   }
   for (const button of document.querySelectorAll("button")) button.disabled = false;
+  saySeen();
 }
 
 async function take(files) {
@@ -31,7 +32,7 @@ async function take(files) {
     accepted = {};
     at("rate").value = "";
     at("signals").replaceChildren();
-    at("signals-panel").hidden = at("begin-panel").hidden = true;
+    at("signals-panel").hidden = at("begin-panel").hidden = at("onward").hidden = true;
     for (const file of files) {
       const kept = await post(`file?name=${encodeURIComponent(file.name)}&first=${first}`, file);
       at("names").textContent = kept.files.join(", ");
@@ -80,6 +81,43 @@ function showInspected(texts) {
   at("inspected-panel").hidden = !texts.length;
 }
 
+// Every file with its name and its use; the choice needs no new reading.
+function showPictures(pictures) {
+  at("pictures").replaceChildren(...pictures.map((one) => {
+    const figure = document.createElement("figure");
+    const caption = document.createElement("figcaption");
+    caption.append(Object.assign(document.createElement("b"), { textContent: one.name }));
+    if (one.choice) {
+      const use = document.createElement("select");
+      use.setAttribute("aria-label", `use of ${one.name}`);
+      use.dataset.file = one.name;
+      use.append(new Option("to fit", "fit"), new Option("kept unseen, to judge the fit", "unseen"));
+      use.value = one.unseen ? "unseen" : "fit";
+      use.addEventListener("change", choose);
+      caption.append(use);
+    }
+    const picture = Object.assign(document.createElement("img"), { src: one.picture, alt: `The signals of ${one.name} as they were read, over time` });
+    figure.append(caption, picture);
+    return figure;
+  }));
+  saySeen();
+}
+
+const uses = () => [...document.querySelectorAll("#pictures select")];
+
+function choose() {
+  const unseen = uses().filter((one) => one.value === "unseen").map((one) => one.dataset.file);
+  if (unseen.length) accepted.unseen = unseen.join("\n");
+  else delete accepted.unseen;
+  saySeen();
+}
+
+function saySeen() {
+  const unseen = uses().filter((one) => one.value === "unseen").length;
+  at("unseen-words").textContent = !uses().length ? "" : unseen ? "" : "Every file is fitted. One that is kept unseen above shows what a fit is worth.";
+  at("begin").disabled = uses().length > 0 && unseen === uses().length;
+}
+
 function show(found) {
   const table = at("signals");
   table.replaceChildren();
@@ -108,8 +146,7 @@ function show(found) {
   }
   list("notes", found.notes);
   list("doubts", found.doubts);
-  at("picture").hidden = !found.picture;
-  if (found.picture) at("picture").src = found.picture;
+  showPictures(found.pictures);
   at("folder").textContent = found.folder;
   at("signals-panel").hidden = false;
 }
@@ -129,6 +166,27 @@ at("begin").addEventListener("click", () => attempt(async () => {
   const next = await post("begin", JSON.stringify(accepted));
   // With a fit the workbench shows it.
   if (next.address) location.assign(next.address);
-  showInspected(next.inspected);
+  showBegun(next);
   if (next.refused) throw new Error(next.refused);
 }, "importing, inspecting and fitting"));
+
+function showBegun(next) {
+  showInspected(next.inspected);
+  at("onward").hidden = !next.address;
+  if (next.address) at("workbench").href = next.address;
+}
+
+// What was done before the page was loaded again is still there.
+(async () => {
+  const kept = await fetch("state").then((answer) => answer.json()).catch(() => ({ files: [] }));
+  if (!kept.files.length || !kept.found) return;
+  at("names").textContent = kept.files.join(", ");
+  accepted = kept.given;
+  if (accepted.rate) at("rate").value = accepted.rate;
+  show(kept.found);
+  at("begin-panel").hidden = false;
+  if (kept.begun) {
+    showBegun(kept.begun);
+    at("message").textContent = kept.begun.refused;
+  }
+})();

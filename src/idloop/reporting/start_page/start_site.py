@@ -78,6 +78,8 @@ class StartSite:
         self.key = secrets.token_urlsafe(24)
         self.folder = Path(tempfile.mkdtemp(prefix="idloop_start_"))
         self.files: list[Path] = []
+        # What was last asked and answered: a page that is loaded again goes on from there.
+        self.kept: dict[str, Any] = {}
         self.busy = threading.Lock()
         try:
             self._sockets = bind_sockets(port, "127.0.0.1")
@@ -109,6 +111,7 @@ class StartSite:
             [
                 (r"/", PageHandler, own),
                 (r"/file", FileHandler, own),
+                (r"/state", StateHandler, own),
                 (r"/(recognise|begin)", StepHandler, own),
                 (r"/assets/(start\.(?:js|css))", StaticFileHandler, {"path": str(HERE)}),
                 (r"/assets/(.*)", StaticFileHandler, {"path": str(SHARED)}),
@@ -161,6 +164,14 @@ class PageHandler(_Handler):
         self.render(str(HERE / "start.html"), key=self.site.key)
 
 
+class StateHandler(_Handler):
+    """What was done with the page so far."""
+
+    def get(self) -> None:
+        """Answer with the files, what was said of them, and what came of it."""
+        self.answer({"files": [one.name for one in self.site.files], **self.site.kept})
+
+
 class FileHandler(_Handler):
     """A dropped file; the first of several forgets those before."""
 
@@ -171,6 +182,7 @@ class FileHandler(_Handler):
             raise HTTPError(400)
         if self.get_query_argument("first", "") == "yes":
             self.site.files.clear()
+            self.site.kept = {}
         path = Path(tempfile.mkdtemp(dir=self.site.folder)) / name
         if self.site.files:
             # Files that belong together lie in one folder.
@@ -201,7 +213,12 @@ class StepHandler(_Handler):
         try:
             files = list(self.site.files)
             if step == "recognise":
-                return self.site.steps.recognise(files, given)
-            return self.site.steps.begin(files, given)
+                found = self.site.steps.recognise(files, given)
+                if not found.get("missing"):
+                    self.site.kept = {"given": given, "found": found}
+                return found
+            begun = self.site.steps.begin(files, given)
+            self.site.kept |= {"begun": begun}
+            return begun
         finally:
             self.site.busy.release()

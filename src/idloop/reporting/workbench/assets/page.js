@@ -404,7 +404,7 @@
   function showLadder(s) {
     const steps = s.ladder?.steps ?? [];
     $("undo").disabled = steps.length < 2 || Boolean(s.activity);
-    say("ladder-hint", steps.length ? s.ladder.data : "Each effect that is added becomes a step; the error on unseen data says what it was worth.");
+    say("ladder-hint", steps.length ? s.ladder.data : `Each effect that is added becomes a step${s.live || s.recordings.some((one) => one.endsWith("(unseen)")) ? "; the error on unseen data says what it was worth" : ""}.`);
     render("beware", s.ladder?.beware ?? [], () => (s.ladder?.beware ?? []).map((text) => make("p", {}, text)));
     const scores = (all) => make("span", { class: "errors" }, ...all.map((score) => make("span", { "data-output": score.quantity, title: score.about }, make("small", {}, `${score.name} `), score.text)));
     const before = s.ladder?.given ? [make("li", { class: "given" }, make("span", {}, "as it was opened", make("small", {}, "before the fit")), scores(s.ladder.given))] : [];
