@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from idloop.records.inspection import between
 from idloop.records.inspection.between import between_records
 
 
@@ -36,3 +37,28 @@ def test_other_units_joints_and_rates(make_axis):
 def test_friction_does_not_look_like_another_gain(make_axis):
     slow = make_axis(1, command=0.3 * np.repeat(np.random.default_rng(5).normal(size=75), 40))
     assert kinds(a=make_axis(0), b=slow) == []
+
+
+def test_the_weight_of_an_arm_is_no_other_load(make_axis):
+    """The same arm under a slow and under a fast command: the force over the angle is no constant spring."""
+
+    def arm(seed, level):
+        rng, rate = np.random.default_rng(seed), 200.0
+        time = np.arange(4000) / rate
+        frequencies = np.array([0.11, 0.23, 0.47, 0.83, 1.3, 2.1])
+        phases = rng.uniform(0.0, 2.0 * np.pi, 6)
+        command = np.sin(2.0 * np.pi * frequencies * time[:, None] + phases) @ frequencies**-0.5
+        command *= level / np.abs(command).max()
+        position, velocity, p, v = np.empty(4000), np.empty(4000), 0.0, 0.0
+        for k in range(4000):
+            position[k], velocity[k] = p, v
+            for _ in range(10):
+                v += 0.1 / rate * (2.0 * command[k] - 0.8 * v - 6.0 * np.sin(p))
+                p += 0.1 / rate * v
+        position += rng.normal(0.0, 5e-4, 4000)
+        velocity += rng.normal(0.0, 5e-3, 4000)
+        return make_axis(position=position, velocity=velocity, command=command, time=time, input_time=time)
+
+    alone = between.response(arm(1, 4.0), 0.5), between.response(arm(7, 3.2), 0.5)
+    assert between._gains_differ(*((one.gain, one.error) for one in alone))
+    assert kinds(a=arm(1, 4.0), b=arm(7, 3.2)) == []
