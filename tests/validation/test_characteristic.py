@@ -101,6 +101,13 @@ def test_imbalance_is_a_wave_over_the_turn():
     np.testing.assert_allclose(one.mean, 4.0 * np.sin(np.radians(one.centre)), atol=0.6)
 
 
+def test_a_spring_that_is_wound_over_turns_is_a_line_over_the_position():
+    one = shown("cable_spring@motor(stiffness=0.5,rest=0)")
+    assert np.ptp(one.curve_x) > 2.0 * np.pi
+    assert (one.variable, one.unit, one.circular) == ("position", "rad", False)
+    np.testing.assert_allclose(one.curve_y, 0.5 * one.curve_x, atol=1e-6)
+
+
 def test_a_constant_load_is_a_level_line():
     one = shown("load_torque@motor(torque=-2)")
     np.testing.assert_allclose(one.curve_y, 2.0, atol=1e-9)

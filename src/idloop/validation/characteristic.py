@@ -38,6 +38,7 @@ _BINS, _CURVE = 24, 401
 _IS_CURVE = 0.9
 # Parts below this one are negligible: of the command that an effect changes, and of rest within a filtered sample.
 _NEGLIGIBLE = 0.1
+_TURN = "angle of the turn"
 
 
 @dataclass(frozen=True)
@@ -198,10 +199,12 @@ def _over_best_variable(
     """Over the first variable that the fitted effect follows within 2 % of the best."""
     if len(data) < _BINS or not np.any(fitted):
         return None
-    variables = dict(over)
-    place, place_unit = variables.get("position", (np.zeros(1), ""))
-    if place_unit == "rad" and float(np.ptp(place)) >= 2.0 * np.pi:
-        variables["position"] = np.asarray(np.degrees(np.mod(place, 2.0 * np.pi))), "°"
+    variables: dict[str, tuple[Array, str]] = {}
+    for name, (values, unit) in over.items():
+        if name == "position" and unit == "rad" and float(np.ptp(values)) >= 2.0 * np.pi:
+            # What repeats with every turn is a curve over the turn, a spring one over the position.
+            variables[_TURN] = np.asarray(np.degrees(np.mod(values, 2.0 * np.pi))), "°"
+        variables[name] = values, unit
     follows = {name: _follows(values, fitted) for name, (values, _) in variables.items()}
     name = next(name for name, share in follows.items() if share >= max(follows.values()) - 0.02)
     x, unit = variables[name]
@@ -210,11 +213,12 @@ def _over_best_variable(
         first = max((len(x) - _CURVE) // 2, 0)
         curve = x[first : first + _CURVE], fitted[first : first + _CURVE]
     else:
-        curve = _bins(x, fitted, 4 * _BINS)[:2] if on_grid is None else on_grid(name, x, unit)
+        curve = (
+            _bins(x, fitted, 4 * _BINS)[:2] if on_grid is None else on_grid(name.replace(_TURN, "position"), x, unit)
+        )
     some = np.unique(np.linspace(0, len(x) - 1, min(1500, len(x))).astype(np.int64))
-    label = "angle of the turn" if unit == "°" else name
     return Characteristic(
-        label, unit, quantity, quantity_unit, x[some], data[some], *_bins(x, data, _BINS), *curve, unit == "°"
+        name, unit, quantity, quantity_unit, x[some], data[some], *_bins(x, data, _BINS), *curve, unit == "°"
     )
 
 
