@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -359,6 +359,7 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
     from idloop import drawing
     from idloop.output_files import write_text
     from idloop.records import compare_inspections, inspect_bag
+    from idloop.records.inspection.faults.late_velocity import KIND as LATE
     from idloop.records.inspection.measured_input import KIND as MEASURED
     from idloop.records.recognition.mapping_file import motion_of, text_of
     from idloop.records.recognition.role_units import base_unit_of
@@ -376,11 +377,16 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
         progress(0.3 + 0.1 * len(inspections) / len(bags), f"inspecting {bag.name}")
         inspections += (inspect_bag(bag),)
     command = log.recognition.of("command")
+    outputs = {one.role: base_unit_of(one) for one in motion_of(log.recognition)}
+    late = any(fault.kind == LATE for one in inspections for fault in one.faults)
+    if late:
+        # The position says the same, and a model without the filter would take the delay for something else.
+        outputs.pop("velocity")
     kind = FirstModel(
         log.name,
         joint,
         base_unit_of(command) if command is not None else "",
-        {one.role: base_unit_of(one) for one in motion_of(log.recognition)},
+        outputs,
         measured=(command is not None and command.measured)
         or any(one.kind == MEASURED for inspection in inspections for one in inspection.findings),
     )
@@ -395,10 +401,22 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
     else:
         refused = inspections[0].grade_reason if _is_useless(inspections) else ""
         done = first_fit(kind, bags, fitted=fitted, refused=refused, progress=part(progress, 0.4, 1.0))
+    done = _with_causes(done, inspections, f"{joint}.velocity is late and left out of the model" if late else "")
     write_text(folder / MODEL, done.model.to_yaml())
     if done.fit is not None:
         write_text(folder / FITTED, done.fit.model.to_yaml())
     return Start(folder, log, bags, inspections, done, between)
+
+
+def _with_causes(done: FirstFit, inspections: Sequence[Inspection], note: str) -> FirstFit:
+    """Add what was left out; and where one body describes nothing, the faults that may be why."""
+    from idloop.records.inspection.grade import what
+
+    notes = (*done.notes, note) if note else done.notes
+    faults = [what(fault) for one in inspections for fault in one.faults]
+    if not (done.incomplete and faults):
+        return replace(done, notes=notes)
+    return replace(done, notes=notes, why_not=f"{done.why_not}; or what the inspection names is the cause: {faults[0]}")
 
 
 def _is_useless(inspections: Sequence[Inspection]) -> bool:

@@ -9,6 +9,7 @@ import pytest
 
 from idloop.records import check_record, inspect_bag, write_bag
 from idloop.records.inspection.bad_readings import bad_readings
+from idloop.records.record import Record
 
 ROWS = [3, 700, 701, 1500, 1999]
 
@@ -60,3 +61,16 @@ def test_values_of_any_size(record):
     spoilt = np.where(np.arange(2000) == 77, 1e300, record.output[:, 0])
     assert bad_readings(spoilt).tolist() == [77]
     assert bad_readings(np.where(np.arange(2000) == 9, np.nan, spoilt)).tolist() == [77]
+
+
+def test_readings_near_the_others_are_left_out_as_well(make_axis):
+    axis = make_axis()
+    place = axis.position.copy()
+    rows = np.array([400, 900, 1501, 2222])
+    place[rows] += 0.3 * np.ptp(place)
+    record = Record(
+        "log", axis.time, axis.command, axis.time, place[:, None], "j.effort", "V", ("j.position",), ("rad",)
+    )  # fmt: skip
+    checked = check_record(record)
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(checked.output[:, 0])), rows)
+    assert [one.kind for one in checked.findings if one.kind == "spikes"] == ["spikes"]

@@ -56,7 +56,7 @@ def few_samples(count: int, duration: float) -> str:
 def check_record(record: Record, *, held: bool = True) -> Record:
     """Return the record with findings on outputs that never move or are differences of another, and on few samples.
 
-    Readings far outside of all others are marked as not measured, those of the command are replaced by the value
+    Readings off the course of all others are marked as not measured, those of the command are replaced by the value
     before; so are values that a log repeats which is faster than its sensor. A finding counts them.
 
     Parameters
@@ -94,7 +94,7 @@ def check_record(record: Record, *, held: bool = True) -> Record:
             raise InputError(
                 f"{name}: {output} has only {count} samples, at least {FEWEST_SAMPLES} are needed; record longer"
             )
-    record = _without_repeats(_without_bad_readings(record))
+    record = _without_bad_readings(_without_repeats(record))
     signals = [(record.input_name, record.input), *zip(record.output_names, record.output.T, strict=True)]
     for signal, values in signals:
         known = values[np.isfinite(values)]
@@ -118,19 +118,37 @@ def check_record(record: Record, *, held: bool = True) -> Record:
 
 def _without_bad_readings(record: Record) -> Record:
     rows = bad_readings(record.input)
-    outputs = {name: bad_readings(values) for name, values in zip(record.output_names, record.output.T, strict=True)}
+    outputs = _stray(record)
     found = []
     for name, bad in ((record.input_name, rows), *outputs.items()):
         if bad.size:
             many, left = ("1 value", "it is") if bad.size == 1 else (f"{bad.size} values", "they are")
-            text = f"{name}: {many} far outside of all others: single bad readings, {left} left out"
+            text = f"{name}: {many} off the course of all others: single bad readings, {left} left out"
             found.append(Finding("spikes", text, bad.size, name, "warning"))
     if not found:
         return record
     good = np.delete(np.arange(record.input.size), rows)
     before = good[np.maximum(np.searchsorted(good, np.arange(record.input.size), side="right") - 1, 0)]
-    output = np.column_stack([without_bad_readings(values) for values in record.output.T])
+    output = record.output.copy()
+    for name, bad in outputs.items():
+        output[bad, record.column(name)] = np.nan
     return replace(record, input=record.input[before], output=output, findings=(*record.findings, *found))
+
+
+def _stray(record: Record) -> dict[str, NDArray[np.int64]]:
+    """Bad readings of the outputs: those far outside of all others, then those off the course of their neighbours."""
+    from idloop.records.inspection.axis import Axis
+    from idloop.records.inspection.faults.spikes import stray
+
+    columns = dict(zip(record.output_names, record.output.T, strict=True))
+    found = {name: bad_readings(values) for name, values in columns.items()}
+    for joint in dict.fromkeys(name.rpartition(".")[0] for name in columns):
+        own = {field: columns.get(f"{joint}.{field}") for field in ("position", "velocity")}
+        left = {field: None if values is None else without_bad_readings(values) for field, values in own.items()}
+        axis = Axis(joint, record.time, left["position"], left["velocity"], record.input_time, record.input)
+        for name, rows in stray(axis).items():
+            found[name] = np.union1d(found[name], rows)
+    return found
 
 
 def _without_repeats(record: Record) -> Record:

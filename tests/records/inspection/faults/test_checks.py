@@ -13,6 +13,7 @@ from idloop.physics import load_model
 from idloop.records import inspect_bag, make_stream
 from idloop.records.bags.publishers import find_publishers
 from idloop.records.inspection.axis import Axis
+from idloop.records.inspection.faults import not_followed
 from idloop.records.inspection.faults.checks import inspect_axis
 
 
@@ -248,3 +249,25 @@ def test_a_wrapped_position_is_named_with_its_range(make_axis):
     found = the(replace(axis, position=np.mod(10.0 * axis.position, 360.0), velocity=None), "wrapped_position")
     assert found.evidence["span"] == pytest.approx(360.0, rel=0.01)
     assert "`wrap: 360`" in found.cure
+
+
+@pytest.mark.parametrize("limit", ["force", "speed"])
+def test_a_limit_of_the_speed_is_none_of_the_force(limit):
+    """Near the speed that the axis does not exceed the acceleration does not grow with the command either."""
+    rng = np.random.default_rng(0)
+    count, rate = 5000, 250.0
+    command = np.repeat(rng.uniform(-7.0, 7.0, count // 150 + 1), 150)[:count]
+    position, velocity, p, v = np.empty(count), np.empty(count), 0.0, 0.0
+    for k in range(count):
+        position[k], velocity[k] = p, v
+        force = float(np.clip(command[k], -3.0, 3.0)) if limit == "force" else float(command[k])
+        for _ in range(4):
+            driven = limit == "force" or abs(v) < 2.0 or v * force < 0.0
+            v += (force * driven - v - 0.5 * np.tanh(v / 0.01)) / (1.2 * rate)
+            p += 0.25 * v / rate
+    time = np.arange(count) / rate
+    position, velocity = position + 3e-4 * rng.normal(size=count), velocity + 0.01 * rng.normal(size=count)
+    units = {"j.position": "rad", "j.velocity": "rad/s", "j.effort": "N·m"}
+    axis = Axis("j", time, position, velocity, time, command, "j.effort", units)
+    assert not_followed.check(axis), "alone either seems one of the force"
+    assert ("speed" in the(axis, "not_followed").evidence) == (limit == "speed")

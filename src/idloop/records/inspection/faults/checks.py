@@ -32,6 +32,17 @@ from idloop.records.inspection.faults.fault import Check
 from idloop.records.inspection.measured_input import KIND as MEASURED
 from idloop.records.inspection.velocity_check import KIND as WRONG_VELOCITY
 
+_BELOW = 0.9  # of the speed that an axis does not exceed
+
+
+def _limit(axis: Axis) -> list[Finding]:
+    """Name one limit of the drive; what a limit of the force seems only near the largest speed is one of the speed."""
+    force = not_followed.check(axis)
+    if force and (speed := speed_limit.check(axis)):
+        return force if not_followed.check(axis, _BELOW * abs(speed[0].evidence["speed"])) else speed
+    return force or rate_limit.check(axis) or speed_limit.check(axis)
+
+
 # Checks of the signals; those of the response need a command and a motion that are what they say.
 _SIGNALS: tuple[Check, ...] = (
     publishers.check,
@@ -48,7 +59,7 @@ _RESPONSE: tuple[Check, ...] = (
     command_direction.check,
     late_velocity.check,
     measured_command.check,
-    lambda axis: not_followed.check(axis) or rate_limit.check(axis) or speed_limit.check(axis),
+    _limit,
     excitation.check,
 )
 # Faults after which the response of the axis means nothing.

@@ -14,6 +14,8 @@ from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import fault
 from idloop.records.inspection.response import Projection, regress
 
+KIND = "late_velocity"
+
 # Samples that a velocity may be late: the difference of the last two positions is half a sample late.
 _LATE = 1.5
 _ERRORS = 5.0
@@ -55,7 +57,7 @@ def check(axis: Axis) -> list[Finding]:
     name = axis.name("velocity")
     return [
         fault(
-            "late_velocity",
+            KIND,
             name,
             f"{name} is {1e3 * late:.3g} ± {1e3 * error:.1g} ms behind the slope of {axis.name('position')}"
             f" ({late / axis.period:.2g} samples): the drive filters it",

@@ -15,12 +15,16 @@ _LEVELS, _GAIN = (0.35, 0.5, 0.65, 0.8), 0.35
 _ERRORS = 6.0
 # Share of the time beyond the level, and of the acceleration left by one gain that the change explains.
 _BEYOND, _EXPLAINS = 0.05, 0.3
+_FEWEST = 48
 # Share of the acceleration above which the command as it is explains enough.
 _ENOUGH = 0.99
 
 
-def check(axis: Axis) -> list[Finding]:
-    """Add the part of the command beyond a level to the balance; its gain takes back that of the whole command."""
+def check(axis: Axis, slower: float = np.inf) -> list[Finding]:
+    """Add the part of the command beyond a level to the balance; its gain takes back that of the whole command.
+
+    Only motion that is slower than a speed counts.
+    """
     grid = axis.grid
     if grid is None or not np.isfinite(grid.command).any():
         return []
@@ -32,12 +36,16 @@ def check(axis: Axis) -> list[Finding]:
         level: np.sign(grid.command) * np.maximum(np.abs(grid.command) - level * largest, 0.0) for level in _LEVELS
     }
     parts = {level: part for level, part in parts.items() if _BEYOND < np.mean(part != 0.0) < 1.0 - _BEYOND}
+    # A test function with a sample that is too fast counts as unknown.
+    fast = np.where(np.abs(grid.speed) > slower, np.nan, 0.0)
     best: tuple[float, float, float] | None = None
     for found in [one for one in responses(axis) if one.share < _ENOUGH]:
         others = np.column_stack([found.command, found.others, *(found.functions.project(one) for one in drag)])
         for level, part in parts.items():
             table = np.column_stack([found.functions.project(part), others])
-            known = found.known & np.isfinite(table).all(axis=1)
+            known = found.known & np.isfinite(table).all(axis=1) & np.isfinite(found.functions.project(fast))
+            if np.count_nonzero(known) < _FEWEST:
+                continue
             target = found.acceleration[known]
             values, errors, left = regress(target, table[known])
             without = regress(target, table[known][:, 1:])[2]

@@ -16,17 +16,25 @@ _UNEVEN = 0.5
 _FURTHER = 4.0
 
 
+def stray(axis: Axis) -> dict[str, NDArray[np.int64]]:
+    """Return the samples of position and velocity off the course of their neighbours, by ``joint.field``."""
+    after = driven(axis)
+    signals = {"position": axis.place, "velocity": axis.velocity}
+    return {
+        axis.name(signal): _near(axis, signal, value, after) for signal, value in signals.items() if value is not None
+    }
+
+
 def check(axis: Axis) -> list[Finding]:
     """Name the readings far outside of all others, and look for samples off the course of their neighbours."""
     found = []
-    after = driven(axis)
+    near = stray(axis)
     for signal, value in (("position", axis.place), ("velocity", axis.velocity), ("command", axis.command)):
         # A command may jump as it likes.
-        when, off = _near(axis, signal, value, after) if signal != "command" and value is not None else _none()
-        left_out = ""
+        rows = near.get(axis.name(signal), _none())
+        when, off = axis.time[rows] if rows.size else np.zeros(0), _distance(value, rows)
         if signal in axis.bad and value is not None:
             far, values = axis.bad[signal]
-            left_out = "; fits leave out those far outside of all others"
             when, off = np.append(when, far), np.append(off, np.abs(values - np.nanmedian(value)))
         if not when.size:
             continue
@@ -40,7 +48,7 @@ def check(axis: Axis) -> list[Finding]:
                 name,
                 f"{name}: {many} off the others, by up to {off[largest]:.3g} {unit} (at {when[largest]:.4g} s): single"
                 " bad readings",
-                f"mark them as missing in the log (an empty cell), and look at the wiring of the sensor{left_out}",
+                "look at the wiring of the sensor; fits leave them out",
                 evidence={"spikes": float(when.size), "largest": float(off[largest])},
                 count=int(when.size),
                 places=around(time, np.searchsorted(time, np.sort(when))),
@@ -49,12 +57,22 @@ def check(axis: Axis) -> list[Finding]:
     return found
 
 
-def _none() -> tuple[Floats, Floats]:
-    return np.zeros(0), np.zeros(0)
+def _none() -> NDArray[np.int64]:
+    return np.zeros(0, dtype=np.int64)
 
 
-def _near(axis: Axis, signal: str, value: Floats, after: NDArray[np.int64]) -> tuple[Floats, Floats]:
-    """Times of the samples off the course of their neighbours, and how far they are."""
+def _distance(value: Floats | None, rows: NDArray[np.int64]) -> Floats:
+    """How far samples lie off the middle of the measured ones beside them."""
+    if value is None or not rows.size:
+        return np.zeros(0)
+    known = np.flatnonzero(np.isfinite(value))
+    place = np.searchsorted(known, rows)
+    beside = 0.5 * (value[known[place - 1]] + value[known[place + 1]])
+    return np.asarray(np.abs(value[rows] - beside))
+
+
+def _near(axis: Axis, signal: str, value: Floats, after: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Samples off the course of their neighbours."""
     known = np.flatnonzero(np.isfinite(value))
     time, values = axis.time[known], value[known]
     even = np.ones(values.size, dtype=bool)
@@ -70,7 +88,7 @@ def _near(axis: Axis, signal: str, value: Floats, after: NDArray[np.int64]) -> t
         rows = rows[~_moved(axis.place[known], time, values, rows)]
     if rows.size > _MOST * values.size:
         return _none()
-    return time[rows], np.abs(values[rows] - 0.5 * (values[rows - 1] + values[rows + 1]))
+    return np.asarray(known[rows])
 
 
 def _on_the_way(value: Floats, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
