@@ -37,7 +37,11 @@ def test_a_run_that_drifts_away_is_cut_off_at_the_width_of_what_was_measured():
     assert 15.0 < frame.high < 18.0
     assert list(frame.strays) == ["gone"]
     left = residual_frame(MEASURED, {"near": NEAR, "gone": MEASURED + 30.0 * TIME})
-    assert left.high == pytest.approx(1.06 * 2.0 * np.ptp(MEASURED))
+    # What the better one leaves is still seen beside it, and the legend says how far the other goes.
+    assert left.high == pytest.approx(1.06 * 8.0 * 0.05, rel=0.01)
+    assert left.strays == {"gone": "to 300"}
+    alone = residual_frame(MEASURED, {"gone": MEASURED + 30.0 * TIME})
+    assert alone.high == pytest.approx(1.06 * 2.0 * np.ptp(MEASURED))
 
 
 def test_what_stays_near_is_not_touched():
@@ -73,7 +77,7 @@ def test_both_figures_keep_the_measured_scale_and_say_how_far_the_model_goes():
     top, below = figure.axes[:2]
     assert -8.0 < top.get_ylim()[0] < top.get_ylim()[1] < 8.0
     assert below.get_ylim()[1] < 0.2
-    assert [text.get_text() for text in top.get_legend().get_texts()][1] == "model (FIT 96 %; to −540)"
+    assert [text.get_text() for text in top.get_legend().get_texts()][1] == "model (FIT 96 %; leaves the frame, to −540)"
     drawn = overlay(panel(absurd()), ["motor.velocity"], ["rad/s"], "motor.effort", "V")
     assert -8.0 < drawn[0].y_range.start < drawn[0].y_range.end < 8.0
     assert drawn[1].y_range.end < 0.2

@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 
 # A curve may leave the measured range by this many times its width before it is cut off.
 _BEYOND, _RESIDUAL = 1.0, 2.0
+# Residuals beyond this many times those of the best model are cut off.
+_BESIDE = 8.0
 # So few samples out there are strays: the rest of the curve sets its frame.
 _FEW = 0.02
 _ROOM = 0.06
@@ -89,7 +91,8 @@ def residual_frame(measured: Array, modelled: Mapping[str, Array], band: float |
     span = high - low
     if not span > 0.0:
         return None
-    half, strays = 0.0 if band is None or not np.isfinite(band) else band, {}
+    half = 0.0 if band is None or not np.isfinite(band) else band
+    strays, ends, inner = {}, {}, {}
     for label, values in modelled.items():
         size = np.abs(measured - values)
         size = size[np.isfinite(size)]
@@ -99,10 +102,15 @@ def residual_frame(measured: Array, modelled: Mapping[str, Array], band: float |
         if np.any(out):
             few = float(np.mean(out)) < _FEW
             inside = 1.3 * float(np.quantile(size, 1.0 - _FEW)) if few else _RESIDUAL * span
-            if inside < most:
-                strays[label] = f"to {figure_text(most, 3)}"
-            most = min(most, inside)
-        half = max(half, most)
+            inner[label] = min(most, inside)
+        ends[label] = most
+    # What the best model leaves is to be seen beside what the others do, and the band of the noise with it.
+    limit = _BESIDE * max(half, min((inner.get(label, most) for label, most in ends.items()), default=0.0))
+    for label, most in ends.items():
+        reach = min(inner.get(label, most), limit)
+        if reach < most:
+            strays[label] = f"to {figure_text(most, 3)}"
+        half = max(half, reach)
     if not half > 0.0:
         return None
     return Frame(-(1.0 + _ROOM) * half, (1.0 + _ROOM) * half, strays)

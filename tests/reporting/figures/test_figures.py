@@ -180,7 +180,7 @@ def test_candidates_are_ranked_with_ties_as_ties_and_what_cannot_be_shown(conten
     assert rows[1].evidence == "as likely as Coulomb friction @ motor"
     assert rows[-1].text == "a limit beyond the data cannot show"
     plot = candidates_figure(rows)
-    assert list(columns(plot)["share"]) == [80.0, 0.0, 1.0]
+    assert list(columns(plot)["share"]) == [80.0, 80.0, 1.0]
     assert candidates_figure(rows[-1:]) is None
 
 
@@ -257,3 +257,14 @@ def test_every_figure_of_the_page_has_labelled_axes_and_the_colours_of_its_theme
                 listed = not axis.visible or (place in {"ladder", "candidates"} and axis in plot.yaxis)
                 assert listed or axis.axis_label.endswith("]"), place
     assert LIGHT.surface not in str([plot.border_fill_color for plots in places.values() for plot in plots])
+
+
+def test_an_effect_that_ties_has_the_bar_of_what_it_explains(contents):
+    """As much as the one that was added, in whose place it would do."""
+    start, step = contents.ladder.steps
+    tied = replace(contents.ladder, steps=(start, replace(step, set=(step.added.name, "input_offset@input"))))
+    row = next(one for one in ladder_rows(tied) if one.standing == TIED)
+    assert row.explains == pytest.approx(step.added.explains)
+    assert row.explains > 0.1
+    plot = candidates_figure([row])
+    assert columns(plot)["share"][0] == pytest.approx(100.0 * row.explains)

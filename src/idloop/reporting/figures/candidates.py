@@ -85,7 +85,8 @@ def ladder_rows(ladder: Ladder) -> list[EffectRow]:
         # What the step gained is not in its document: a ladder that is read looks like the one that was written.
         rows.append(replace(_row(step.added, ADDED, p_value), gain=np.nan))
         rows += [
-            EffectRow(name, TIED, np.nan, np.nan, np.nan, _text(known.get(name)), step.added.name)
+            # It fits the data as well as the one that was added, and explains as much.
+            EffectRow(name, TIED, _explains(step.added), np.nan, np.nan, _text(known.get(name)), step.added.name)
             for name in ladder.rivals(step)
         ]
     return _with_rest(rows, ladder.candidates, tuple(undetectable(ladder)), WEIGHED)
@@ -154,13 +155,17 @@ def _standing(row: EffectRow) -> str:
 
 
 def _share_text(row: EffectRow) -> str:
-    return f"{100.0 * row.explains:.0f} %, " if np.isfinite(row.explains) and row.explains >= 5e-3 else ""
+    about = "about " if row.standing == TIED else ""
+    return f"{about}{100.0 * row.explains:.0f} %, " if np.isfinite(row.explains) and row.explains >= 5e-3 else ""
 
 
 def _row(candidate: Candidate, standing: str, p_value: float) -> EffectRow:
+    return EffectRow(candidate.name, standing, _explains(candidate), p_value, candidate.gain, candidate.text)
+
+
+def _explains(candidate: Candidate) -> float:
     fitted = bool(candidate.parameters) or np.isfinite(candidate.gain)
-    explains = candidate.explains if fitted else np.nan
-    return EffectRow(candidate.name, standing, explains, p_value, candidate.gain, candidate.text)
+    return candidate.explains if fitted else np.nan
 
 
 def _text(candidate: Candidate | None) -> str:

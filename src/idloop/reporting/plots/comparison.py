@@ -73,10 +73,13 @@ class Panel:
         return residual_frame(self.output[:, column], self.values(column), half)
 
     def legend_entry(self, label: str, column: int) -> str:
-        """A model's entry in the legend: its note, and how far it leaves the frame."""
-        note, frame = self.notes.get(label), self.value_frame(column)
+        """A model's entry in the legend: its note, and how far it and its residual leave their frames."""
+        note, frame, below = self.notes.get(label), self.value_frame(column), self.residual_frame(column)
         parts = [note[column]] if note else []
-        parts += [frame.strays[label]] if frame is not None and label in frame.strays else []
+        if frame is not None and label in frame.strays:
+            parts.append(f"leaves the frame, {frame.strays[label]}")
+        elif below is not None and label in below.strays:
+            parts.append(f"residual {below.strays[label]}")
         return f"{label} ({'; '.join(parts)})" if parts else label
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import queue
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from idloop.errors import IdloopError, InputError
@@ -21,31 +22,47 @@ class Coordinator:
     ----------
     state : State
         Holds what goes on and what went wrong.
+    yields : bool
+        Yield the processor to control loops; not where there are none and the reader waits.
     """
 
-    def __init__(self, state: State) -> None:
+    def __init__(self, state: State, *, yields: bool = True) -> None:
         self.state = state
         self.busy = ""
-        self._worker = WorkerProcess("idloop page")
+        self._next = ""
+        self._worker = WorkerProcess("idloop page", yields=yields)
         self._quiet = False
-        self._jobs: queue.SimpleQueue[Job | None] = queue.SimpleQueue()
+        self._jobs: queue.SimpleQueue[tuple[str, Job, bool] | None] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._run, name="workbench coordinator", daemon=True)
         self._thread.start()
 
-    def order(self, what: str, job: Job, *, quiet: bool = False) -> None:
+    def order(self, what: str, job: Job, *, quiet: bool = False, waits: bool = False) -> None:
         """Queue a job; the reader sees `what` it is, unless it runs quietly.
+
+        Parameters
+        ----------
+        waits : bool
+            It may wait for the one that is under way, where none waits already.
 
         Raises
         ------
         InputError
             Another one is under way.
         """
-        if self.busy:
+        if self.busy and (self._next or not waits):
             raise InputError(f"{self.busy} is under way: wait for its result")
+        if self.busy:
+            self._next = what
+            if (now := self.state.snapshot.activity) is not None:
+                self.state.change(activity=replace(now, then=what))
+        else:
+            self._begin(what, quiet=quiet)
+        self._jobs.put((what, job, quiet))
+
+    def _begin(self, what: str, *, quiet: bool) -> None:
         self.busy, self._quiet = what, quiet
         if not quiet:
             self.state.change(activity=Activity(what))
-        self._jobs.put(job)
 
     def work(self, function: Callable[..., Any], *arguments: Any) -> Any:
         """Let the child do a piece of work; for jobs. Progress goes to the state."""
@@ -53,7 +70,7 @@ class Coordinator:
 
         def report(share: float, text: str) -> None:
             if not quiet:
-                self.state.change(activity=Activity(f"{what}: {text}" if text else what, share))
+                self.state.change(activity=Activity(f"{what}: {text}" if text else what, share, self._next))
 
         return self._worker.call(function, *arguments, report=report)
 
@@ -64,7 +81,11 @@ class Coordinator:
         self._thread.join(timeout=5.0)
 
     def _run(self) -> None:
-        while (job := self._jobs.get()) is not None:
+        while (given := self._jobs.get()) is not None:
+            what, job, quiet = given
+            if self._next and what == self._next:
+                self._next = ""
+                self._begin(what, quiet=quiet)
             try:
                 job()
             except InputError as error:
@@ -72,6 +93,8 @@ class Coordinator:
             except IdloopError as error:
                 self.state.change(note=Note(str(error), ERROR))
             finally:
-                quiet, self.busy = self._quiet, ""
+                quiet = self._quiet
+                # What waits goes on at once: nobody else can be let in between.
+                self.busy = self._next
                 if not quiet:
-                    self.state.change(activity=None)
+                    self.state.change(activity=Activity(self._next) if self._next else None)

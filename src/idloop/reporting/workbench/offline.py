@@ -83,7 +83,7 @@ class OfflineSource:
                 inspected=tuple(inspected),
             )
         )
-        self._coordinator = Coordinator(self.state)
+        self._coordinator = Coordinator(self.state, yields=False)
         self._coordinator.order("comparing model and record", self._assess)
 
     def close(self) -> None:
@@ -93,7 +93,7 @@ class OfflineSource:
     def order(self, verb: str, what: str = "") -> str:
         """Start an order, see `idloop.reporting.workbench.state.Source`."""
         if verb == "diagnose":
-            self._coordinator.order("looking for what is missing", self._diagnose)
+            self._coordinator.order("looking for what is missing", self._diagnose, waits=True)
         elif verb == "add":
             if not what:
                 raise InputError("no effect is named")

@@ -170,10 +170,11 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Activity:
-    """What is being worked out; `share` is None while nobody knows how far it is."""
+    """What is being worked out, and what waits for it; `share` is None while nobody knows how far it is."""
 
     text: str
     share: float | None = None
+    then: str = ""
 
 
 @dataclass(frozen=True)

@@ -123,7 +123,7 @@ def page_state(snapshot: Snapshot, signals: Signals) -> dict[str, Any]:
         "limits": [{"name": name, "value": value} for name, value in snapshot.limits],
         "activity": None
         if snapshot.activity is None
-        else {"text": snapshot.activity.text, "share": snapshot.activity.share},
+        else {"text": snapshot.activity.text, "share": snapshot.activity.share, "then": snapshot.activity.then},
         "note": None if snapshot.note is None else {"text": snapshot.note.text, "level": snapshot.note.level},
         "health": [
             {

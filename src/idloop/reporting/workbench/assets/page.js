@@ -311,7 +311,8 @@
     verdict.classList.toggle("long", verdict.textContent.length > LONG);
     say("beside", m && m.verdict !== "missing" && beside.length ? `Significant by itself and not added: ${beside.map((c) => `${c.words}, because ${c.passed_over}`).join("; ")}.` : "");
     const busy = Boolean(s.activity);
-    $("diagnose").disabled = busy;
+    // While a recording is looked at, the search may wait for that; where a model is made, there is nothing to search yet.
+    $("diagnose").disabled = busy && (s.live || Boolean(m) || Boolean(s.computing) || Boolean(s.activity.then) || s.activity.text.startsWith("looking"));
     $("diagnose").classList.toggle("primary", !m || m.verdict !== "missing");
     say("diagnose", m ? "Look again" : "Find what is missing");
     render("candidates", [m, busy], () => (m ? candidates(m, busy) : []));
@@ -395,7 +396,7 @@
   function showActivity(s) {
     $("activity").hidden = !s.activity;
     if (!s.activity) return;
-    $("activity").firstElementChild.textContent = s.activity.text;
+    $("activity").firstElementChild.textContent = s.activity.then ? `${s.activity.text}; then ${s.activity.then}` : s.activity.text;
     const bar = $("activity").lastElementChild;
     if (s.activity.share == null) bar.removeAttribute("value");
     else bar.value = s.activity.share;
