@@ -48,7 +48,7 @@ class RobotIdentification(Result):
     @property
     def models(self) -> dict[str, Model]:
         """Model of every joint as an axis, fitted, by its name; its input is the effort that is left for the joint."""
-        return {name: one.model for name, one in zip(self.joints, self.robot.ladders, strict=True)}
+        return dict(zip(self.joints, self.robot.models(), strict=True))
 
     @property
     def added(self) -> dict[str, tuple[str, ...]]:

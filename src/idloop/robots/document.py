@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.diagnosis import Ladder
+from idloop.physics.model import Model
 from idloop.reporting.detectability import undetectable
 from idloop.reporting.estimates import parameter_estimates
 from idloop.reporting.verdicts import ending
@@ -33,7 +34,7 @@ def document(robot: Robot, payload: Payload | None, findings: Sequence[str]) -> 
     errors = robot.errors
     joints = [
         {
-            **_joint(ladder, task),
+            **_joint(ladder, task, model),
             "type": robot.rigid_body.types[place],
             "own_inertia": task.inertia,
             "errors": [
@@ -47,7 +48,7 @@ def document(robot: Robot, payload: Payload | None, findings: Sequence[str]) -> 
                 for one in errors
             ],
         }
-        for place, (ladder, task) in enumerate(zip(robot.ladders, robot.tasks, strict=True))
+        for place, (ladder, task, model) in enumerate(zip(robot.ladders, robot.tasks, robot.models(), strict=True))
     ]
     return {
         "schema": SCHEMA,
@@ -71,7 +72,7 @@ def document(robot: Robot, payload: Payload | None, findings: Sequence[str]) -> 
     }  # fmt: skip
 
 
-def _joint(ladder: Ladder, task: JointTask) -> dict[str, Any]:
+def _joint(ladder: Ladder, task: JointTask, model: Model) -> dict[str, Any]:
     return {
         "name": task.model.name,
         "unit": task.model.units.force,
@@ -96,11 +97,11 @@ def _joint(ladder: Ladder, task: JointTask) -> dict[str, Any]:
             }
             for step in ladder.steps
         ],
-        "parameters": parameter_estimates(ladder.model),
+        "parameters": parameter_estimates(model),
         "chosen": {
-            one.name: one.value for one in ladder.model.parameters if not one.free and one.name.startswith(ladder.added)
+            one.name: one.value for one in model.parameters if not one.free and one.name.startswith(ladder.added)
         },
-        "model": ladder.model.to_yaml(),
+        "model": model.to_yaml(),
         "where": _where(ladder, task),
         "not_shown": undetectable(ladder),
         "data": list(ladder.findings),

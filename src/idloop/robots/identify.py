@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.diagnosis import Ladder
+from idloop.physics.model import Model
 from idloop.robots.balance import Balance, RobotMotion, balance_of, robot_motions
 from idloop.robots.joint_models import JointTask, effect_torque, joint_tasks, own_inertia, refine_joints, unchanged
 from idloop.robots.joint_records import JointRecord
@@ -83,6 +84,27 @@ class Robot:
     tasks: tuple[JointTask, ...]
     balances: tuple[Balance, ...]
     errors: tuple[TorqueError, ...]
+
+    def models(self) -> list[Model]:
+        """Model of every joint as an axis, with the values of the last fit of all joints together.
+
+        That fit is along the whole motion of the arm and leaves out where dry friction holds a joint; what the effects
+        of a ladder have themselves is as the ladder has it.
+        """
+        errors = {one.name: one.stderr for one in self.fit.base}
+        found = []
+        for place, (joint, ladder) in enumerate(zip(self.rigid_body.joints, self.ladders, strict=True)):
+            armature, viscous, dry, offset = self.fit.own[place].tolist()
+            given = {
+                f"{joint}.inertia": (self.tasks[place].inertia + armature, None),
+                f"{joint}.viscous_friction": (max(viscous, 0.0), errors.get(f"{joint}.viscous")),
+                f"coulomb_friction@{joint}.level": (max(dry, 0.0), errors.get(f"{joint}.coulomb")),
+                f"load_torque@{joint}.torque": (offset, errors.get(f"{joint}.offset")),
+            }
+            known = {name: pair for name, pair in given.items() if name in ladder.model.free}
+            stderr = {name: error for name, (_, error) in known.items() if error is not None}
+            found.append(ladder.model.with_values({name: value for name, (value, _) in known.items()}, stderr))
+        return found
 
     def effects(self, motion: RobotMotion) -> Array:
         """Torque of the effects that were found, along a motion, shape (n, joints) [N·m or N]."""
