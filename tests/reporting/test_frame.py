@@ -77,7 +77,9 @@ def test_both_figures_keep_the_measured_scale_and_say_how_far_the_model_goes():
     top, below = figure.axes[:2]
     assert -8.0 < top.get_ylim()[0] < top.get_ylim()[1] < 8.0
     assert below.get_ylim()[1] < 0.2
-    assert [text.get_text() for text in top.get_legend().get_texts()][1] == "model (FIT 96 %; leaves the frame, to −540)"
+    assert [text.get_text() for text in top.get_legend().get_texts()][
+        1
+    ] == "model (FIT 96 %; leaves the frame, to −540)"
     drawn = overlay(panel(absurd()), ["motor.velocity"], ["rad/s"], "motor.effort", "V")
     assert -8.0 < drawn[0].y_range.start < drawn[0].y_range.end < 8.0
     assert drawn[1].y_range.end < 0.2

@@ -35,16 +35,16 @@ def response(value: Any, coherence: Any) -> Any:
 def test_a_response_is_read_only_where_the_command_explains_the_output() -> None:
     """Two bands of a falling phase with noise between and behind them."""
     random = np.random.default_rng(0)
-    falling = np.exp(-1j * np.linspace(0.0, 9.0, 40))
+    falling, again = (np.exp(-1j * np.linspace(*ends, 40)) for ends in ((0.0, 9.0), (8.0, 17.0)))
     noise = np.exp(1j * random.uniform(0.0, 6.28, 200))
     coherence = np.concatenate([np.full(40, 0.9), np.full(100, 0.1), np.full(40, 0.8), np.full(60, 0.2)])
-    seen = np.concatenate([falling, noise[:100], falling, noise[100:160]])
+    seen = np.concatenate([falling, noise[:100], again, noise[100:160]])
     view = FrequencyView(response(seen, coherence), response(seen, coherence), np.zeros(0))
     for line in view.bode(0):
         np.testing.assert_array_equal(np.isfinite(line.phase), coherence > 0.6)
         np.testing.assert_array_equal(np.isfinite(line.read), coherence > 0.6)
-        # Each band falls by its own 9 rad, without what the noise between would have turned it over.
-        np.testing.assert_allclose(line.phase[[0, 39, 140, 179]], np.degrees([0.0, -9.0, 0.0, -9.0]), atol=1e-9)
+        # Each band falls by its own 9 rad and goes on where the last one ended, whatever noise lies between.
+        np.testing.assert_allclose(line.phase[[0, 39, 140, 179]], np.degrees([0.0, -9.0, -8.0, -17.0]), atol=1e-9)
         assert np.isfinite(line.unread[100])
         assert np.isnan(line.unread[20])
     assert "above 0.6, 33 % of the lines, between 1 and 180 Hz" in view.frequency_note(0)

@@ -125,11 +125,13 @@ def _readable(one: FrequencyResponse, output: int) -> NDArray[np.bool_]:
 
 
 def _unwrapped(response: NDArray[np.complex128], readable: NDArray[np.bool_]) -> Array:
-    """Angle without jumps within every band of readable lines [rad]; each band begins within one turn."""
-    angle = np.angle(response)
+    """Angle without jumps within every band of readable lines [rad]; each begins within half a turn of the last one."""
+    angle, last_angle = np.angle(response), 0.0
     edges = np.flatnonzero(np.diff(np.concatenate([[False], readable, [False]]).astype(int)))
     for first, last in zip(edges[::2], edges[1::2], strict=True):
-        angle[first:last] = np.unwrap(angle[first:last])
+        band = np.unwrap(angle[first:last])
+        angle[first:last] = band - 2.0 * np.pi * np.round((band[0] - last_angle) / (2.0 * np.pi))
+        last_angle = float(angle[last - 1])
     return np.asarray(angle)
 
 

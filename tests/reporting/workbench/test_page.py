@@ -738,3 +738,50 @@ def test_the_saved_picture_has_room_for_title_and_legend(recording, visit):
         text.replace("\u00a0", " ") for text in said
     }
     page.goto("about:blank")
+
+
+@pytest.mark.slow
+def test_an_opened_list_stays_open_and_no_button_lies_on_a_number(recording, visit):
+    source, address = recording
+    page = visit(address).page
+    page.set_viewport_size({"width": 1440, "height": 900})
+    page.click("details[data-list='fitted'] summary")
+    source.state.change(activity=Activity("comparing"))
+    page.wait_for_selector("#activity:visible")
+    assert page.evaluate("() => document.querySelector('details[data-list=fitted]').open")
+    source.state.change(activity=None)
+    overlap = """() => [...document.querySelectorAll('.card')].some((card) => {
+        const button = card.querySelector('button').getBoundingClientRect();
+        return [...card.querySelectorAll('.numbers span, h3')].some((one) => [...one.getClientRects()].some(
+            (r) => r.right > button.left && r.left < button.right && r.bottom > button.top && r.top < button.bottom));
+    })"""
+    assert not page.evaluate(overlap)
+    page.goto("about:blank")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", (390, 1024))
+def test_in_one_column_the_answer_stands_below_the_head(width, recording, visit):
+    _, address = recording
+    page = visit(address).page
+    page.set_viewport_size({"width": width, "height": 844})
+    tops = page.evaluate("() => ['header', '#missing-panel', '#strips-panel', '#where-panel'].map("
+                         "(one) => document.querySelector(one).getBoundingClientRect().top)")  # fmt: skip
+    assert tops == sorted(tops)
+    assert page.evaluate("() => document.documentElement.scrollWidth") == width
+    label = "() => getComputedStyle(document.querySelector('#parameters td'), '::before').content"
+    assert ("value (95 %)" in page.evaluate(label)) == (width == 390)
+    assert page.locator("#strips-hint .keys").is_visible() == (width == 1024)
+    assert page.evaluate("() => getComputedStyle(document.querySelector('#commands')).whiteSpace") == "pre"
+    page.goto("about:blank")
+
+
+@pytest.mark.slow
+def test_what_is_printed_names_its_recording_and_its_error(recording, visit):
+    _, address = recording
+    page = visit(address).page
+    page.wait_for_selector("#where-title >> text=Where the model fails: ")
+    assert page.inner_text("#where-title").endswith((": applied minus needed", ", applied minus needed", "error"))
+    page.emulate_media(media="print")
+    assert page.inner_text("#strips-panel h2") == "Measured and free run: run1 (fitted)"
+    page.goto("about:blank")

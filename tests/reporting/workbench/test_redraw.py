@@ -151,3 +151,12 @@ def test_fewer_rows_are_sent_whole(canvas):
     canvas.draw([one_figure([4.0, 5.0])])
     assert [type(event).__name__ for event in sent if event.attr == "data"] == ["ColumnDataChangedEvent"]
     assert values(canvas.place) == [4.0, 5.0]
+
+
+def test_another_background_is_drawn_anew(canvas):
+    """BokehJS would leave a line of the old one."""
+    canvas.draw([one_figure([1.0, 2.0])])
+    (first,) = canvas.place.children
+    canvas.draw([one_figure([1.0, 2.0], theme=DARK)], anew=True)
+    assert canvas.place.children != [first]
+    assert canvas.place.children[0].background_fill_color == DARK.surface

@@ -183,7 +183,7 @@ class Page:
             before = self._drawn.get(name)
             if before is None or before[0] is not finding or before[1] != look:
                 self._drawn[name] = finding, look
-                self._canvases[name].draw(draw(snapshot))
+                self._canvases[name].draw(draw(snapshot), anew=before is not None and before[1][0] != theme)
                 return True
         return False
 

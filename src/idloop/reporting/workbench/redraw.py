@@ -35,16 +35,18 @@ class Canvas:
         self._place = place
         self._drawn: Drawn = []
 
-    def draw(self, figures: Sequence[UIElement]) -> None:
+    def draw(self, figures: Sequence[UIElement], *, anew: bool = False) -> None:
         """Show figures; those that differ from the ones before in values alone are brought up to them in place.
 
         Parameters
         ----------
         figures : sequence of bokeh.models.ui.UIElement
             New ones, of which none is in a document.
+        anew : bool
+            Not in place: BokehJS paints another background from the second pixel on, and leaves a line of the old one.
         """
         wanted = drawn(figures)
-        if not alike(self._drawn, wanted):
+        if anew or not alike(self._drawn, wanted):
             self._drawn = wanted
             self._place.children = list(figures)
             return

@@ -11,6 +11,7 @@
   const COMPUTING = "being computed";
   const LEVELS = ["ok", "warning", "error", "silent"];
   const MANY = 3; // effects that tie from which on each gets less room, so that all are seen at once
+  const UNEVEN = 250; // pixels by which columns may differ before a panel changes its side
   const LONG = 90; // letters from which on a verdict is read as text
   const FAILED = 2; // level of a check from which on the head says so
   // Texts for the states of the stop, and what the reader does about it.
@@ -54,7 +55,9 @@
     if (drawn.get(id) === text) return;
     drawn.set(id, text);
     const focused = document.activeElement?.dataset?.focus;
+    const open = [...$(id).querySelectorAll("details[open]")].map((one) => one.dataset.list);
     $(id).replaceChildren(...build());
+    for (const one of $(id).querySelectorAll("details")) one.open = open.includes(one.dataset.list);
     if (focused) $(id).querySelector(`[data-focus="${CSS.escape(focused)}"]`)?.focus();
   }
 
@@ -138,6 +141,7 @@
     $("span").value = String(view.span);
     $("shown").value = view.shown;
     say("strips-title", TITLES[view.shown]);
+    say("paper-recording", state.recordings[state.shown] ? `: ${state.recordings[state.shown]}` : "");
     say("given", state.assessment && !state.assessment.current ? `Free run of the model before the last step; the new one is ${COMPUTING}.`
       : view.shown === "free_run" ? "The model gets the command alone and begins at the measured state." : "");
     $("corrected").hidden = !state.live || view.shown !== "one_step";
@@ -177,8 +181,9 @@
     Bokeh.documents[0].on_event("connection_lost", () => { figuresLost = true; });
     const stored = localStorage.getItem("idloop_theme");
     const wanted = stored ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
+    // Before anything is drawn: a figure that changes its colours is drawn a second time.
+    setTheme(wanted, stored !== null);
     choose({ seen: document.visibilityState === "visible" });
-    if (wanted !== shown.theme) setTheme(wanted, stored !== null);
     performance.mark("idloop-figures");
     document.body.dataset.ready = "true";
   }
@@ -279,6 +284,17 @@
     say("residual-words", one.tests ? `The one-step error of ${one.name} on ${found.record} ${one.tests}.` : "");
   }
 
+  // The longest panel stands in the shorter column, so that neither is empty beside the other.
+  function balance() {
+    const panel = $("linear-panel");
+    if (panel.hidden || panel.contains(document.activeElement)) return;
+    const tall = (column) => [...column.children].reduce((sum, one) => (one === panel ? sum : sum + one.offsetHeight), 0);
+    const [wide, narrow] = [".wide", ".narrow"].map((name) => document.querySelector(name));
+    const by = tall(wide) - tall(narrow);
+    const wanted = Math.abs(by) < UNEVEN ? panel.parentElement : by > 0 ? narrow : wide;
+    if (panel.parentElement !== wanted) wanted.append(panel);
+  }
+
   function zoom(one) {
     const room = Math.max(one.stop - one.start, 0.05);
     choose({ follow: false, shown: "free_run", stretch: [one.start - room, one.stop + room] });
@@ -339,8 +355,8 @@
     } else parts.push(...cards);
     if (cards.length || others.length) parts.push(make("p", { class: "hint" }, `Shares are parts ${m.explains}.`));
     const also = others.filter((c) => c.below_level).length;
-    if (others.length) parts.push(make("details", {}, make("summary", {}, also ? `${others.length} fitted and not chosen, ${also} of them significant by ${also > 1 ? "themselves" : "itself"}` : `${others.length} fitted, not significant`), ...others.map((c) => card(c, busy, m))));
-    if (rest.length) parts.push(make("details", {}, make("summary", {}, `${rest.length} screened, no sign of them`),
+    if (others.length) parts.push(make("details", { "data-list": "fitted" }, make("summary", {}, also ? `${others.length} fitted and not chosen, ${also} of them significant by ${also > 1 ? "themselves" : "itself"}` : `${others.length} fitted, not significant`), ...others.map((c) => card(c, busy, m))));
+    if (rest.length) parts.push(make("details", { "data-list": "screened" }, make("summary", {}, `${rest.length} screened, no sign of them`),
       make("ul", {}, ...rest.map((c) => make("li", {}, make("b", {}, c.words), ` ${c.text} `, add(c, busy, m))))));
     return parts;
   }
@@ -377,19 +393,19 @@
       if (text) one.textContent = text;
       return one;
     };
-    const svg = node("svg", { viewBox: "0 0 124 86", role: "img", "aria-label": `${picture.y} over ${picture.x}` });
+    const svg = node("svg", { viewBox: "0 0 150 92", role: "img", "aria-label": `${picture.y} over ${picture.x}` });
     const xs = [...picture.curve, ...picture.data].map((p) => p[0]);
     const ys = [0, ...[...picture.curve, ...picture.data].map((p) => p[1])];
     const [x0, x1, y0, y1] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
-    const px = (x) => (4 + (116 * (x - x0)) / (x1 - x0 || 1)).toFixed(1);
-    const py = (y) => (70 - (54 * (y - y0)) / (y1 - y0 || 1)).toFixed(1);
+    const px = (x) => (4 + (142 * (x - x0)) / (x1 - x0 || 1)).toFixed(1);
+    const py = (y) => (73 - (55 * (y - y0)) / (y1 - y0 || 1)).toFixed(1);
     svg.append(node("title", {}, `${picture.y} over ${picture.x}: dots are what the data leave, the line is the fitted effect`));
-    svg.append(node("line", { x1: 4, x2: 120, y1: py(0), y2: py(0) }));
-    if (x0 < 0 && x1 > 0) svg.append(node("line", { x1: px(0), x2: px(0), y1: 16, y2: 70 }));
+    svg.append(node("line", { x1: 4, x2: 146, y1: py(0), y2: py(0) }));
+    if (x0 < 0 && x1 > 0) svg.append(node("line", { x1: px(0), x2: px(0), y1: 18, y2: 73 }));
     for (const [x, y] of picture.data) svg.append(node("circle", { cx: px(x), cy: py(y), r: 1.7 }));
     svg.append(node("path", { d: picture.curve.map(([x, y], i) => `${i ? "L" : "M"}${px(x)} ${py(y)}`).join("") }));
-    svg.append(node("text", { x: 4, y: 10 }, picture.y));
-    svg.append(node("text", { x: 120, y: 82, "text-anchor": "end" }, picture.x));
+    svg.append(node("text", { x: 2, y: 11 }, picture.y));
+    svg.append(node("text", { x: 146, y: 87, "text-anchor": "end" }, picture.x));
     return svg;
   }
 
@@ -424,7 +440,7 @@
       return make("div", { class: `equation ${one.new ? "new" : ""}` }, math, make("small", {}, [one.about, one.effect, one.new ? "new" : ""].filter(Boolean).join(", ")));
     }));
     render("parameters", s.parameters, () => s.parameters.map((one) => make("tr", { "data-parameter": one.key },
-      make("th", { scope: "row" }, one.name), make("td", {}, [one.value, one.unit].filter(Boolean).join("\u00a0")), make("td", {}, one.bounds), make("td", {}, one.kind))));
+      make("th", { scope: "row" }, one.name), make("td", { "data-label": "value (95 %)" }, [one.value, one.unit].filter(Boolean).join("\u00a0")), make("td", { "data-label": "bounds" }, one.bounds), make("td", { "data-label": "kind" }, one.kind))));
     say("version", s.version);
     say("reason", s.computing ? `: the next one is ${COMPUTING}` : s.reason ? `: ${s.reason}` : "");
     $("model-panel").setAttribute("aria-busy", String(Boolean(s.computing)));
@@ -529,6 +545,7 @@
     showAutomatic(s);
     showHealth(s);
     $("reference-legend").hidden = !strips.values("reference").length;
+    requestAnimationFrame(balance);
     document.body.dataset.version = String(s.change);
     document.body.dataset.model = s.version;
     document.body.dataset.looks = String(s.looks);
