@@ -27,9 +27,11 @@ def test_every_parameter_is_there_with_its_unit_and_error():
 def test_every_effect_is_carried_or_named(form):
     start = load_model("torsion")
     sites = {"input": "input", "body": "load1", "coupling": "motor-load1", "output": "position[load1]"}
+    if form == "c":  # of one body
+        start, sites = load_model("axis"), {"input": "input", "body": "axis", "output": "position[axis]"}
     for several in catalogue().values():
         for effect in several:
-            if effect.site == "output" and "position" not in effect.outputs:
+            if effect.site not in sites or (effect.site == "output" and "position" not in effect.outputs):
                 continue
             spec = effect.parameters[0]
             value = 3.0 if spec.integer else min(spec.max, 0.25)

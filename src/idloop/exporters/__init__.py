@@ -19,6 +19,7 @@ FORMATS = {
     "control": "idloop.exporters.state_space",
     "ros2_control": "idloop.exporters.ros2_control",
     "compensator": "idloop.exporters.compensator",
+    "c": "idloop.exporters.c_header",
     "json": "idloop.exporters.plain_json",
 }
 

@@ -33,7 +33,7 @@ DEFAULT_RATE = 1000  # Hz, without a controller
 
 
 def _interface(model: Model) -> str:
-    """What the drive is told: a force, or the set-point of its loop."""
+    """What the drive receives: a force, or the set-point of its loop."""
     return "effort" if model.loop is None else model.loop.effect.name.removesuffix("_loop")
 
 

@@ -1,4 +1,4 @@
-"""Control loops inside a drive: a servo that is told a position or a velocity makes its own force.
+"""Control loops inside a drive: a servo that receives a position or a velocity makes its own force.
 
 The loop is the first equation of the input's chain: a set-point comes in, the output of the drive (a voltage, a
 current, a duty cycle, a force) comes out, and the effects at the input act on that output. It is a continuous loop; its
@@ -132,7 +132,7 @@ def _limits(*names: str, unit: str) -> tuple[EffectParameter, ...]:
 POSITION_LOOP = Effect(
     name="position_loop",
     site=INPUT,
-    text="The drive is told a position and makes its output by a PID controller of its own.",
+    text="The drive receives a position and makes its output by a PID controller of its own.",
     equation=EffectEquation(
         "u_d",
         r"u_d = K_p\,(@u - @q) + K_i \int (@u - @q)\,dt - K_d\,@v",
@@ -160,7 +160,7 @@ POSITION_LOOP = Effect(
 VELOCITY_LOOP = Effect(
     name="velocity_loop",
     site=INPUT,
-    text="The drive is told a velocity and makes its output by a PI controller of its own.",
+    text="The drive receives a velocity and makes its output by a PI controller of its own.",
     equation=EffectEquation(
         "u_d",
         r"u_d = K_p\,(@u - @v) + K_i \int (@u - @v)\,dt + K_f\,@u",

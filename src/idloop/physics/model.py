@@ -150,7 +150,7 @@ class Model:
     folder : Path or None
         Folder of the file; its folder ``effects`` may contain the user's own effects.
     loop : DriveLoop or None
-        Loop of the drive, which is told a position or a velocity; without one the drive makes a force of the command.
+        Loop of the drive, which receives a position or a velocity; without one the drive makes a force of the command.
     """
 
     name: str
