@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
+from importlib.metadata import PackageNotFoundError, version
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -24,6 +26,13 @@ from idloop.physics.model import Model, values_of
 
 JOINTS = {"rad": "hinge", "m": "slide"}
 LONGEST_STEP = 1e-3  # s
+NEW = 4  # version from which on delays, cogging and polynomial damping are known
+# Force -amplitude sin(count q + phase) of an effect: amplitude, count, phase.
+WAVES: dict[str, Callable[[Mapping[str, float]], tuple[float, float, float]]] = {
+    "cogging": lambda own: (own["amplitude"], own["harmonic"], own["phase"]),
+    "imbalance": lambda own: (own["amplitude"], 1.0, own["phase"]),
+    "gravity": lambda own: (own["moment"], 1.0, -own["lowest"]),
+}
 STEP_ANGLE = 0.1  # the fastest mode turns by at most this in one step [rad]
 # Stiff dry friction: with MuJoCo's soft default a standing body creeps. Times below two steps are raised to two steps.
 STICKING = {"solreffriction": "1e-05 1", "solimpfriction": "0.9999 0.9999 0.001"}
@@ -52,8 +61,11 @@ def export(model: Model) -> Exported:
     carried = {*found.whole}
     _bodies(ET.SubElement(root, "worldbody"), model, found, gaps)
     _tendons(root, found, gaps)
-    _actuator(ET.SubElement(root, "actuator"), model, found, carried)
-    _sensors(ET.SubElement(root, "sensor"), model, found)
+    actuators = ET.SubElement(root, "actuator")
+    _actuator(actuators, model, found, carried)
+    sensors = _sensors(ET.SubElement(root, "sensor"), model, found)
+    if _is_new():
+        _of_version_4(root, actuators, sensors, model, found, carried)
     for active in model.effects:
         if active.effect.name == "load_torque" and found.body_of[active.at] > 0:
             carried.discard(active.name)
@@ -185,14 +197,66 @@ def _actuator(parent: ET.Element, model: Model, found: Mechanics, carried: set[s
     ET.SubElement(parent, "general", drive)
 
 
-def _sensors(parent: ET.Element, model: Model, found: Mechanics) -> None:
+def _is_new() -> bool:
+    """Whether the installed MuJoCo has delays, cogging and polynomial damping."""
+    try:
+        return int(version("mujoco").partition(".")[0]) >= NEW
+    except PackageNotFoundError:
+        return False
+
+
+def _of_version_4(
+    root: ET.Element, actuators: ET.Element, sensors: dict[str, ET.Element], model: Model, found: Mechanics,
+    carried: set[str],
+) -> None:  # fmt: skip
+    """Delays, waves over the angle and quadratic drag of the driven body, which older versions refuse."""
+    step, first = _step(model), model.bodies[0]
+    joint = root.find(".//joint")
+    for active in model.effects:
+        values, effect = values_of(active, model.values), active.effect
+        if not acts(model, active):
+            continue
+        if effect.delay and (active.at in sensors or effect.site == INPUT):
+            place = sensors[active.at] if active.at in sensors else actuators[0]
+            delay = values[effect.delay] + float(place.get("delay", "0"))
+            place.set("delay", digits(delay))
+            place.set("nsample", f"{math.ceil(delay / step) + 1}")
+        elif active.at == first and effect.name in WAVES and _is_whole(WAVES[effect.name](values)[1]):
+            amplitude, count, phase = WAVES[effect.name](values)
+            # MuJoCo's cogging is +amplitude sin(count q + phase).
+            wave = f"{digits(amplitude)} {digits(count)} {digits(phase + math.pi)}"
+            # A motor without current that adds next to no damping: it is there for its cogging.
+            ET.SubElement(
+                actuators,
+                "dcmotor",
+                joint=_joint(found, 0),
+                motorconst="1e-6",
+                resistance="1",
+                input="none",
+                cogging=wave,
+            )
+        elif active.at == first and effect.name == "quadratic_drag" and joint is not None:
+            joint.set("damping", f"{joint.get('damping')} {digits(values['coefficient'])}")
+        else:
+            continue
+        carried.add(active.name)
+
+
+def _is_whole(number: float) -> bool:
+    return number == round(number)
+
+
+def _sensors(parent: ET.Element, model: Model, found: Mechanics) -> dict[str, ET.Element]:
+    """Write the sensors; return them by the site of their effects."""
+    written = {}
     for output in model.outputs:
         index = found.body_of[output.body]
         kind = "joint" if index == 0 else "tendon"
         tag = f"{kind}{'pos' if output.field == 'position' else 'vel'}"
         target = _joint(found, 0) if index == 0 else found.bodies[index].name
         noise = {} if output.noise is None else {"noise": digits(output.noise / abs(output.scale))}
-        ET.SubElement(parent, tag, {"name": output.name, kind: target} | noise)
+        written[output.site] = ET.SubElement(parent, tag, {"name": output.name, kind: target} | noise)
+    return written
 
 
 def _sensors_left_out(model: Model) -> list[str]:
