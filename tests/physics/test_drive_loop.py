@@ -187,3 +187,12 @@ def test_nothing_is_cancelled_where_no_force_can_be_sent():
     law = {"type": "p", "output": "arm.position", "kp": 1.0, "feedback_gain": 1.0, "sample_time": 0.001}
     with pytest.raises(InputError, match="has a loop of its own"):
         idloop.compensate(replace(model, controller=law))
+
+
+@pytest.mark.parametrize("form", ["mujoco", "control"])
+def test_what_an_export_lacks_of_a_loop_is_said(form):
+    lost = "\n".join(idloop.export(servo("kind: position_loop, proportional: 4.0, integral: 3.0"), form).left_out)
+    assert "drive.integral 3" in lost
+    assert "loop in the drive" not in "\n".join(
+        idloop.export(servo("kind: position_loop, proportional: 4.0"), form).left_out
+    )

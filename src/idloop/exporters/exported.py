@@ -89,6 +89,16 @@ def controller_left_out(model: Model) -> tuple[str, ...]:
     return (f"controller of type {model.controller.get('type')}: --format ros2_control or json",)
 
 
+def loop_left_out(model: Model) -> tuple[str, ...]:
+    """Line for what a linear servo with a limit lacks of the loop in the drive."""
+    if model.loop is None:
+        return ()
+    beyond = ("integral", "dead_band", "profile_velocity", "profile_acceleration")
+    own = [p for p in model.parameters if p.name.startswith("drive.") and p.name.removeprefix("drive.") in beyond]
+    lost = ", ".join(f"{p.name} {quantity(p)}" for p in own)
+    return (f"of the loop in the drive: {lost}",) if lost else ()
+
+
 def comment_lines(model: Model, what: str, notes: Collection[str], left_out: Collection[str]) -> list[str]:
     """Comments at the head of a file: content, notes, and the parts that are left out."""
     head = [f"{what} of the model {model.name}, written by idloop export.", *notes]

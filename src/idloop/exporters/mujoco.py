@@ -16,6 +16,7 @@ from idloop.exporters.exported import (
     controller_left_out,
     effects_left_out,
     file_name,
+    loop_left_out,
     statistics_left_out,
     xml_text,
 )
@@ -73,6 +74,7 @@ def export(model: Model) -> Exported:
         *effects_left_out(model, carried, found.partly),
         *_sensors_left_out(model),
         *controller_left_out(model),
+        *loop_left_out(model),
         *statistics_left_out(model),
     )
     units = model.units

@@ -13,6 +13,7 @@ from idloop.exporters.exported import (
     controller_left_out,
     effects_left_out,
     file_name,
+    loop_left_out,
     statistics_left_out,
 )
 from idloop.exporters.mechanics import body_names
@@ -95,6 +96,7 @@ def export(model: Model) -> Exported:
         *effects_left_out(model, carried),
         *shifted,
         *controller_left_out(model),
+        *loop_left_out(model),
         *statistics_left_out(model),
     )
     document = {
