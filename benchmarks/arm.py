@@ -144,7 +144,7 @@ def covered(machine: Machine, found: Robot) -> tuple[int, int]:
     true = dict(zip(parameter_names(JOINTS), [*links.ravel(), *own.ravel()], strict=True))
     held = total = 0
     for one in found.fit.base:
-        value = true[one.name] + sum(factor * true[name] for name, factor in one.others.items())
+        value = true.get(one.name, np.nan) + sum(factor * true[name] for name, factor in one.others.items())
         if np.isfinite(value):
             low, high = one.interval
             held += bool(low <= value <= high)

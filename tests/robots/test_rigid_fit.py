@@ -49,6 +49,20 @@ def test_what_the_data_do_not_show_is_that_of_the_description(urdf, true_links):
         assert fit.links.ravel()[place] == pytest.approx(nominal[place], rel=0.3)
 
 
+def test_the_size_of_a_known_effect_is_estimated_with_the_rest(urdf, true_links):
+    def effect(q, v):
+        return np.column_stack([np.zeros(len(q)), 0.2 * np.sin(9.0 * q[:, 1])])
+
+    (one,) = balances(urdf, [made(urdf, true_links, extra=effect)])
+    subtracted = 0.8 * effect(one.motion.position, one.motion.velocity)
+    known = one.without(subtracted).with_columns(subtracted[:, :, None] * np.array([0.0, 1.0])[:, None])
+    fit = fit_rigid(JOINTS, [known], RigidBody(urdf).nominal, [1])
+    assert fit.scales == pytest.approx([1.0, 1.25], abs=0.02)
+    named = next(base for base in fit.base if base.name == "elbow.effects")
+    assert named.value == pytest.approx(1.25, abs=4.0 * named.stderr + 0.005)
+    assert fit.own[:, 2] == pytest.approx(DRY, abs=0.01)
+
+
 def test_intervals_hold_what_they_promise(urdf, true_links):
     held = total = 0
     record = made(urdf, true_links, noise=0.0)

@@ -122,6 +122,11 @@ class Balance:
         """The balance with a torque (n, joints) along the motion subtracted from the measured one."""
         return replace(self, torque=_torque_rows(self.motion, self.motion.record.effort - known))
 
+    def with_columns(self, torques: Array) -> Balance:
+        """The balance with further parameters: factors of torques (n, joints, k) along the motion."""
+        rows = [_torque_rows(self.motion, np.ascontiguousarray(one)) for one in np.moveaxis(torques, -1, 0)]
+        return replace(self, regressor=np.concatenate([self.regressor, *(one[:, :, None] for one in rows)], axis=2))
+
     def less(self, parameters: Array) -> Balance:
         """The balance with the torque of parameters subtracted."""
         return replace(self, torque=self.error(parameters))

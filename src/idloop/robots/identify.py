@@ -11,7 +11,15 @@ from numpy.typing import NDArray
 from idloop.diagnosis import Ladder
 from idloop.physics.model import Model
 from idloop.robots.balance import Balance, RobotMotion, balance_of, robot_motions
-from idloop.robots.joint_models import JointTask, effect_torque, joint_tasks, own_inertia, refine_joints, unchanged
+from idloop.robots.joint_models import (
+    JointTask,
+    effect_torque,
+    joint_tasks,
+    own_inertia,
+    proportional,
+    refine_joints,
+    unchanged,
+)
 from idloop.robots.joint_records import JointRecord
 from idloop.robots.rigid_body import RigidBody
 from idloop.robots.rigid_fit import RigidFit, fit_rigid
@@ -19,7 +27,8 @@ from idloop.robots.rigid_fit import RigidFit, fit_rigid
 Array = NDArray[np.float64]
 Report = Callable[[float, str], None]
 
-ROUNDS = 2
+# Part of the torque of effects that no other parameter of the joint explains, for its size to be estimated beside them.
+_OWN = 0.1
 
 
 @dataclass(frozen=True)
@@ -102,13 +111,19 @@ class Robot:
                 f"load_torque@{joint}.torque": (offset, errors.get(f"{joint}.offset")),
             }
             known = {name: pair for name, pair in given.items() if name in ladder.model.free}
+            for active in ladder.model.effects:
+                if active.name in ladder.added and proportional(ladder):
+                    first = f"{active.name}.{active.effect.parameters[0].name}"
+                    bounds = ladder.model.parameter(first)
+                    value = ladder.model.values[first] * float(self.fit.scales[place])
+                    known[first] = (min(max(value, bounds.min), bounds.max), None)
             stderr = {name: error for name, (_, error) in known.items() if error is not None}
             found.append(ladder.model.with_values({name: value for name, (value, _) in known.items()}, stderr))
         return found
 
     def effects(self, motion: RobotMotion) -> Array:
         """Torque of the effects that were found, along a motion, shape (n, joints) [N·m or N]."""
-        return _effects(self.ladders, motion)
+        return _effects(self.ladders, motion) * self.fit.scales
 
 
 def _effects(ladders: Sequence[Ladder], motion: RobotMotion) -> Array:
@@ -152,13 +167,35 @@ def identify(
             tasks[place], ladders[place] = anew[place], ladder
         if not any(one.added for one in ladders):
             break
-        left = [one.without(_effects(ladders, one.motion)) for one in balances[: len(records)]]
-        fit = fit_rigid(robot.joints, left, robot.nominal)
+        fit = _refit(robot, balances[: len(records)], ladders)
     report(0.97, "comparing torques")
     errors = [
         torque_error(one, start, fit, ladders, unseen=place >= len(records)) for place, one in enumerate(balances)
     ]
     return Robot(robot, fit, start, tuple(ladders), tuple(tasks), tuple(balances[: len(records)]), tuple(errors))
+
+
+def _refit(robot: RigidBody, balances: Sequence[Balance], ladders: Sequence[Ladder]) -> RigidFit:
+    """Fit rigid bodies and joints with the torque of the effects subtracted, and its size where that is one number."""
+    torques = [_effects(ladders, one.motion) for one in balances]
+    motions = [one.motion for one in balances]
+    scaled = [place for place, one in enumerate(ladders) if proportional(one) and _is_own(torques, motions, place)]
+    left = []
+    for one, known in zip(balances, torques, strict=True):
+        columns = np.zeros((*known.shape, len(scaled)))
+        for number, place in enumerate(scaled):
+            columns[:, place, number] = known[:, place]
+        left.append(one.without(known).with_columns(columns) if scaled else one.without(known))
+    return fit_rigid(robot.joints, left, robot.nominal, scaled)
+
+
+def _is_own(torques: Sequence[Array], motions: Sequence[RobotMotion], place: int) -> bool:
+    """Whether the torque of a joint's effects is more than another friction, offset and inertia along the motion."""
+    torque = np.concatenate([one[:, place] for one in torques])
+    v, a = (np.concatenate([getattr(one, key)[:, place] for one in motions]) for key in ("velocity", "acceleration"))
+    plain = np.column_stack([a, v, np.sign(v), np.ones_like(v)])
+    rest = torque - plain @ np.linalg.lstsq(plain, torque, rcond=None)[0]
+    return bool(np.mean(rest**2) > _OWN**2 * np.mean(torque**2))
 
 
 def _within(report: Report, done: float, whole: float) -> Report:
@@ -169,7 +206,7 @@ def torque_error(
     balance: Balance, start: RigidFit, fit: RigidFit, ladders: Sequence[Ladder], *, unseen: bool
 ) -> TorqueError:
     """Compare the modelled torque with the measured one along a motion, with and without the effects."""
-    error = balance.without(_effects(ladders, balance.motion)).error(fit.parameters)
+    error = balance.without(_effects(ladders, balance.motion) * fit.scales).error(fit.parameters)
     torque = _rms(balance.torque, balance, centred=True)
     rigid = _rms(balance.error(start.parameters), balance)
     shown = [np.where(balance.used, one, np.nan) for one in (balance.torque, error)]

@@ -211,6 +211,12 @@ def joint_torque(model: Model, motion: RobotMotion, place: int) -> Array:
     return np.asarray(balance.required)
 
 
+def proportional(ladder: Ladder) -> bool:
+    """Whether a ladder added effects, and the torque of all of them is proportional to their first parameter."""
+    active = [one for one in ladder.model.effects if one.name in ladder.added]
+    return bool(active) and all(one.effect.proportional for one in active)
+
+
 def effect_torque(ladder: Ladder, motion: RobotMotion, place: int) -> Array:
     """Torque of the effects that a ladder has added, along a motion, shape (n,); 0 where it added none."""
     if not ladder.added:

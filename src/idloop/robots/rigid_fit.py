@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 _RANK = 1e-6
 # A column below this part of the longest is rounding.
 _NOTHING = 1e-9
+EFFECTS = "effects"  # name of the factor of a joint's effects
 _ROUNDS = 5  # of the joints' variances
 _SEGMENTS = 40
 _PRIOR = 1.0  # standard deviation of a link's coordinates about its description, see `idloop.robots.inertia`
@@ -72,6 +73,8 @@ class RigidFit:
     own : array, shape (joints, 4)
         Armature, viscous and Coulomb friction, offset of each joint.
     base : tuple of BaseParameter
+    scales : array, shape (joints,)
+        Factor of the torque of each joint's effects; 1 where it was not estimated.
     sigma : array, shape (joints,)
         Standard deviation of the residual torque in the comparison band.
     condition : float
@@ -84,17 +87,20 @@ class RigidFit:
     links: Array
     own: Array
     base: tuple[BaseParameter, ...]
+    scales: Array
     sigma: Array
     condition: float
     excess: float
 
     @property
     def parameters(self) -> Array:
-        """All parameters in the order of the balance."""
+        """All parameters in the order of the balance, without the scales."""
         return np.concatenate([self.links.ravel(), self.own.ravel()])
 
 
-def fit_rigid(joints: Sequence[str], balances: Sequence[Balance], nominal: Array) -> RigidFit:
+def fit_rigid(
+    joints: Sequence[str], balances: Sequence[Balance], nominal: Array, scaled: Sequence[int] = ()
+) -> RigidFit:
     """Fit the parameters of all joints to the balances of all records together.
 
     Parameters
@@ -103,6 +109,9 @@ def fit_rigid(joints: Sequence[str], balances: Sequence[Balance], nominal: Array
     balances : sequence of Balance
     nominal : array, shape (10 joints,)
         Inertial parameters by the description.
+    scaled : sequence of int
+        Joints whose effects have a further column in the balances, the torque that was subtracted for them: its factor
+        is a correction.
 
     Raises
     ------
@@ -113,14 +122,17 @@ def fit_rigid(joints: Sequence[str], balances: Sequence[Balance], nominal: Array
     triangles, freedoms = zip(*(_triangle(balances, joint) for joint in range(count)), strict=True)
     sigma, values = _weighted(triangles, np.array(freedoms))
     stacked = np.concatenate([one / s for one, s in zip(triangles, sigma, strict=True)])
-    base, condition = _base(joints, balances, stacked, sigma)
+    base, condition = _base(joints, scaled, balances, stacked, sigma)
     regressor, torque = stacked[:, :-1], stacked[:, -1]
     armatures = range(0, len(OF_JOINT) * count, len(OF_JOINT))
     links, others = consistent_links(regressor, torque, nominal, armatures)
-    own = others.reshape(count, len(OF_JOINT))
-    found = np.concatenate([links.ravel(), own.ravel()])
+    own = others[: len(OF_JOINT) * count].reshape(count, len(OF_JOINT))
+    scales = np.ones(count)
+    scales[list(scaled)] += others[len(OF_JOINT) * count :]
+    found = np.concatenate([links.ravel(), others])
     plain, kept = (float(np.sum((torque - regressor @ one) ** 2)) for one in (values, found))
-    return RigidFit(tuple(joints), links, own, base, sigma, condition, float(np.sqrt(kept / max(plain, 1e-300))) - 1.0)
+    excess = float(np.sqrt(kept / max(plain, 1e-300))) - 1.0
+    return RigidFit(tuple(joints), links, own, base, scales, sigma, condition, excess)
 
 
 def _triangle(balances: Sequence[Balance], joint: int) -> tuple[Array, int]:
@@ -159,34 +171,38 @@ def _lengths(stacked: Array) -> Array:
 
 
 def _base(
-    joints: Sequence[str], balances: Sequence[Balance], stacked: Array, sigma: Array
+    joints: Sequence[str], scaled: Sequence[int], balances: Sequence[Balance], stacked: Array, sigma: Array
 ) -> tuple[tuple[BaseParameter, ...], float]:
     """Base parameters: friction and offset of each joint first, then the best determined of the others."""
     from scipy.linalg import qr
 
-    names = parameter_names(joints)
-    first = PER_LINK * len(joints)
+    names = [*parameter_names(joints), *(f"{joints[joint]}.{EFFECTS}" for joint in scaled)]
+    first, last = PER_LINK * len(joints), (PER_LINK + len(OF_JOINT)) * len(joints)
     length = _lengths(stacked)
-    scaled = stacked[:, :-1] / length
+    columns = stacked[:, :-1] / length
     shown = np.flatnonzero(np.isfinite(length))
-    ahead = np.array([place for place in shown if place >= first and (place - first) % len(OF_JOINT)], dtype=int)
+    ahead = np.array(
+        [place for place in shown if place >= first and ((place - first) % len(OF_JOINT) or place >= last)], dtype=int
+    )
     behind = np.setdiff1d(shown, ahead)
-    q, _ = np.linalg.qr(scaled[:, ahead])
-    left = scaled[:, behind] - q @ (q.T @ scaled[:, behind])
+    q, _ = np.linalg.qr(columns[:, ahead])
+    left = columns[:, behind] - q @ (q.T @ columns[:, behind])
     _, triangle, order = qr(left, mode="economic", pivoting=True)
     pivots = np.abs(np.diag(triangle))
     rank = int(np.sum(pivots > _RANK * max(float(pivots[0]), 1e-300)))
     independent = np.concatenate([ahead, behind[order[:rank]]])
     dependent = behind[order[rank:]]
-    chosen = scaled[:, independent]
+    chosen = columns[:, independent]
     condition = float(np.linalg.cond(chosen))
-    mix = np.linalg.lstsq(chosen, scaled[:, dependent], rcond=None)[0] * length[dependent] / length[independent, None]
+    mix = np.linalg.lstsq(chosen, columns[:, dependent], rcond=None)[0] * length[dependent] / length[independent, None]
     values = np.linalg.lstsq(chosen, stacked[:, -1], rcond=None)[0] / length[independent]
     errors = np.sqrt(np.diag(_covariance(balances, independent, values, sigma)))
     found = []
     for row, place in enumerate(independent):
         others = {names[other]: float(mix[row, k]) for k, other in enumerate(dependent) if abs(mix[row, k]) > _RANK}
-        found.append(BaseParameter(names[place], float(values[row]), float(errors[row]), others))
+        # The torque that was subtracted is the factor 1.
+        value = float(values[row]) + (1.0 if place >= last else 0.0)
+        found.append(BaseParameter(names[place], value, float(errors[row]), others))
     return tuple(found), condition
 
 
@@ -306,7 +322,7 @@ def fit_payload(fit: RigidFit, empty: Sequence[Balance], loaded: Sequence[Balanc
         Of records without and with the body, the torque of other effects subtracted.
     """
     names = parameter_names(fit.joints)
-    base = np.array([names.index(one.name) for one in fit.base])
+    base = np.array([names.index(one.name) for one in fit.base if one.name in names])
     last = np.arange(PER_LINK * (len(fit.joints) - 1), PER_LINK * len(fit.joints))
     tables = []
     for one, there in [*((one, 0.0) for one in empty), *((one, 1.0) for one in loaded)]:
