@@ -214,7 +214,11 @@ def true_parameters(machine: Machine) -> tuple[Array, Array]:
     own : array, shape (6, 4)
         Armature, viscous and Coulomb friction, offset.
     """
-    model = machine_model(machine)
+    return parameters_of(machine_model(machine))
+
+
+def parameters_of(model: Any) -> tuple[Array, Array]:
+    """Parameters of a model of MuJoCo, as of `true_parameters`."""
     links = np.zeros((6, 10))
     for joint in range(6):
         body = joint + 2
