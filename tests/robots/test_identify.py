@@ -7,6 +7,7 @@ import pytest
 from tests.robots.conftest import ARMATURE, DRY, JOINTS, VISCOUS, made
 
 from idloop.records import make_stream, write_bag
+from idloop.robots.balance import robot_motions
 from idloop.robots.joint_models import effects_of_joints
 from idloop.robots.rigid_body import RigidBody
 
@@ -104,3 +105,30 @@ def test_the_results_are_written(found, tmp_path):
     assert "harmonic 9" in found.summary()
     assert found.plot().axes
     assert found.ladder("elbow").added == ("cogging@elbow",)
+
+
+@pytest.mark.slow
+def test_a_joint_that_never_moves_does_not_stop_the_others(urdf, true_links):
+    from dataclasses import replace
+
+    from idloop.reporting.text.blocks import as_text
+    from idloop.robots.document import document
+    from idloop.robots.identify import identify
+    from idloop.robots.words import robot_blocks
+
+    robot = RigidBody(urdf)
+    record = made(urdf, true_links, noise=0.0)
+    (smooth,) = robot_motions([record], [False, False])
+    still = np.array([1.0, 0.0])
+    q, v, a = smooth.position * still + [0.0, 0.3], smooth.velocity * still, smooth.acceleration * still
+    friction = still * (ARMATURE * a + VISCOUS * v + DRY * np.sign(v))
+    noise = 0.03 * np.random.default_rng(0).normal(size=q.shape)
+    held = replace(record, position=q, velocity=v, effort=robot.torque(true_links, q, v, a) + friction + noise)
+    found = identify(robot, [held], [], level=0.01, rounds=2, workers=0, seed=0, report=lambda share, text: None)
+    assert found.resting == [1]
+    assert found.ladders[0].added == found.ladders[1].added == ()
+    assert found.fit.own[0, 1:3] == pytest.approx([VISCOUS[0], DRY[0]], abs=0.02)
+    assert np.all(np.abs(found.fit.own) < 10.0)
+    text = as_text(robot_blocks(document(found, None, ())))
+    assert "elbow: it hardly moves" in text
+    assert "next: elbow hardly moves" in text

@@ -122,6 +122,15 @@ class Balance:
         """The balance with a torque (n, joints) along the motion subtracted from the measured one."""
         return replace(self, torque=_torque_rows(self.motion, self.motion.record.effort - known))
 
+    def at_rest(self, joints: Sequence[int]) -> Balance:
+        """The balance without the rows and the own parameters of joints that friction holds."""
+        regressor, used = self.regressor.copy(), self.used.copy()
+        first = PER_LINK * used.shape[1]
+        for joint in joints:
+            used[:, joint] = False
+            regressor[:, :, first + len(OF_JOINT) * joint : first + len(OF_JOINT) * (joint + 1)] = 0.0
+        return replace(self, regressor=regressor, used=used)
+
     def with_columns(self, torques: Array) -> Balance:
         """The balance with further parameters: factors of torques (n, joints, k) along the motion."""
         rows = [_torque_rows(self.motion, np.ascontiguousarray(one)) for one in np.moveaxis(torques, -1, 0)]

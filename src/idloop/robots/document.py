@@ -35,6 +35,8 @@ def document(robot: Robot, payload: Payload | None, findings: Sequence[str]) -> 
     joints = [
         {
             **_joint(ladder, task, model),
+            "where": "" if place in robot.resting else _where(ladder, task),
+            "moves": place not in robot.resting,
             "type": robot.rigid_body.types[place],
             "own_inertia": task.inertia,
             "errors": [
@@ -102,7 +104,6 @@ def _joint(ladder: Ladder, task: JointTask, model: Model) -> dict[str, Any]:
             one.name: one.value for one in model.parameters if not one.free and one.name.startswith(ladder.added)
         },
         "model": model.to_yaml(),
-        "where": _where(ladder, task),
         "not_shown": undetectable(ladder),
         "data": list(ladder.findings),
     }
@@ -141,8 +142,8 @@ def _to_excite(robot: Robot) -> list[str]:
         position = np.concatenate([one.motion.position[:, place] for one in robot.balances])
         speed = np.concatenate([one.motion.velocity[:, place] for one in robot.balances])
         span = float(np.ptp(position))
-        if span < 1e-6 * (1.0 + float(np.max(np.abs(position)))):
-            found.append(f"{name} never moves: its friction, and the links behind it, need a motion of it")
+        if place in robot.resting:
+            found.append(f"{name} hardly moves: its friction, and the links behind it, need a motion of it")
         elif robot.rigid_body.types[place] != "prismatic" and span < 0.5 * np.pi:
             found.append(
                 f"{name} moves over {np.degrees(span):.0f}°: waves over its angle, such as cogging, need a quarter of a"

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnosis import Ladder
+from idloop.diagnosis import Ladder, Step
+from idloop.diagnosis.search.step import NOT_EXCITED
 from idloop.physics.model import Model
 from idloop.robots.balance import Balance, RobotMotion, balance_of, robot_motions
 from idloop.robots.joint_models import (
@@ -29,6 +30,8 @@ Report = Callable[[float, str], None]
 
 # Part of the torque of effects that no other parameter of the joint explains, for its size to be estimated beside them.
 _OWN = 0.1
+# A joint that is held by friction for more than the rest of its time says nothing about itself.
+_LEAST_MOTION = 0.05
 
 
 @dataclass(frozen=True)
@@ -94,6 +97,12 @@ class Robot:
     balances: tuple[Balance, ...]
     errors: tuple[TorqueError, ...]
 
+    @property
+    def resting(self) -> list[int]:
+        """Places of the joints that friction holds in all fitted records."""
+        moved = np.any(np.concatenate([one.used for one in self.balances]), axis=0)
+        return [int(place) for place in np.flatnonzero(~moved)]
+
     def models(self) -> list[Model]:
         """Model of every joint as an axis, with the values of the last fit of all joints together.
 
@@ -145,6 +154,10 @@ def identify(
     report(0.0, "smoothing the motion")
     every = robot_motions([*records, *validation], [one == "prismatic" for one in robot.types])
     balances = [balance_of(robot, one) for one in every]
+    share = np.mean(np.concatenate([one.used for one in balances[: len(records)]]), axis=0)
+    resting = np.flatnonzero(share < _LEAST_MOTION).tolist()
+    if resting:
+        balances = [one.at_rest(resting) for one in balances]
     motions, unseen = every[: len(records)], every[len(records) :]
     fit = start = fit_rigid(robot.joints, balances[: len(records)], robot.nominal)
     tasks: list[JointTask] = []
@@ -155,14 +168,16 @@ def identify(
         changed = [
             place
             for place, task in enumerate(anew)
-            if not tasks or not unchanged(tasks[place], task, motions, place, float(fit.sigma[place]))
+            if place not in resting
+            and (not tasks or not unchanged(tasks[place], task, motions, place, float(fit.sigma[place])))
         ]
         if not changed:
             break
         climbed = refine_joints(
             [anew[place] for place in changed], workers, _within(report, 0.05 + 0.9 * number / rounds, 0.9 / rounds)
         )
-        tasks, ladders = tasks or anew, ladders or climbed
+        tasks = tasks or anew
+        ladders = ladders or [Ladder((Step(None, one.model),), NOT_EXCITED, level=one.level) for one in tasks]
         for place, ladder in zip(changed, climbed, strict=True):
             tasks[place], ladders[place] = anew[place], ladder
         if not any(one.added for one in ladders):

@@ -122,6 +122,7 @@ def fit_rigid(
     triangles, freedoms = zip(*(_triangle(balances, joint) for joint in range(count)), strict=True)
     sigma, values = _weighted(triangles, np.array(freedoms))
     stacked = np.concatenate([one / s for one, s in zip(triangles, sigma, strict=True)])
+    stacked[:, :-1][:, np.isinf(_lengths(stacked))] = 0.0
     base, condition = _base(joints, scaled, balances, stacked, sigma)
     regressor, torque = stacked[:, :-1], stacked[:, -1]
     armatures = range(0, len(OF_JOINT) * count, len(OF_JOINT))
@@ -253,14 +254,24 @@ def consistent_links(
     from scipy.optimize import least_squares
 
     size = len(nominal)
+    # What the data do not contain stays 0: the optimiser would move it at random.
+    shown = np.flatnonzero(np.any(regressor[:, size:] != 0.0, axis=0))
+    if len(shown) < regressor.shape[1] - size:
+        bounded = [place for place, own in enumerate(shown) if own in armatures]
+        kept, values = consistent_links(
+            np.hstack([regressor[:, :size], regressor[:, size + shown]]), torque, nominal, bounded
+        )
+        whole = np.zeros(regressor.shape[1] - size)
+        whole[shown] = values
+        return kept, whole
     count, wide = size // PER_LINK, regressor.shape[1]
     roots = np.stack([root_of(nearest_consistent(one)) for one in nominal.reshape(count, PER_LINK)])
     known = regressor[:, :size] @ parameters_at(roots, np.zeros((count, PER_LINK))).ravel()
-    bounded = size + np.asarray(armatures, dtype=int)
+    positive = size + np.asarray(armatures, dtype=int)
     start, low = np.zeros(wide), np.full(wide, -np.inf)
     start[size:] = np.linalg.lstsq(regressor[:, size:], torque - known, rcond=_RANK)[0]
-    start[bounded], low[bounded] = np.maximum(start[bounded], _LEAST_ARMATURE), 0.0
-    length = np.maximum(np.linalg.norm(regressor[:, size:], axis=0), 1e-12)
+    start[positive], low[positive] = np.maximum(start[positive], _LEAST_ARMATURE), 0.0
+    length = np.linalg.norm(regressor[:, size:], axis=0)
     prior = np.eye(size, wide) / _PRIOR
 
     def links(point: Array) -> Array:

@@ -51,7 +51,7 @@ def joint_table(document: Mapping[str, Any]) -> Table:
                 joint["verdict"],
                 number(judged["rms"], 3),
                 joint["unit"],
-                f"{100.0 * judged['relative']:.2g} %",
+                f"{100.0 * judged['relative']:.2g} %" if joint["moves"] else "-",
                 number(values.get("inertia"), 4),
                 number(values.get("viscous_friction"), 4),
                 number(dry, 4),
@@ -70,7 +70,9 @@ def judged_error(joint: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _joint(joint: Mapping[str, Any]) -> Iterator[Block]:
-    if joint["added"] or joint["verdict"] != "adequate":
+    if not joint["moves"]:
+        yield f"{joint['name']}: it hardly moves, so nothing of its own is determined"
+    elif joint["added"] or joint["verdict"] != "adequate":
         yield ""
         yield f"{joint['name']}: {joint['conclusion']}"
     for one in joint["added"]:
