@@ -132,7 +132,7 @@ def identify_robot(
     topic: str = "joint_states",
     level: float = 0.01,
     rounds: int = 2,
-    workers: int | None = None,
+    workers: int | None = 0,
     seed: int = 0,
     progress: Progress = ignore_progress,
 ) -> RobotIdentification:
@@ -155,7 +155,8 @@ def identify_robot(
     rounds : int
         How often rigid bodies and joints are fitted in turn; later rounds know the effects found before.
     workers : int, optional
-        Processes for the joints; one for each core when left out, 0: none.
+        Processes for the joints; None: one for each core, 0: none. A script that starts processes needs
+        ``if __name__ == "__main__":`` around its work.
     seed : int
         Equal seeds give equal answers.
     progress : callable, optional

@@ -15,7 +15,7 @@ from idloop.reporting.estimates import parameter_estimates
 from idloop.reporting.verdicts import ending
 from idloop.robots.identify import Robot
 from idloop.robots.joint_models import JointTask
-from idloop.robots.rigid_fit import Payload
+from idloop.robots.rigid_fit import EFFECTS, Payload
 from idloop.validation import compare
 from idloop.validation.where import DRIVE_FORCE
 
@@ -66,6 +66,7 @@ def document(robot: Robot, payload: Payload | None, findings: Sequence[str]) -> 
                 "others": one.others,
             }
             for one in robot.fit.base
+            if not one.name.endswith(f".{EFFECTS}")
         ],
         "condition": robot.fit.condition,
         "consistency": robot.fit.excess,

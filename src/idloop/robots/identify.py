@@ -23,7 +23,7 @@ from idloop.robots.joint_models import (
 )
 from idloop.robots.joint_records import JointRecord
 from idloop.robots.rigid_body import RigidBody
-from idloop.robots.rigid_fit import RigidFit, fit_rigid
+from idloop.robots.rigid_fit import EFFECTS, RigidFit, fit_rigid
 
 Array = NDArray[np.float64]
 Report = Callable[[float, str], None]
@@ -125,7 +125,9 @@ class Robot:
                     first = f"{active.name}.{active.effect.parameters[0].name}"
                     bounds = ladder.model.parameter(first)
                     value = ladder.model.values[first] * float(self.fit.scales[place])
-                    known[first] = (min(max(value, bounds.min), bounds.max), None)
+                    spread = errors.get(f"{joint}.{EFFECTS}")
+                    error = None if spread is None else abs(ladder.model.values[first]) * spread
+                    known[first] = (min(max(value, bounds.min), bounds.max), error)
             stderr = {name: error for name, (_, error) in known.items() if error is not None}
             found.append(ladder.model.with_values({name: value for name, (value, _) in known.items()}, stderr))
         return found
