@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import importlib.util
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-pytest.importorskip("pinocchio")
+# The optional extra `robot`.
+collect_ignore_glob = [] if importlib.util.find_spec("pinocchio") else ["test_*.py"]
 
 URDF = """<?xml version="1.0"?>
 <!-- two links -->

@@ -26,7 +26,7 @@ FOLDING = """<robot name="folding">
     <collision><origin xyz="0 0 0.15"/><geometry><cylinder length="0.3" radius="0.03"/></geometry></collision></link>
 </robot>
 """
-SMALL = {"period": 6.0, "periods": 1, "harmonics": 3, "starts": 5, "steps": 4}
+SMALL = {"period": 6.0, "periods": 1, "harmonics": 3, "starts": 3, "steps": 3}
 
 
 @pytest.fixture(scope="module")
