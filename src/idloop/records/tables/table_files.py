@@ -9,6 +9,7 @@ from typing import Any
 from idloop.documents import MOST_TABLE
 from idloop.errors import InputError
 from idloop.records.formats.registry import form_of
+from idloop.records.tables.long_table import spread_names
 from idloop.records.tables.table import Table
 from idloop.records.tables.text_cells import read_texts
 from idloop.spelling import did_you_mean, listed
@@ -55,4 +56,5 @@ def read_table(path: Path, kind: str | None = None, options: Mapping[str, Any] |
             f"{path}: there are no rows of data, only the names of columns ({listed(table.columns)});"
             " check that the recording was saved whole"
         )
+    spread_names(table)
     return table
