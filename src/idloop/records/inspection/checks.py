@@ -15,7 +15,7 @@ from idloop.records.inspection.differenced import differenced
 from idloop.records.inspection.measured_input import measured_input
 from idloop.records.inspection.motion import Motion, analyse_motion, beginnings
 from idloop.records.inspection.repeats import without_repeats
-from idloop.records.inspection.values import unusable_magnitude
+from idloop.records.inspection.values import LARGEST, unusable_magnitude
 from idloop.records.record import Record
 
 FEWEST_SAMPLES = 10
@@ -142,6 +142,9 @@ def _stray(record: Record) -> dict[str, NDArray[np.int64]]:
 
     columns = dict(zip(record.output_names, record.output.T, strict=True))
     found = {name: bad_readings(values) for name, values in columns.items()}
+    # What cannot be computed with is refused below.
+    if any(np.nanmax(np.abs(values), initial=0.0) > LARGEST for values in map(without_bad_readings, columns.values())):
+        return found
     for joint in dict.fromkeys(name.rpartition(".")[0] for name in columns):
         own = {field: columns.get(f"{joint}.{field}") for field in ("position", "velocity")}
         left = {field: None if values is None else without_bad_readings(values) for field, values in own.items()}

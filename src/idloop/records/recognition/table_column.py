@@ -21,6 +21,7 @@ Floats = NDArray[np.float64]
 
 # What a velocity is in that is written in the unit of a position.
 _PER_SECOND = {unit: f"{unit}/s" for unit in ("rad", "mrad", "deg", "rev", "m", "cm", "mm", "um", "in")}
+_FEWEST_STAMPS = 10  # a motion may have the values of a few stamps
 _STEADY = 0.1  # of its mean, for a supply
 _LINE = 1e-3  # of the spread of a column, by which one that runs with the time or the rows leaves a straight line
 
@@ -101,7 +102,8 @@ class TableColumn:
             return True
         if not self.moves or self.value.size != seconds.size:
             return False
-        if plain and any(np.array_equal(self.value * factor, seconds) for factor in SECONDS.values()):
+        enough = self.value.size > _FEWEST_STAMPS
+        if plain and enough and any(np.array_equal(self.value * factor, seconds) for factor in SECONDS.values()):
             return True
         # A value that is not finite leaves no correlation.
         along = np.corrcoef([self.value, seconds, np.arange(seconds.size)])[0, 1:]
