@@ -97,8 +97,9 @@ def test_what_was_weighed(figures: Node, refined: Node) -> None:
     said |= {f"{one['effect']}@{one['at']}": one for one in refined["candidates"]}
     for words, share in zip(drawn["name"], drawn["share"], strict=True):
         name = words.lower().replace(" @ ", "@").replace(" ", "_")
-        # Of what ties and was not refitted nothing is known.
-        assert share == pytest.approx(100.0 * said[name]["explains"] if name in said else 0.0)
+        # What ties and was not refitted explains as much as what it ties with.
+        known = [said[name]] if name in said else [step["added"] for step in refined["ladder"][1:]]
+        assert any(share == pytest.approx(100.0 * one["explains"]) for one in known)
     assert len(drawn["name"]) == 3
 
 
