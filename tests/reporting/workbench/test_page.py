@@ -314,9 +314,9 @@ def test_the_words_below_the_error_name_the_error_that_is_drawn(site, source, vi
     )
     # The tab that opens has the dot, and its words say what the curve shows.
     page.wait_for_selector("[data-variable='command'][aria-checked='true'].loud")
-    page.wait_for_selector("#where-words >> text=a curve over command makes up 62 % of it")
+    page.wait_for_selector("#where-words >> text=a curve over command makes up 62 % of the error")
     page.click("[data-variable='velocity']")
-    page.wait_for_selector("#where-words >> text=a curve over velocity makes up 2 % of it")
+    page.wait_for_selector("#where-words >> text=a curve over velocity makes up 2 % of the error")
     assert "loud" not in (page.get_attribute("[data-variable='velocity']", "class") or "")
 
 
