@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from idloop.diagnosis.evidence.detection_limit import DetectionLimit
-from idloop.diagnosis.identifiability import _reversals, gate, limited_to
+from idloop.diagnosis.identifiability import _reversals, excitation_findings, gate, limited_to
 from idloop.diagnosis.screening.proposals import proposals
 from idloop.diagnosis.screening.score_test import Screened, Trace
 from idloop.estimation.dataset import prepare
 from idloop.estimation.likelihood.estimation_problem import EstimationProblem, prepare_estimation
 from idloop.physics import load_model
+from idloop.physics.model_file import from_text
 from idloop.records import Record
 from idloop.validation.operating_state import operating_state, since_reversal
 
@@ -42,6 +43,25 @@ def test_reversals_are_counted_as_a_comparison_counts_them(hidden: int | None, s
     counted = len(since_reversal(data.time, direction)[1])
     assert _reversals(model, data) == counted
     assert (counted == 3) == (small == 0.0)
+
+
+def test_the_command_of_a_stiff_loop_is_said_in_its_own_unit() -> None:
+    """What effects at the input act on is the force of the loop, hundreds of times the set-point."""
+    model = from_text(
+        """
+schema: idloop/model/1
+name: servo
+input: {joint: arm, field: position, unit: rad}
+outputs: [{joint: arm, field: position, unit: rad, noise: 0.001}]
+bodies: [{name: arm, inertia: 1.0, viscous_friction: 30.0}]
+drive: {kind: position_loop, proportional: 500.0}
+""",
+        None,
+    )
+    found = excitation_findings(model, prepare_estimation(model, [record_of(model, 0, seconds=3.0)], "prediction"))
+    largest = float(found[0].split("command up to ")[1].split(" rad")[0])
+    assert largest < 10.0
+    assert not any("one size only" in text for text in found)
 
 
 @pytest.fixture(scope="module")

@@ -140,8 +140,8 @@ def _excited_too_slowly(proposal: Proposal, limit: DetectionLimit, scales: Scale
 
 
 def _excitation(model: Model, estimation: EstimationProblem, sizes: Sizes) -> tuple[tuple[str, ...], int, float]:
-    """Facts about the excitation in words, levels of the command, and turns of the driven body."""
-    command = np.abs(np.concatenate([d.input for d in estimation.data]))
+    """Facts about the excitation in words, levels of what effects at the input act on, and turns of the driven body."""
+    command = np.abs(sizes.drive_output)
     moving = command[command > 1e-3 * sizes.command_most]
     levels = len(np.unique(np.round(moving / (0.02 * sizes.command_most)))) if len(moving) else 0
     reversals = sum(_reversals(model, data) for data in estimation.data)
@@ -149,9 +149,10 @@ def _excitation(model: Model, estimation: EstimationProblem, sizes: Sizes) -> tu
     unit = model.units.position
     turns = span / (2.0 * np.pi) if unit == "rad" else 0.0
     reach = f"{turns:.2g} turns" if unit == "rad" else f"{span:.3g} {unit}"
+    largest = max(float(np.max(np.abs(d.input))) for d in estimation.data)
     sentence = (
         f"{sizes.duration:.3g} s in {len(estimation.data)} record{'s' if len(estimation.data) > 1 else ''}, "
-        f"command up to {sizes.command_most:.3g} {model.input.unit}, motion over {reach}, "
+        f"command up to {largest:.3g} {model.input.unit}, motion over {reach}, "
         f"speed {speed:.3g} {unit}/s rms, {reversals} reversals"
     )
     findings = [sentence]

@@ -25,6 +25,14 @@ def test_another_gain(make_axis):
     assert found.evidence["difference"] > 5.0 * found.evidence["error"]
 
 
+def test_a_set_point_has_no_gain_to_compare(make_axis):
+    """A limit inside the drive's loop makes the same step accelerate less, and is no other machine."""
+    one, two = make_axis(0), make_axis(1, gain=100.0)
+    assert kinds(a=one, b=two) == ["other_gain"]
+    degrees = {"units": {**one.units, "j.effort": "deg"}}
+    assert kinds(a=replace(one, **degrees), b=replace(two, **degrees)) == []
+
+
 def test_other_units_joints_and_rates(make_axis):
     one = make_axis()
     degrees = replace(one, units={**one.units, "j.position": "deg"})

@@ -30,9 +30,9 @@ class Sizes:
 
     def __init__(self, model: Model, estimation: EstimationProblem) -> None:
         self.model, self.estimation = model, estimation
-        command = np.concatenate([self._drive_output(d) for d in estimation.data])
-        self.command = max(float(np.sqrt(np.mean(command**2))), _LEAST)
-        self.command_most = max(float(np.max(np.abs(command))), _LEAST)
+        self.drive_output = np.concatenate([self._drive_output(d) for d in estimation.data])
+        self.command = max(float(np.sqrt(np.mean(self.drive_output**2))), _LEAST)
+        self.command_most = max(float(np.max(np.abs(self.drive_output))), _LEAST)
         self.duration = float(sum(d.time[-1] - d.time[0] for d in estimation.data))
         self.sample_time = float(np.median([d.sample_time for d in estimation.data]))
         self.bodies = [self._motion(index) for index in range(len(model.bodies))]

@@ -8,6 +8,7 @@ import numpy as np
 
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
+from idloop.records.inspection.faults import inner_loop
 from idloop.records.inspection.faults.fault import fault
 from idloop.records.inspection.response import Response, regress, response
 
@@ -86,11 +87,16 @@ def _rates(first: str, other: str, one: Axis, two: Axis) -> list[Finding]:
 
 
 def _gains(joint: str, axes: Mapping[str, Axis]) -> list[Finding]:
-    """Compare the gain of each record with that of the most: a Chow test of the gain, with jackknife errors."""
+    """Compare the gain of each record with that of the most: a Chow test of the gain, with jackknife errors.
+
+    A set-point of a loop in the drive accelerates nothing by itself, so that it has no gain to compare.
+    """
     known = {
         name: found
         for name, axis in axes.items()
-        if (found := response(axis, _SHARE)) is not None and abs(found.certainty) > _CERTAIN
+        if not inner_loop.check(axis)
+        and (found := response(axis, _SHARE)) is not None
+        and abs(found.certainty) > _CERTAIN
     }
     if len(known) < 2:
         return []
