@@ -563,6 +563,37 @@ def serial_plotter(folder):
 
 
 @form
+def teleplot(folder):
+    run = levels(21)
+    lines = []
+    for t, u, q, w in zip(run.t, run.u, run.q, run.w, strict=True):
+        stamp = 1627551892437 + 1000 * t
+        lines += [
+            f">torque:{stamp:.0f}:{u:.3f}§Nm",
+            f">angle:{stamp:.0f}:{q:.5f}§rad|g",
+            f">speed:{stamp:.0f}:{w:.4f}§rad/s",
+        ]
+    text = ">state:ready|t\n" + "\n".join(lines) + "\n"
+    return Log(
+        _write(folder / "teleplot.txt", text), "labels", (), _motor("time", "torque", "angle", "speed", time="ms")
+    )
+
+
+@form
+def console_log(folder):
+    run = multisine(22)
+    lines = [
+        f"[09:59:{40 + t:06.3f}] INFO motor: pos={q:.5f} vel={w:.4f} tau={u:.3f}\n"
+        if t < 20.0
+        else f"[10:00:{t - 20.0:06.3f}] INFO motor: pos={q:.5f} vel={w:.4f} tau={u:.3f}\n"
+        for t, u, q, w in zip(run.t, run.u, run.q, run.w, strict=True)
+    ]
+    lines[500:500] = ["[09:59:45.000] WARN can: bus load 61 %\n"]
+    flags = ("--command", "=Nm")
+    return Log(_write(folder / "node.log", "".join(lines)), "labels", flags, _motor("time", "tau", "pos", "vel"))
+
+
+@form
 def date_and_clock(folder):
     run = multisine(9)
     days = np.where(run.t < 4.0, "12.11.2025", "13.11.2025")

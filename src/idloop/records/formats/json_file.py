@@ -20,7 +20,8 @@ from idloop.spelling import did_you_mean, listed
 _MOST_ENTRIES = 64
 # A list of at most as many mappings holds records or settings, not samples.
 _HANDFUL = 9
-_JSON = re.compile(r'\s*(\{\s*["}]|\[\s*[\[\]{"\d-])')
+# A number in brackets alone begins a line of a console log.
+_JSON = re.compile(r'\s*(\{\s*["}]|\[\s*([\[\]{"]|-?\d[\d.eE+-]*\s*(,|\]\s*\Z)))')
 
 
 def read_json_table(path: Path, options: Options) -> Table:

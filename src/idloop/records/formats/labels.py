@@ -1,8 +1,7 @@
-"""Text of labelled values, such as a serial plotter draws: ``angle:1.25,speed:0.5`` or ``angle:1.25 speed:0.5``."""
+"""Text of labelled values: of serial plotters, console logs and Teleplot, read line by line."""
 
 from __future__ import annotations
 
-import re
 from array import array
 from collections import Counter
 from pathlib import Path
@@ -13,20 +12,21 @@ import numpy as np
 from idloop.documents import MOST_COLUMNS, MOST_TABLE
 from idloop.errors import InputError
 from idloop.records.formats.form import Form, Options, text_of
+from idloop.records.formats.labelled_line import Reading, readings
+from idloop.records.formats.text_table import is_row
+from idloop.records.tables.series import set_series
 from idloop.records.tables.table import Table
 
-_PAIR = re.compile(
-    r"\s*([^\W\d][^:,;\t]*?)\s*:\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|[-+]?(?:nan|inf)\w*)\s*", re.IGNORECASE
-)
-# Time of day that a serial monitor writes before each line.
-_STAMP = re.compile(r"\s*(\d\d:\d\d:\d\d[.,]?\d*)\s*->\s*")
 _STAMPS = "time"
 _LONGEST_LINE = 1 << 16
 _LEAST, _MOST = 3, 200  # lines by which a file is recognised
 
 
 def read_labels(path: Path, _: Options) -> Table:
-    """Read the labelled values of a file; a label that a line lacks was not measured.
+    """Read the labelled values of a file.
+
+    Where lines say when they were written, a label has the stamps of its lines. Without stamps a row begins with the
+    first label of the file and with each that comes again; a label that a row lacks was not measured.
 
     Raises
     ------
@@ -35,57 +35,87 @@ def read_labels(path: Path, _: Options) -> Table:
     """
     if path.stat().st_size > MOST_TABLE // 8:
         raise InputError(f"{path}: the file has more than {MOST_TABLE >> 23} MiB; keep fewer lines")
-    columns: dict[str, array[float]] = {}
-    stamps: list[str] = []
-    count = others = 0
+    found = _Readings(path)
+    others = 0
     with path.open(encoding="utf-8-sig", errors="replace", newline=None) as stream:
         for line in iter(lambda: stream.readline(_LONGEST_LINE), ""):
-            stamp = _STAMP.match(line)
-            pairs = _pairs(line[stamp.end() :] if stamp else line)
-            if not pairs:
-                others += bool(line.strip())
-                continue
-            for label, value in pairs.items():
-                column = columns.setdefault(label, array("d"))
-                column.extend([np.nan] * (count - len(column)))
-                column.append(value)
-            stamps.append(stamp[1] if stamp else "")
-            count += 1
-            if len(columns) > MOST_COLUMNS or 8 * count * len(columns) > MOST_TABLE:
-                raise InputError(f"{path}: too many labels or lines; check that this is the data file")
-    found: dict[str, Any] = {_STAMPS: stamps} if stamps and all(stamps) and _STAMPS not in columns else {}
-    for label, column in columns.items():
-        column.extend([np.nan] * (count - len(column)))
-        found[label] = np.frombuffer(column, dtype=np.float64)
+            several = readings(line)
+            found.add(several)
+            others += not several and bool(line.strip())
     left = "1 line without labelled values is" if others == 1 else f"{others} lines without labelled values are"
-    return Table(path, found, notes=[f"{left} left out"] if others else [])
+    table = found.table()
+    table.notes += [f"{left} left out"] if others else []
+    return table
 
 
-def _pairs(line: str) -> dict[str, float]:
-    """Values of a line by their labels; empty where something else stands there, or a label twice."""
-    text = line.strip().rstrip(",;")
-    parts = re.split(r"[,;\t]", text) if re.search(r"[,;\t]", text) else re.sub(r"\s*:\s*", ":", text).split()
-    matches = [_PAIR.fullmatch(part) for part in parts]
+class _Readings:
+    """The values read so far, by label."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._values: dict[str, array[float]] = {}
+        self._stamps: dict[str, list[str]] = {}
+        self._rows: dict[str, array[int]] = {}
+        self._units: dict[str, str] = {}
+        self._clock = ""
+        self._row, self._in_row = -1, set[str]()
+        self._unstamped, self._count = False, 0
+
+    def add(self, several: list[Reading]) -> None:
+        """Add the values of a line."""
+        for one in several:
+            if one.label in self._in_row or one.label == next(iter(self._values), one.label):
+                self._row, self._in_row = self._row + 1, set()
+            self._in_row.add(one.label)
+            self._values.setdefault(one.label, array("d")).append(one.value)
+            self._rows.setdefault(one.label, array("q")).append(self._row)
+            self._stamps.setdefault(one.label, []).append(one.stamp)
+            self._unstamped = self._unstamped or not one.stamp
+            self._clock = self._clock or one.clock
+            if one.unit:
+                self._units.setdefault(one.label, one.unit)
+        self._count += len(several)
+        if len(self._values) > MOST_COLUMNS or 64 * self._count > MOST_TABLE:
+            raise InputError(f"{self._path}: too many labels or lines; check that this is the data file")
+
+    def table(self) -> Table:
+        """Return what was read."""
+        table = Table(self._path, {}, units=dict(self._units))
+        values = {label: np.frombuffer(column, dtype=np.float64) for label, column in self._values.items()}
+        moving = any(stamps[0] != stamps[-1] for stamps in self._stamps.values())
+        if moving and not self._unstamped and _STAMPS not in values:
+            series = {label: (_numbers(self._stamps[label]), column) for label, column in values.items()}
+            set_series(table, series, _STAMPS, self._clock)
+            return table
+        for label, column in values.items():
+            table.columns[label] = np.full(self._row + 1, np.nan)
+            table.columns[label][np.frombuffer(self._rows[label], dtype=np.int64)] = column
+        return table
+
+
+def _numbers(stamps: list[str]) -> Any:
+    """Stamps as numbers where they are; times of day and dates as they stand there."""
     try:
-        found = {match[1]: float(match[2]) for match in matches if match is not None}
+        return np.array(stamps, dtype=np.float64)
     except ValueError:
-        return {}
-    return found if len(found) == len(parts) else {}
+        return stamps
 
 
 def _is_labels(head: bytes) -> bool:
-    """Whether most lines of a text have values by the same labels."""
-    lines = [_STAMP.sub("", line) for line in text_of(head).splitlines()[:_MOST] if line.strip()]
-    labels = Counter(tuple(pairs) for line in lines if len(line) < _LONGEST_LINE and (pairs := _pairs(line)))
-    most = labels.most_common(1)
-    return bool(most) and most[0][1] >= _LEAST and 2 * most[0][1] > len(lines)
+    """Whether more lines of a text have values by labels that come again than rows of numbers."""
+    lines = [line for line in text_of(head).splitlines()[:_MOST] if line.strip() and len(line) < _LONGEST_LINE]
+    labelled = [{one.label for one in readings(line)} for line in lines]
+    counts = Counter(label for labels in labelled for label in labels)
+    again = [labels for labels in labelled if labels and all(counts[label] >= _LEAST for label in labels)]
+    return len(again) > sum(map(is_row, lines))
 
 
 FORM = Form(
     "labels",
     (),
-    "text of labelled values, as of a serial plotter: `angle:1.25,speed:0.5`",
-    "by the labels; the times of day of a serial monitor `time`",
+    "text of labelled values, as of a serial plotter, a console or Teleplot: `angle:1.25,speed:0.5`,"
+    " `[09:00:00.5] INFO angle=1.25 speed=0.5`, `>angle:1627551892437:1.25§rad`",
+    "by the labels; the stamps of the lines `time`, or `angle.time` where labels stand in lines of their own",
     _is_labels,
     read_labels,
 )

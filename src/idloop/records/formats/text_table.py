@@ -41,10 +41,14 @@ def read_text_table(path: Path, options: Options) -> Table:
     )
 
 
+def is_row(line: str) -> bool:
+    """Whether a line is a row of numbers."""
+    return len(line) < 1_000 and _ROW.fullmatch(line) is not None
+
+
 def _is_table(head: bytes) -> bool:
     """Whether a text has rows of numbers."""
-    lines = text_of(head)[:20_000].splitlines()
-    return sum(len(line) < 1_000 and _ROW.fullmatch(line) is not None for line in lines) >= 2
+    return sum(map(is_row, text_of(head)[:20_000].splitlines())) >= 2
 
 
 FORM = Form(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.records.formats.clock_names import clock_unit
+from idloop.records.tables.series import set_series
 from idloop.records.tables.table import Table
 from idloop.spelling import listed
 
@@ -28,17 +29,8 @@ def spread_names(table: Table) -> None:
     when, what = np.asarray(table.columns[stamps]), np.asarray(table.columns[values], dtype=np.float64)
     series = {name: np.flatnonzero(label == name) for name in dict.fromkeys(label.tolist()) if name}
     unit = table.units.get(stamps, "") or clock_unit(stamps) or ""
-    first, *others = [when[rows] for rows in series.values()]
-    common = all(np.array_equal(first, other) for other in others)
-    columns: dict[str, Any] = {stamps: first} if common else {}
     table.units = {}
-    for name, rows in series.items():
-        clock = stamps if common else f"{name}.{stamps}"
-        columns |= {clock: when[rows], name: what[rows]}
-        table.units |= {clock: unit} if unit else {}
-        if not common:
-            table.clocks[name] = clock
-    table.columns = columns
+    set_series(table, {name: (when[rows], what[rows]) for name, rows in series.items()}, stamps, unit)
     table.notes.append(
         f"each row holds one value: {names!r} names it ({listed(list(series), 6)}), {values!r} is it, {stamps!r} is its"
         " time"
