@@ -12,6 +12,8 @@ from pyarrow import feather, parquet
 
 from idloop.errors import InputError
 from idloop.records.formats import arrow as reader
+from idloop.records.recognition.table_column import numbers_of
+from idloop.records.recognition.time_base import find_time_base
 from idloop.records.tables.table_files import read_table
 
 T, U = np.arange(50) * 0.01, np.sin(np.arange(50.0))
@@ -41,6 +43,40 @@ def _stream(path, table):
         writer.write_table(table, max_chunksize=13)
 
 
+def _when(unit, zone):
+    return pa.timestamp(unit, tz=zone)
+
+
+@pytest.mark.parametrize("name", ["timestamp", "time_ms", "Time (us)"])
+@pytest.mark.parametrize(
+    "kind",
+    [
+        *(_when(unit, zone) for unit in ("ms", "us", "ns") for zone in (None, "UTC", "Europe/Berlin")),
+        *map(pa.duration, ("ms", "us", "ns")),
+        pa.time32("ms"),
+        pa.time64("us"),
+        pa.time64("ns"),
+    ],
+    ids=str,
+)
+def test_times_are_seconds_whatever_they_count(tmp_path, kind, name):
+    path, begin = tmp_path / "a.parquet", 1_700_000_000 if pa.types.is_timestamp(kind) else 36_000
+    milliseconds = begin * 1000 + 10 * np.arange(50)
+    counted = pa.array(milliseconds * {"ms": 1, "us": 1000, "ns": 1_000_000}[kind.unit])
+    counted = counted.cast(pa.int32()) if kind.bit_width == 32 else counted
+    parquet.write_table(pa.table({name: counted.cast(kind), "u": U}), path)
+    table = read_table(path)
+    np.testing.assert_array_equal(table.numbers(name), milliseconds / 1000)
+    base = find_time_base(table, numbers_of(table), None, 50, None)
+    assert (base.time.column, base.time.unit, base.doubt) == (name, "s", "")
+
+
+def test_a_time_that_is_missing_is_not_measured(tmp_path):
+    kind = pa.timestamp("ns")
+    parquet.write_table(pa.table({"t": pa.array([1_500_000_000, None], kind), "u": [1.0, 2.0]}), tmp_path / "a.parquet")
+    np.testing.assert_array_equal(read_table(tmp_path / "a.parquet").numbers("t"), [1.5, np.nan])
+
+
 @pytest.mark.parametrize(("write", "name"), [(_parquet, "a.parquet"), (_feather, "a.feather"), (_stream, "a.arrows")])
 def test_columns(tmp_path, write, name):
     write(tmp_path / name, _table())
@@ -54,7 +90,7 @@ def test_columns(tmp_path, write, name):
     np.testing.assert_array_equal(table.numbers("price"), np.full(50, 1.5))
     np.testing.assert_array_equal(table.numbers("pose.y"), np.full(50, 2.0))
     np.testing.assert_array_equal(table.numbers("pair[1]"), np.full(50, 2.0))
-    assert table.units == {"u": "V"}
+    assert table.units == {"u": "V", "when": "s"}
     assert table.notes == ["columns that hold neither numbers nor texts are left out: many"]
 
 

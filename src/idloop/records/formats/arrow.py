@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from idloop.documents import MOST_COLUMNS, MOST_TABLE
 from idloop.errors import InputError
@@ -18,6 +19,8 @@ from idloop.records.formats.isolated import read_isolated
 from idloop.records.tables.table import Table
 from idloop.records.tables.unit_words import is_unit_key
 from idloop.spelling import listed
+
+Floats = NDArray[np.float64]
 
 _STREAM = b"\xff\xff\xff\xff"
 _MOST_ROWS = 65_536  # of a piece
@@ -144,9 +147,8 @@ def _values(column: Any, pa: Any) -> list[tuple[str, Any]] | None:
         if not inner or column.null_count or len(inner[0][1]) != len(column) * kind.list_size:
             return None
         return [(f"[{place}]", inner[0][1][place :: kind.list_size]) for place in range(kind.list_size)]
-    if types.is_timestamp(kind) or types.is_duration(kind):
-        counted = column.cast(pa.int64()).to_numpy(zero_copy_only=False)
-        return [("", np.asarray(counted, dtype=np.float64) / _PER_SECOND[kind.unit])]
+    if types.is_temporal(kind):
+        return [("", _seconds(column, pa))] if _is_counted(kind, types) else None
     if types.is_decimal(kind) or types.is_boolean(kind):
         column = column.cast(pa.float64() if types.is_decimal(kind) else pa.int8())
     elif types.is_string(kind) or types.is_large_string(kind):
@@ -156,7 +158,25 @@ def _values(column: Any, pa: Any) -> list[tuple[str, Any]] | None:
     return [("", np.asarray(column.to_numpy(zero_copy_only=False)))]
 
 
+def _is_counted(kind: Any, types: Any) -> bool:
+    """Whether a column counts a unit of time: a date with its time, a span or a time of day."""
+    return bool(types.is_timestamp(kind) or types.is_duration(kind) or types.is_time(kind))
+
+
+def _seconds(column: Any, pa: Any) -> Floats:
+    """Times [s], whatever the column counts; whole seconds and the rest apart, so that each is rounded once."""
+    narrow = column.cast(pa.int32()) if column.type.bit_width == 32 else column
+    counted, per = narrow.cast(pa.int64()), _PER_SECOND[column.type.unit]
+    known = np.asarray(counted.fill_null(0).to_numpy(zero_copy_only=False), dtype=np.int64)
+    whole, rest = np.divmod(known, per)
+    return np.where(np.asarray(column.is_null()), np.nan, whole + rest / per)
+
+
 def _unit(name: str, field: Any) -> dict[str, str]:
+    import pyarrow as pa
+
+    if _is_counted(field.type, pa.types):
+        return {name: "s"}
     kept = {key.decode("utf-8", "replace"): value for key, value in (field.metadata or {}).items()}
     unit = next((value for key, value in kept.items() if is_unit_key(key)), b"")
     return {name: unit.decode("utf-8", "replace")} if unit else {}
@@ -166,7 +186,7 @@ PARQUET = Form(
     "parquet",
     (".parquet", ".pq"),
     "Parquet",
-    "columns by name, fields of a structure `a.b`, dates as seconds since 1970",
+    "columns by name, fields of a structure `a.b`, dates as seconds since 1970, spans and times of day as seconds",
     lambda head: head.startswith(b"PAR1"),
     read_parquet,
 )
