@@ -24,6 +24,8 @@ def test_a_search_waits_for_the_comparison_and_no_third_order_is_taken():
         coordinator.order("comparing", lambda: free.wait(10.0))
         with pytest.raises(InputError, match="comparing is under way"):
             coordinator.order("adding", lambda: None)
+        with pytest.raises(InputError, match="comparing is under way"):  # nothing waits for itself
+            coordinator.order("comparing", lambda: None, waits=True)
         coordinator.order("searching", search, waits=True)
         assert state.snapshot.activity.then == "searching"
         with pytest.raises(InputError, match="under way"):

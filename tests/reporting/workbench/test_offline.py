@@ -56,7 +56,14 @@ def source():
     kept = []
     study = Study((recorded(1),), (recorded(2),), effects=("coulomb_friction", "dead_zone", "quadratic_drag"))
     one = OfflineSource(load_model("dc_motor"), study, keep=kept.append)
-    one.kept = kept
+    one.kept, one.computed = kept, []
+    change = one.state.change
+
+    def noted(**values):
+        one.computed += [values["computing"]] if values.get("computing") else []
+        change(**values)
+
+    one.state.change = noted
     yield one
     one.close()
 
@@ -95,6 +102,7 @@ def test_the_page_climbs_to_the_hidden_effect_and_back(source):
     assert state["assessment"]["telling"]["variable"] in {"velocity", "direction", "command", "since_reversal"}
 
     # The fit with which a diagnosis begins is said: what it changed is no part of what an effect changes.
+    assert source.computed == ["start: fitted to run 1"]
     assert shown.given is not None
     assert shown.reason == "fitted to run 1 before effects were looked for"
     assert shown.reason in shown.note.text
@@ -109,6 +117,7 @@ def test_the_page_climbs_to_the_hidden_effect_and_back(source):
     assert shown.reason == "the last step was taken back"
     source.order("diagnose")
     settled(source, lambda b: b.missing is not None)
+    assert source.computed[1:] == ["+ quadratic drag @ motor", "the last step taken back"]
 
     source.order("add", "coulomb_friction@motor")
     shown = settled(source, lambda b: b.effects == ("coulomb_friction@motor",))

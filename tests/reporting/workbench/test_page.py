@@ -332,7 +332,7 @@ def test_a_fit_of_the_model_before_the_last_step_is_said_to_be_one(visit):
         # No number of a model that is gone; the page asks for what is new every 0.4 s.
         page.wait_for_selector("#fits >> text=FIT motor.position, being computed", timeout=5_000)
         assert "80.4" not in page.inner_text("#fits")
-        page.wait_for_selector("#where-hint >> text=Free-run error of the model before the last step")
+        page.wait_for_selector("#where-hint >> text=Free-run error of the model before this step")
         page.wait_for_selector("#given >> text=being computed")
         assert page.get_attribute("#where-panel", "aria-busy") == "true"
         source.state.change(assessment=assessed(kind="free-run error", why="", model=source.state.snapshot.model))
@@ -685,10 +685,18 @@ def test_while_a_model_is_computed_every_number_says_so(recording, visit):
     assert tiles
     assert all("being computed" in text and not re.search(r"\d", text) for text in tiles)
     assert "the next one is being computed" in page.inner_text("#model-panel")
+    values = page.locator("#parameters tr").all_inner_texts()
+    assert any("being computed" in text for text in values)
+    assert all("known" in text or not re.search(r"\d.*(±|estimated|not fitted)", text) for text in values)
     assert "being computed" in page.inner_text("#where-hint")
+    assert page.inner_text("#frequency-hint").startswith("Of the model before this step.")
+    assert page.inner_text("#verdict") == ""
+    assert page.get_attribute("#candidates", "aria-busy") == "true"
     source.state.change(computing="", reason="quadratic drag @ motor was added")
     page.wait_for_function("() => document.querySelector('#reason').textContent.includes('was added')")
     assert page.locator("#steps .computing").count() == 0
+    assert "being computed" not in page.inner_text("#parameters")
+    assert page.inner_text("#verdict")
     page.goto("about:blank")
 
 

@@ -20,7 +20,7 @@ from idloop.reporting.residual_findings import ResidualFinding, residual_warning
 from idloop.reporting.terms import unbroken
 from idloop.reporting.workbench import state_json
 from idloop.reporting.workbench.files import commands
-from idloop.reporting.workbench.state import Evidence, Missing, Snapshot, TrustedEstimate, model_version
+from idloop.reporting.workbench.state import Evidence, Fit, Missing, Snapshot, TrustedEstimate, model_version
 from idloop.validation.variables import VARIABLES
 
 
@@ -278,6 +278,28 @@ def test_what_is_significant_and_not_added_says_why():
     for verdict in ("adequate", "not_excited", "missing"):
         assert state_json._why_not(lag, Missing(verdict, candidates=(lag,)), level)
     assert state_json._why_not(replace(lag, p_value=0.3), Missing("adequate"), level) == ""
+
+
+def test_what_explains_more_and_goes_second_is_not_said_to_explain_less():
+    """An effect that contains a simpler one comes after it, however much it explains."""
+    simple = Candidate("coulomb_friction", "axis", "yes", "", "", gain=70.0, p_value=1e-9, explains=0.82)
+    rich = replace(simple, effect="asymmetric_friction", explains=0.95)
+    found = Missing("missing", candidates=(simple, rich), set=(simple.name,))
+    said = state_json._why_not(rich, found, 0.01)
+    assert said.startswith("Coulomb friction @ axis is the simpler one and goes first")
+    less = state_json._why_not(replace(rich, explains=0.5), found, 0.01)
+    assert less.startswith("what is named explains more")
+
+
+def test_on_a_live_graph_a_model_without_its_fit_is_pending():
+    model = load_model("dc_motor")
+    fit = Fit({"motor.position": 80.0}, {}, 4.0)
+    shown = Snapshot(live=True, model=model, fit=fit)
+    assert not shown.pending
+    grown = replace(shown, model=model.with_effects(["coulomb_friction@motor"]))
+    assert grown.pending
+    assert not replace(grown, fit=replace(fit, error="it failed")).pending
+    assert not replace(shown, live=False).pending
 
 
 def test_head_and_ladder_name_the_error_that_decides():

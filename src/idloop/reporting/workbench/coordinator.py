@@ -42,14 +42,14 @@ class Coordinator:
         Parameters
         ----------
         waits : bool
-            It may wait for the one that is under way, where none waits already.
+            It may wait for another one that is under way, where none waits already.
 
         Raises
         ------
         InputError
             Another one is under way.
         """
-        if self.busy and (self._next or not waits):
+        if self.busy and (self._next or not waits or what == self.busy):
             raise InputError(f"{self.busy} is under way: wait for its result")
         if self.busy:
             self._next = what

@@ -168,6 +168,12 @@ class OfflineSource:
         self._show_model(self._model, number)
 
     def _diagnose(self) -> None:
+        if self.state.snapshot.ladder is None:  # its parameters are fitted first, and that is a step of the page
+            fitting = f"start: fitted to {fitted_records(self._study)}"
+            return self._computing(fitting, self._look_for_effects)()
+        return self._look_for_effects()
+
+    def _look_for_effects(self) -> None:
         found: Found = self._coordinator.work(find_missing, self._study, self._model, self.state.snapshot.ladder)
         diagnosis = self._found = found.diagnosis
         changes: dict[str, Any] = {
@@ -189,7 +195,7 @@ class OfflineSource:
             "suggested": None,
             "suggestion": None,
         }
-        if self.state.snapshot.ladder is None:  # its parameters are fitted now
+        if self.state.snapshot.ladder is None:
             why = f"fitted to {fitted_records(self._study)} before effects were looked for"
             self._show_model(found.ladder.model, given=found.given, **changes, **self._said(found.ladder.model, why))
         else:

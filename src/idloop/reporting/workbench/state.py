@@ -287,6 +287,12 @@ class Snapshot:
         """Whether `fit` is of the present model."""
         return self.fit is not None and self.fit.effects == self.effects
 
+    @property
+    def pending(self) -> bool:
+        """Whether another model is being computed: no number of the present one is the newest."""
+        outrun = self.live and self.fit is not None and not self.fit.error and not self.fitted
+        return bool(self.computing) or outrun
+
 
 class State:
     """The newest snapshot; any thread may change and read it."""

@@ -101,6 +101,7 @@ def page_state(snapshot: Snapshot, signals: Signals) -> dict[str, Any]:
         "version": "" if snapshot.model is None else model_version(snapshot.model),
         "reason": snapshot.reason,
         "computing": snapshot.computing,
+        "pending": snapshot.pending,
         "parameters": [] if snapshot.model is None else parameter_rows(snapshot.model, _held(snapshot)),
         "equations": [] if snapshot.model is None else _equations(snapshot.model, snapshot.ladder),
         "files": offered(snapshot),
@@ -183,10 +184,10 @@ def _head(snapshot: Snapshot) -> dict[str, Any]:
     scores: dict[str, Score] = {}
     pending, why = False, "waiting for the first fit" if snapshot.live else "comparing model and record …"
     if snapshot.live and fit is not None:
-        pending, why = not snapshot.fitted, f"no fit: {fit.error}" if fit.error else ""
+        pending, why = snapshot.pending, f"no fit: {fit.error}" if fit.error else ""
         scores = {} if fit.error else scores_of({"fit": fit.unseen}, f"unseen data, {fit.seconds:.1f} s")
     elif not snapshot.live and found is not None:
-        pending, why = bool(snapshot.computing) or not snapshot.assessed, ""
+        pending, why = snapshot.pending or not snapshot.assessed, ""
         scores = scores_of(found.errors, _data_shown(snapshot), model_version(found.model))
     if snapshot.live and scores and found is not None and snapshot.assessed:
         force = scores_of(found.errors, found.record).get(DRIVE_FORCE)
@@ -329,6 +330,10 @@ def _why_not(one: Candidate, found: Missing, level: float) -> str:
     if one.p_value >= level:
         return ""
     if found.verdict == "missing":
+        named = next((other for other in found.candidates if other.name in found.set), None)
+        if named is not None and named.explains < one.explains:
+            words = effect_words(named.name)
+            return f"{words} is the simpler one and goes first; what this one has beyond it shows once that is added"
         return "what is named explains more; whether this one is left shows once that is in the model"
     return "its gain is within what differs from one part of the record to another"
 
@@ -410,7 +415,7 @@ def _assessment(snapshot: Snapshot) -> dict[str, Any] | None:
     return {
         "record": found.record,
         "version": model_version(found.model),
-        "current": snapshot.assessed and not snapshot.computing,
+        "current": snapshot.assessed and not snapshot.pending,
         "maps": [_map(one) for one in found.where.maps],
         "outputs": _outputs(found),
         "poles": [] if found.frequency is None else found.frequency.pole_texts,

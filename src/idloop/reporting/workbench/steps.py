@@ -91,7 +91,8 @@ def find_missing(study: Study, model: Model, ladder: Ladder | None, report: Repo
     from idloop.reporting.workbench.assessment import draw_characteristics
     from idloop.reporting.workbench.state import model_version
 
-    report(0.0, f"first the model is fitted to {fitted_records(study)}")
+    if ladder is None:
+        report(0.0, f"first the model is fitted to {fitted_records(study)}")
     found = diagnose(
         model,
         study.records,

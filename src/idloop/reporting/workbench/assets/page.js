@@ -142,7 +142,7 @@
     $("shown").value = view.shown;
     say("strips-title", TITLES[view.shown]);
     say("paper-recording", state.recordings[state.shown] ? `: ${state.recordings[state.shown]}` : "");
-    say("given", state.assessment && !state.assessment.current ? `Free run of the model before the last step; the new one is ${COMPUTING}.`
+    say("given", state.assessment && !state.assessment.current ? `Free run of the model before this step; the new one is ${COMPUTING}.`
       : view.shown === "free_run" ? "The model gets the command alone and begins at the measured state." : "");
     $("corrected").hidden = !state.live || view.shown !== "one_step";
     strips.show({ follow: view.follow ? view.span : null, stretch: view.stretch, shown: view.shown });
@@ -250,7 +250,7 @@
       found.maps.map((m) => make("option", { value: m.name }, `${m.name} (rms ${m.rms}${m.relative ? ", " + m.relative : ""})`)));
     $("error").value = map.name;
     // The figure may show a prediction where the free run has drifted away.
-    const of = found.current ? "" : " of the model before the last step";
+    const of = found.current ? "" : " of the model before this step";
     $("where-panel").setAttribute("aria-busy", String(!found.current));
     say("where-hint", `${found.current ? "" : `The present model is ${COMPUTING}. `}${map.kind[0].toUpperCase()}${map.kind.slice(1)}${of} on ${found.record}.${map.why ? ` ${map.why[0].toUpperCase()}${map.why.slice(1)}.` : ""}`);
     for (const one of document.querySelectorAll("#variables button")) {
@@ -279,7 +279,8 @@
     $("linear-panel").hidden = !found || !(found.poles.length || one?.tests);
     if ($("linear-panel").hidden) return;
     $("linear-panel").setAttribute("aria-busy", String(!found.current));
-    say("frequency-hint", found.poles.length ? `From the command to ${one.name}: the measurement and the free run of the model on ${found.record}, by the same estimator (Welch), which spreads what is weak beside what is strong alike in both. ${one.readable}` : "");
+    const before = found.current ? "" : "Of the model before this step. ";
+    say("frequency-hint", found.poles.length ? `${before}From the command to ${one.name}: the measurement and the free run of the model on ${found.record}, by the same estimator (Welch), which spreads what is weak beside what is strong alike in both. ${one.readable}` : before);
     say("poles", found.poles.length ? `Poles of the linear part: ${found.poles.join("; ")}.` : "");
     say("residual-words", one.tests ? `The one-step error of ${one.name} on ${found.record} ${one.tests}.` : "");
   }
@@ -312,7 +313,8 @@
     const verdict = $("verdict");
     verdict.className = "verdict";
     const beside = m ? m.candidates.filter((c) => !c.significant && c.fitted && c.below_level) : [];
-    if (!m) say("verdict", s.activity ? "" : (s.ladder?.steps.length ?? 0) > 1 ? "Added. Is anything still missing?" : "No diagnosis yet.");
+    $("candidates").setAttribute("aria-busy", String(s.pending));
+    if (!m || s.pending) say("verdict", s.activity || s.pending ? "" : (s.ladder?.steps.length ?? 0) > 1 ? "Added. Is anything still missing?" : "No diagnosis of this model yet.");
     else if (m.error) say("verdict", m.error);
     else if (m.verdict === "missing") {
       verdict.classList.add("found");
@@ -325,7 +327,7 @@
       say("verdict", [m.conclusion || plain, shape].filter(Boolean).join(" ") || m.line);
     }
     verdict.classList.toggle("long", verdict.textContent.length > LONG);
-    say("beside", m && m.verdict !== "missing" && beside.length ? `Significant by itself and not added: ${beside.map((c) => `${c.words}, because ${c.passed_over}`).join("; ")}.` : "");
+    say("beside", m && s.pending ? "Found beside the model before this step." : m && m.verdict !== "missing" && beside.length ? `Significant by itself and not added: ${beside.map((c) => `${c.words}, because ${c.passed_over}`).join("; ")}.` : "");
     const busy = Boolean(s.activity);
     // While a recording is looked at, the search may wait for that; where a model is made, there is nothing to search yet.
     $("diagnose").disabled = busy && (s.live || Boolean(m) || Boolean(s.computing) || Boolean(s.activity.then) || s.activity.text.startsWith("looking"));
@@ -439,11 +441,13 @@
       math.innerHTML = one.math;
       return make("div", { class: `equation ${one.new ? "new" : ""}` }, math, make("small", {}, [one.about, one.effect, one.new ? "new" : ""].filter(Boolean).join(", ")));
     }));
-    render("parameters", s.parameters, () => s.parameters.map((one) => make("tr", { "data-parameter": one.key },
-      make("th", { scope: "row" }, one.name), make("td", { "data-label": "value (95 %)" }, [one.value, one.unit].filter(Boolean).join("\u00a0")), make("td", { "data-label": "bounds" }, one.bounds), make("td", { "data-label": "kind" }, one.kind))));
+    const value = (one) => (s.pending && one.kind !== "known" ? COMPUTING : [one.value, one.unit].filter(Boolean).join("\u00a0"));
+    const row = (one) => make("tr", { "data-parameter": one.key }, make("th", { scope: "row" }, one.name), make("td", { "data-label": "value (95 %)" }, value(one)),
+      make("td", { "data-label": "bounds" }, one.bounds), make("td", { "data-label": "kind" }, s.pending && one.kind !== "known" ? "" : one.kind));
+    render("parameters", [s.parameters, s.pending], () => s.parameters.map(row));
     say("version", s.version);
-    say("reason", s.computing ? `: the next one is ${COMPUTING}` : s.reason ? `: ${s.reason}` : "");
-    $("model-panel").setAttribute("aria-busy", String(Boolean(s.computing)));
+    say("reason", s.pending ? `: the next one is ${COMPUTING}` : s.reason ? `: ${s.reason}` : "");
+    $("model-panel").setAttribute("aria-busy", String(s.pending));
     render("commands", s.commands, () => s.commands.map((text) => make("code", {}, text)));
     $("commands-block").hidden = !s.commands.length;
     say("commands-hint", s.downloaded ? "The same on the command line, beside the downloaded model.yaml:" : "The same on the command line:");
