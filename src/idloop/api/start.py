@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from idloop.api.first_fit import FirstFit, FirstModel, first_fit, left_out
+from idloop.api.inspection import inspect_bag
 from idloop.api.log import Log, recognise
 from idloop.api.result import Progress, Result, ignore_progress, part
 from idloop.errors import InputError
@@ -358,7 +359,7 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
     """Write, inspect and fit into a folder that is there."""
     from idloop import drawing
     from idloop.output_files import write_text
-    from idloop.records import compare_inspections, inspect_bag
+    from idloop.records import compare_inspections
     from idloop.records.inspection.faults.late_velocity import KIND as LATE
     from idloop.records.inspection.measured_input import KIND as MEASURED
     from idloop.records.recognition.mapping_file import motion_of, text_of

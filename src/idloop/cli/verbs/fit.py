@@ -13,6 +13,7 @@ from idloop.cli._common import (
     ListOptionCommand,
     apply_options,
     json_option,
+    log,
     log_written,
     model_options,
     plot_option,
@@ -67,17 +68,24 @@ def command(
 ) -> None:
     """Estimate the free parameters of MODEL from every BAG together.
 
-    MODEL is a preset or a model file; a parameter is free where the file writes it as a mapping.
+    MODEL is a preset or a model file; a parameter is free where the file writes it as a mapping. What `idloop inspect`
+    finds wrong with a bag is said in one line before the fit.
     """
     model = apply_options(model, settings, effects)
     train, validation = read_fitted_and_unseen(bags, validate, model)
 
     from idloop.api.fit import fit
+    from idloop.api.inspection import bag_grades
 
+    with progress("inspecting the bags"):
+        grades = bag_grades((*bags, *validate), model)
+    for line in filter(None, (one.line for one in grades)):
+        log(line)
     with progress(f"fitting {model.name}") as update:
         found = fit(model, train, validation, criterion=criterion, progress=update)
     if output is not None:
         write_text(output, found.model.to_yaml())
     save_plot(found.plot, plot)
-    print_found(found, as_json=as_json, output=output, plot=plot)
+    inspected = [one.to_dict() for one in grades]
+    print_found(found, as_json=as_json, inspections=inspected, output=output, plot=plot)
     log_written(output, plot)

@@ -23,7 +23,8 @@ def command(
 
     Several bags are compared as well: joints, units, sample times and gains.
     """
-    from idloop.records import compare_inspections, inspect_bag
+    from idloop.api.inspection import inspect_bag
+    from idloop.records import compare_inspections
     from idloop.reporting.text.inspection import comparison_blocks, inspection_blocks
 
     if plot is not None and len(bags) > 1:

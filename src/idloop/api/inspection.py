@@ -1,0 +1,84 @@
+"""Inspection of bags, as a whole and for the joint of a model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from idloop.api.single_thread import single_threaded
+
+if TYPE_CHECKING:
+    from idloop.physics import Model
+    from idloop.records import Finding, Inspection
+
+
+@dataclass(frozen=True)
+class BagGrade:
+    """How far a bag can be used for one joint.
+
+    Attributes
+    ----------
+    bag : Path
+    grade, reason : str
+        As those of an inspection, by the faults alone: a constant command may serve beside other records.
+    faults : tuple of Finding
+    """
+
+    bag: Path
+    grade: str
+    reason: str
+    faults: tuple[Finding, ...]
+
+    @property
+    def line(self) -> str:
+        """What there is to say before a fit; empty where no fault was found."""
+        return f"{self.bag}: {self.grade}: {self.reason} (idloop inspect {self.bag})" if self.faults else ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values."""
+        faults = [one.to_dict() for one in self.faults]
+        return {"bag": str(self.bag), "grade": self.grade, "grade_reason": self.reason, "faults": faults}
+
+
+@single_threaded
+def inspect_bag(bag: Path, *, command: str | None = None, distro: str | None = None) -> Inspection:
+    """Inspect a bag as `idloop.records.inspect_bag` does, with one thread for linear algebra."""
+    from idloop import records
+
+    return records.inspect_bag(bag, command=command, distro=distro)
+
+
+def bag_grades(bags: Sequence[Path], model: Model) -> list[BagGrade]:
+    """Inspect the joint of a model in each of several bags.
+
+    Parameters
+    ----------
+    bags : sequence of Path
+    model : Model
+        Names the command and the joint.
+
+    Returns
+    -------
+    list of BagGrade
+
+    Raises
+    ------
+    InputError
+        A bag cannot be read, or does not hold the command.
+    """
+    return [_grade(bag, model) for bag in bags]
+
+
+def _grade(bag: Path, model: Model) -> BagGrade:
+    from idloop.records.bags.topics import REQUESTED_COMMAND
+    from idloop.records.inspection.grade import USABLE, grade
+
+    own = model.input.topic
+    # Of a requested command, the one that the drive applied counts.
+    inspection = inspect_bag(bag, command=None if own.rpartition("/")[2] == REQUESTED_COMMAND else own)
+    joints = {output.joint for output in model.outputs} | {model.input.joint}
+    others = tuple(f"{name}." for name in inspection.joints if name not in joints)
+    faults = tuple(one for one in inspection.faults if not one.where.startswith(others))
+    return BagGrade(bag, *grade(USABLE, faults), faults)

@@ -1,0 +1,62 @@
+"""What an inspection says of the joint of a model, before its fit."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import idloop
+from idloop.api.inspection import bag_grades, inspect_bag
+from idloop.cli import main
+from idloop.records import make_stream, write_bag
+from idloop.records.inspection.grade import EVERYTHING, NOT_USABLE, USABLE
+
+MODEL = idloop.load_model("dc_motor")
+
+
+@pytest.fixture(scope="module")
+def record():
+    levels = np.repeat(np.random.default_rng(1).uniform(-5.0, 5.0, 40), 20)
+    return idloop.simulate(MODEL, levels, sample_time=0.01)
+
+
+def _early(record):
+    """The motion as it is stamped by another clock, 0.13 s before the command; on other stamps, so not row by row."""
+    return replace(record, input_time=record.input_time + 0.1334)
+
+
+def test_a_sound_bag_has_no_line(tmp_path, record):
+    (found,) = bag_grades([write_bag(tmp_path / "sound", record)], MODEL)
+    assert (found.grade, found.line, found.faults) == (USABLE, "", ())
+
+
+def test_a_fit_says_in_one_line_what_is_wrong_with_a_bag(tmp_path, record, capsys):
+    bags = write_bag(tmp_path / "sound", record), write_bag(tmp_path / "early", _early(record))
+    assert main.run(["fit", "dc_motor", *map(str, bags), "--quiet", "--json"]) == 0
+    out, err = capsys.readouterr()
+    (line,) = [one for one in err.splitlines() if str(bags[1]) in one]
+    assert line.startswith(f"{bags[1]}: {NOT_USABLE} {EVERYTHING}: two clocks: ")
+    assert line.endswith(f"(idloop inspect {bags[1]})")
+    assert str(bags[0]) not in err
+    first, second = json.loads(out)["inspections"]
+    assert (first["bag"], first["grade"], first["faults"]) == (str(bags[0]), USABLE, [])
+    assert second["grade"] == f"{NOT_USABLE} {EVERYTHING}"
+    assert [one["kind"] for one in second["faults"]] == ["two_clocks"]
+
+
+def test_faults_of_other_joints_are_not_said(tmp_path, record):
+    stamps = (10**9 + 1e9 * record.time).astype(np.int64)
+    # Of the other joint each velocity is three times what its position says.
+    other = {"position": record.output[:, 0], "velocity": 3.0 * record.output[:, 1]}
+    own = {"position": record.output[:, 0], "velocity": record.output[:, 1]}
+    streams = [
+        make_stream("joint_command", stamps, {"motor": {"effort": record.input}}),
+        make_stream("joint_states", stamps, {"motor": own, "arm": other}),
+    ]
+    bag = write_bag(tmp_path / "two", streams)
+    assert [one.where for one in inspect_bag(bag).faults] == ["arm.velocity"]
+    (found,) = bag_grades([bag], MODEL)
+    assert found.line == ""
