@@ -93,6 +93,12 @@ def test_parameters_of_a_fit_come_with_their_intervals_and_only_to_the_model_the
     results.take_ladder(ladder(MODEL, ADDED))
     results.take_parameters(parameters_to_statuses("estimator", told))
     assert source.model.values["drive.gain"] == ADDED.values["drive.gain"]
+    # After a step back those of the longer model are late as well.
+    results.take_ladder(ladder(MODEL))
+    results.take_parameters(
+        parameters_to_statuses("estimator", [*told, ParameterSummary("dead_zone@input.width", 0.8, 0.01)])
+    )
+    assert source.model.values["drive.gain"] == MODEL.values["drive.gain"]
 
 
 def test_a_free_run_that_somebody_looks_at_follows_the_data(source):

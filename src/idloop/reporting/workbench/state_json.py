@@ -415,7 +415,7 @@ def _assessment(snapshot: Snapshot) -> dict[str, Any] | None:
     return {
         "record": found.record,
         "version": model_version(found.model),
-        "current": snapshot.assessed and not snapshot.pending,
+        "current": snapshot.assessed and not snapshot.computing,
         "maps": [_map(one) for one in found.where.maps],
         "outputs": _outputs(found),
         "poles": [] if found.frequency is None else found.frequency.pole_texts,

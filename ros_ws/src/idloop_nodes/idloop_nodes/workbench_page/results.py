@@ -55,11 +55,9 @@ class PageResults:
         told = parameters_from_statuses(statuses)
         found = {one.name: one.value for one in told}
         model = self._source.model
-        known = {one.name for one in model.parameters}
-        if not set(model.free) <= set(found):
-            return  # of a fit of the model before the last step
-        errors = {one.name: one.stderr for one in told if one.stderr is not None and one.name in known}
-        fitted = model.with_values({name: value for name, value in found.items() if name in known}, errors)
+        if not set(model.free) <= set(found) <= {one.name for one in model.parameters}:
+            return  # of a fit of the model before the last step, which may have had more or fewer effects
+        fitted = model.with_values(found, {one.name: one.stderr for one in told if one.stderr is not None})
         # The same estimates may come again, with another judgement of whether they may be trusted.
         if fitted.values != model.values or self._page.snapshot.assessment is None:
             self._source.model = fitted
