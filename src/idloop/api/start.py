@@ -14,6 +14,7 @@ import numpy as np
 from idloop.api.first_fit import FirstFit, FirstModel, first_fit, left_out
 from idloop.api.inspection import inspect_bag
 from idloop.api.log import Log, recognise
+from idloop.api.next_commands import commands, diagnosing, held_out
 from idloop.api.result import Progress, Result, ignore_progress, part
 from idloop.errors import InputError
 from idloop.reporting.text.blocks import Block
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 __all__ = ["Log", "Start", "begin", "recognise", "start"]
 
 MAPPING, MODEL, FITTED, PICTURE, BAGS = "mapping.yaml", "model.yaml", "fitted.yaml", "log.png", "bags"
+REFINED = "refined"  # where the commands that follow write
 _OF_MAPPING = ("mapping", "`rows:`")  # words of a cure that is a key of the mapping
 _TURNED, _SIGN_LOST = "turned_command", "sign_lost"  # the faults whose cure is an option
 
@@ -89,8 +91,6 @@ class Start(Result):
         """Unit in which the command is a set-point that the motion follows, where the log says none; else empty."""
         from idloop.records.inspection.faults.inner_loop import unit_of_set_point
 
-        if self.done.model.loop is not None:
-            return ""
         return next(
             (unit for one in self.inspections for fault in one.faults if (unit := unit_of_set_point(fault))), ""
         )
@@ -105,23 +105,22 @@ class Start(Result):
     @property
     def commands(self) -> list[str]:
         """What to run next; nothing where the recording itself must be made again."""
-        bags = list(map(str, self.done.bags or self.bags))
-        if self.fit is not None:
-            fitted = str(self.fitted_file)
-            lines = [["diagnose", fitted, *bags], ["refine", fitted, *bags, "--output", str(self.folder / "refined")]]
-        elif self.done.incomplete:
-            lines = [["diagnose", str(self.folder / MODEL), *bags]]
-        elif self.done.apart:
+        used = self.done.bags or self.bags
+        bags, model = list(map(str, used)), self.folder / (FITTED if self.fit is not None else MODEL)
+        if self.fit is not None or self.done.incomplete:
+            unseen = held_out([one for one in self.inspections if one.path in used])
+            return diagnosing(model, used, unseen, self.folder / REFINED)
+        if self.done.apart:
             # Faults between records show where they are inspected together.
             lines = [["inspect", *bags]] if self.between else []
-            lines += [["fit", str(self.folder / MODEL), *map(str, group)] for group in self.done.apart]
+            lines += [["fit", str(model), *map(str, group)] for group in self.done.apart]
         elif self.done.asked:
             lines = []
         else:
             lines = [["inspect", *bags]] if self.between else [["inspect", bag] for bag in bags]
             if self.done.possible:
-                lines.append(["fit", str(self.folder / MODEL), *bags])
-        return [f"idloop {shlex.join(line)}" for line in lines]
+                lines.append(["fit", str(model), *bags])
+        return commands(lines)
 
     def blocks(self) -> Iterator[Block]:
         """Yield the guesses, the verdict on each record, the fit, and what to run next."""
@@ -160,6 +159,11 @@ class Start(Result):
         if commands := self.commands:
             yield "next:"
             yield from (f"  {command}" for command in commands)
+        if self.fit is not None and len(self.bags) == 1:
+            yield (
+                "a further record, with another command, would show whether the model holds on data that no fit has"
+                " seen: start both files together"
+            )
 
     def _names(self, lines: Sequence[str]) -> Iterator[str]:
         """Yield which column is meant, where lines name the command by its topic."""
@@ -360,6 +364,7 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
     from idloop import drawing
     from idloop.output_files import write_text
     from idloop.records import compare_inspections
+    from idloop.records.inspection.faults.inner_loop import KIND as SET_POINT
     from idloop.records.inspection.faults.late_velocity import KIND as LATE
     from idloop.records.inspection.measured_input import KIND as MEASURED
     from idloop.records.recognition.mapping_file import motion_of, text_of
@@ -391,10 +396,12 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
         measured=(command is not None and command.measured)
         or any(one.kind == MEASURED for inspection in inspections for one in inspection.findings),
     )
+    if kind.model().loop is not None:
+        inspections = tuple(one.described(SET_POINT) for one in inspections)
     between = tuple(compare_inspections(inspections))
     if command is None:
         done = FirstFit(kind.model(), why_not="no command", asked=False, possible=False)
-    elif apart := _apart(bags, inspections, between, looped=kind.model().loop is not None):
+    elif apart := _apart(bags, inspections, between):
         rough = kind.model()
         if apart.groups:
             rough = first_fit(kind, apart.groups[0], fitted=False, progress=progress).model
@@ -444,22 +451,15 @@ class _Apart:
     turned: bool = False
 
 
-def _apart(
-    bags: Sequence[Path], inspections: Sequence[Inspection], between: Sequence[Finding], *, looped: bool
-) -> _Apart | None:
-    """Return why a fit of all records together would mean nothing; None where it may mean something.
-
-    `looped` says whether the model has a loop in the drive.
-    """
+def _apart(bags: Sequence[Path], inspections: Sequence[Inspection], between: Sequence[Finding]) -> _Apart | None:
+    """Return why a fit of all records together would mean nothing; None where it may mean something."""
     from idloop.records.inspection.faults.inner_loop import KIND as SET_POINT
     from idloop.records.inspection.grade import EVERYTHING, what
 
     # A record whose fault spoils every fit would spoil the others' as well; one of no use may serve beside others.
-    # Without a loop in the drive, a set-point makes a motion that no force explains.
+    # A set-point makes a motion that no force explains.
     spoiling = {
-        one.path.name: [
-            fault for fault in one.faults if EVERYTHING in fault.spoils or (fault.kind == SET_POINT and not looped)
-        ]
+        one.path.name: [fault for fault in one.faults if EVERYTHING in fault.spoils or fault.kind == SET_POINT]
         for one in inspections
     }
     if names := [name for name, faults in spoiling.items() if faults]:

@@ -215,8 +215,17 @@ def test_a_supply_is_never_the_command(name):
     motion = {"t": T, "position": ANGLE, "speed": SPEED}
     roles, _ = _roles({**motion, name: SUPPLY, "load": U})
     assert (roles["supply"][0], roles["command"][0]) == (name, "load")
-    with pytest.raises(InputError, match="no column is a command"):
-        _roles({**motion, name: SUPPLY, "goal_position": ANGLE + 0.1, "torque_enable": np.sign(T)})
+    roles, _ = _roles({**motion, name: SUPPLY, "goal_position": ANGLE + 0.1, "torque_enable": np.sign(T)})
+    assert (roles["supply"][0], roles["command"][0]) == (name, "goal_position")
+
+
+def test_a_set_point_alone_is_the_command_of_a_loop_in_the_drive():
+    roles, found = _roles({"t": T, "target_position": np.degrees(ANGLE), "position [deg]": np.degrees(ANGLE)})
+    assert roles["command"] == ("target_position", "deg")
+    assert "reference" not in roles
+    assert any("the set-point 'target_position' is taken as the command" in one for one in found.all_doubts())
+    roles, _ = _roles({"t": T, "target_position": ANGLE, "i [A]": U, "position": ANGLE})
+    assert (roles["command"][0], roles["reference"][0]) == ("i [A]", "target_position")
 
 
 def test_a_voltage_to_the_motor_is_the_command_and_doubted_where_it_hardly_varies():
@@ -290,7 +299,6 @@ def test_a_command_in_the_name_of_the_file():
 
 BAD = {
     "no command": ({"t": T, "angle": ANGLE}, {}, "no column is a command"),
-    "a set-point alone": ({"t": T, "target_position": ANGLE, "position": ANGLE}, {}, "--command 'target_position=U"),
     "no motion": ({"t": T, "u": U, "motor_temp": T}, {}, "no column is a position or a velocity"),
     "a column that is not there": ({"t": T, "u": U, "y": ANGLE}, {"position": Given("angel")}, "no column 'angel'"),
     "an unknown unit": ({"t": T, "u": U, "y": ANGLE}, {"position": Given("y", "parsec")}, "unknown unit 'parsec'"),

@@ -178,6 +178,22 @@ class Inspection:
         """The findings that lower the grade."""
         return tuple(one for one in self.findings if one.level == "warning")
 
+    def described(self, *kinds: str) -> Inspection:
+        """Return the inspection for a model that describes faults of these kinds: they are notes and spoil nothing."""
+        findings = tuple(replace(one, level="note", spoils=()) if one.kind in kinds else one for one in self.findings)
+        graded, reason = grade(self.verdict, findings)
+        joints = {
+            name: replace(
+                joint,
+                grade=found[0],
+                reason=found[1],
+                faults=tuple(kind for kind in joint.faults if kind not in kinds),
+            )
+            for name, joint in self.joints.items()
+            if (found := grade("usable", [one for one in findings if one.kind in joint.faults]))
+        }
+        return replace(self, findings=findings, grade=graded, grade_reason=reason, joints=self.joints | joints)
+
     def to_dict(self) -> dict[str, object]:
         """Return plain values, schema ``idloop/inspect/1``."""
         return {

@@ -35,6 +35,7 @@ Floats = NDArray[np.float64]
 _NUMBER_IN_NAME = re.compile(r"(?P<before>[A-Za-z]*)[_\- ]?(?P<number>-?\d+(?:[.,]\d+)?)(?P<unit>[A-Za-z%]*)")
 _KNOWN_RANK = 10.0  # a known drive says more than a name
 _COMMAND_WORDS = {"V", "mV", "A", "mA", "%"}
+_SET_POINTS = ("reference", "reference velocity")
 
 
 @dataclass(frozen=True)
@@ -135,7 +136,7 @@ def recognise_table(
     else:
         chosen = {role: guess for role, guess in shown.items() if guess.column in columns} | chosen
     find_set_point(columns, chosen, given)
-    _no_command(table, base, chosen, given, doubts)
+    _command_without_column(table, chosen, given, doubts)
     if not any(role in chosen for role in MOTION):
         raise InputError(
             f"{table.path}: no column is a position or a velocity; name one with --position or --velocity (columns are"
@@ -143,6 +144,7 @@ def recognise_table(
         )
     base = set_units(base, chosen, columns, given)
     set_decoding(chosen, columns, given)
+    _set_point_command(table, base, chosen, given)
     guesses = tuple(chosen[role] for role in ROLES if role in chosen)
     used = {one.column for one in guesses} | {str(base.time.column)}
     clocks = {
@@ -309,7 +311,7 @@ def _of_known_drive(columns: dict[str, TableColumn], sources: Map[str, Map[str, 
 
 def _currents(columns: dict[str, TableColumn]) -> None:
     """Take a current that no name calls a command for measured, where the set-point of a loop was recorded."""
-    if not any(one.by_name.role in ("reference", "reference velocity") and one.moves for one in columns.values()):
+    if not any(one.by_name.role in _SET_POINTS and one.moves for one in columns.values()):
         return
     for one in columns.values():
         if one.by_name.role == "command" and may_be_measured(one.parsed):
@@ -366,7 +368,7 @@ def _by_name(
     moving = [one for one in free if one.moves]
     if role in ("velocity", "effort"):
         free = moving
-    elif role in ("reference", "reference velocity"):
+    elif role in _SET_POINTS:
         # A set-point may be held; one at zero throughout was not in use.
         free = moving or [one for one in free if np.nan_to_num(one.value).any()]
     if not free:
@@ -408,10 +410,8 @@ def _output(columns: dict[str, TableColumn], chosen: dict[str, Guess], given: Ma
     chosen[role] = chosen[role].with_doubt(doubt)
 
 
-def _no_command(
-    table: Table, base: TimeBase, chosen: dict[str, Guess], given: Map[str, Given], doubts: list[str]
-) -> None:
-    """Find a command where no column is one: in the name of the file, or a measured force; else refuse."""
+def _command_without_column(table: Table, chosen: dict[str, Guess], given: Map[str, Given], doubts: list[str]) -> None:
+    """Find a command where no column is one: in the name of the file, or a measured force."""
     if "command" in chosen or given.get("command", Given()).column == NONE:
         if "command" not in chosen:
             doubts.append("without a command nothing can be fitted to this record")
@@ -433,22 +433,26 @@ def _no_command(
         chosen["command"] = replace(effort, role="command").with_doubt(
             f"no command was recorded; the measured {effort.column!r} acts as the input"
         )
-    else:
-        reference = chosen.get("reference") or chosen.get("reference velocity")
-        loop = (
-            f" ({reference.column!r} is a set-point by its name: record the current, torque or voltage of the drive as"
-            " well; for a model of the loop in the drive, or if it is one of these,"
-            f" --command '{reference.column}=UNIT')"
-            if reference is not None
-            else ""
-        )
+
+
+def _set_point_command(table: Table, base: TimeBase, chosen: dict[str, Guess], given: Map[str, Given]) -> None:
+    """Take a set-point for the command where nothing else is one; refuse where there is none."""
+    if "command" in chosen or given.get("command", Given()).column == NONE:
+        return
+    role = next((role for role in _SET_POINTS if role in chosen), None)
+    if role is None:
         stamps = {base.time.column, *table.clocks.values()}
         free = [name for name in table.columns if name not in stamps]
         raise InputError(
-            f"{table.path}: no column is a command (force, torque, current, voltage, duty cycle){loop}; name one of"
-            f" {listed(free, 20)} with --command COLUMN, give a constant with --command VALUE=UNIT, or leave"
+            f"{table.path}: no column is a command (force, torque, current, voltage, duty cycle, set-point); name one"
+            f" of {listed(free, 20)} with --command COLUMN, give a constant with --command VALUE=UNIT, or leave"
             " it out with --command none"
         )
+    taken = chosen.pop(role)
+    chosen["command"] = replace(taken, role="command").with_doubt(
+        f"command: no force, torque, current, voltage or duty cycle was recorded; the set-point {taken.column!r}"
+        " is taken as the command of a loop in the drive: --command COLUMN if another column is the command"
+    )
 
 
 def _in_file_name(path: Path) -> tuple[str, float, str] | None:
