@@ -182,17 +182,12 @@ class Inspection:
         """Return the inspection for a model that describes faults of these kinds: they are notes and spoil nothing."""
         findings = tuple(replace(one, level="note", spoils=()) if one.kind in kinds else one for one in self.findings)
         graded, reason = grade(self.verdict, findings)
-        joints = {
-            name: replace(
-                joint,
-                grade=found[0],
-                reason=found[1],
-                faults=tuple(kind for kind in joint.faults if kind not in kinds),
-            )
-            for name, joint in self.joints.items()
-            if (found := grade("usable", [one for one in findings if one.kind in joint.faults]))
-        }
-        return replace(self, findings=findings, grade=graded, grade_reason=reason, joints=self.joints | joints)
+        joints = {}
+        for name, joint in self.joints.items():
+            left, why = grade("usable", [one for one in findings if one.kind in joint.faults])
+            faults = tuple(kind for kind in joint.faults if kind not in kinds)
+            joints[name] = replace(joint, grade=left, reason=why, faults=faults)
+        return replace(self, findings=findings, grade=graded, grade_reason=reason, joints=joints)
 
     def to_dict(self) -> dict[str, object]:
         """Return plain values, schema ``idloop/inspect/1``."""
