@@ -184,7 +184,9 @@ class Inspection:
         graded, reason = grade(self.verdict, findings)
         joints = {}
         for name, joint in self.joints.items():
-            left, why = grade("usable", [one for one in findings if one.kind in joint.faults])
+            left, why = grade(
+                _joint_verdict(joint.command, self.commands), [one for one in findings if one.kind in joint.faults]
+            )
             faults = tuple(kind for kind in joint.faults if kind not in kinds)
             joints[name] = replace(joint, grade=left, reason=why, faults=faults)
         return replace(self, findings=findings, grade=graded, grade_reason=reason, joints=joints)
@@ -310,7 +312,7 @@ def inspect_bag(
         joints={
             axis.joint: JointReport(
                 axis.command_name,
-                *grade("usable" if axis.command_name or not commands else "no_command", own[axis.joint]),
+                *grade(_joint_verdict(axis.command_name, commands), own[axis.joint]),
                 tuple(one.kind for one in own[axis.joint] if one.level == "warning"),
             )
             for axis in axes
@@ -325,6 +327,11 @@ def inspect_bag(
         streams=streams,
         axes=tuple(replace(one, trusts_velocity=one.name("velocity") not in left_out) for one in axes),
     )
+
+
+def _joint_verdict(command: str, commands: Mapping[str, Excitation]) -> str:
+    """A joint without a command beside joints that have one cannot be fitted."""
+    return "usable" if command or not commands else "no_command"
 
 
 def compare_inspections(inspections: Iterable[Inspection]) -> list[Finding]:
