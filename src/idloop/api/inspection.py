@@ -73,11 +73,14 @@ def bag_grades(bags: Sequence[Path], model: Model) -> list[BagGrade]:
 
 def _grade(bag: Path, model: Model) -> BagGrade:
     from idloop.records.bags.topics import REQUESTED_COMMAND
+    from idloop.records.inspection.faults.inner_loop import KIND as SET_POINT
     from idloop.records.inspection.grade import USABLE, grade
 
     own = model.input.topic
     # Of a requested command, the one that the drive applied counts.
     inspection = inspect_bag(bag, command=None if own.rpartition("/")[2] == REQUESTED_COMMAND else own)
+    if model.loop is not None:
+        inspection = inspection.described(SET_POINT)
     joints = {output.joint for output in model.outputs} | {model.input.joint}
     others = tuple(f"{name}." for name in inspection.joints if name not in joints)
     faults = tuple(one for one in inspection.faults if not one.where.startswith(others))
