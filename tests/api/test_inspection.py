@@ -30,7 +30,7 @@ def _early(record):
 
 def test_a_sound_bag_has_no_line(tmp_path, record):
     (found,) = bag_grades([write_bag(tmp_path / "sound", record)], MODEL)
-    assert (found.grade, found.line, found.faults) == (USABLE, "", ())
+    assert (found.grade, found.line(), found.faults) == (USABLE, "", ())
 
 
 def test_a_fit_says_in_one_line_what_is_wrong_with_a_bag(tmp_path, record, capsys):
@@ -47,6 +47,15 @@ def test_a_fit_says_in_one_line_what_is_wrong_with_a_bag(tmp_path, record, capsy
     assert [one["kind"] for one in second["faults"]] == ["two_clocks"]
 
 
+def test_a_fault_that_spoils_nothing_is_said_once(tmp_path, record, capsys):
+    wrong = replace(record, output=record.output * [1.0, 3.0])
+    bag = write_bag(tmp_path / "wrong", wrong)
+    (found,) = bag_grades([bag], MODEL)
+    assert found.line().startswith(f"{bag}: usable with care: motor.velocity is 2.988 ")
+    assert main.run(["fit", "dc_motor", str(bag), "--quiet"]) == 0
+    assert capsys.readouterr().err.count("times the slope of motor.position") == 1
+
+
 def test_faults_of_other_joints_are_not_said(tmp_path, record):
     stamps = (10**9 + 1e9 * record.time).astype(np.int64)
     # Of the other joint each velocity is three times what its position says.
@@ -59,7 +68,7 @@ def test_faults_of_other_joints_are_not_said(tmp_path, record):
     bag = write_bag(tmp_path / "two", streams)
     assert [one.where for one in inspect_bag(bag).faults] == ["arm.velocity"]
     (found,) = bag_grades([bag], MODEL)
-    assert found.line == ""
+    assert found.line() == ""
 
 
 def test_a_set_point_is_no_fault_for_a_model_of_the_loop_in_the_drive(tmp_path):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -31,10 +31,16 @@ class BagGrade:
     reason: str
     faults: tuple[Finding, ...]
 
-    @property
-    def line(self) -> str:
-        """What there is to say before a fit; empty where no fault was found."""
-        return f"{self.bag}: {self.grade}: {self.reason} (idloop inspect {self.bag})" if self.faults else ""
+    def line(self, said: Container[str] = ()) -> str:
+        """What there is to say before a fit; empty without a fault that is new or spoils something.
+
+        Parameters
+        ----------
+        said : container of str
+            Texts of findings that the user has seen.
+        """
+        new = [one for one in self.faults if one.spoils or one.text not in said]
+        return f"{self.bag}: {self.grade}: {self.reason} (idloop inspect {self.bag})" if new else ""
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values."""

@@ -79,7 +79,8 @@ def command(
 
     with progress("inspecting the bags"):
         grades = bag_grades((*bags, *validate), model)
-    for line in filter(None, (one.line for one in grades)):
+    said = {finding.text for record in (*train, *validation) for finding in record.findings}
+    for line in filter(None, (one.line(said) for one in grades)):
         log(line)
     with progress(f"fitting {model.name}") as update:
         found = fit(model, train, validation, criterion=criterion, progress=update)
