@@ -17,10 +17,15 @@ _GAIN = "drive.gain"
 _SIGNIFICANT = 3.0
 
 
+def gain_is_turned(start: Model, fitted: Model) -> bool:
+    """Whether the fitted drive gain has the opposite sign of the starting value."""
+    return start.parameter(_GAIN).value * fitted.parameter(_GAIN).value < 0.0
+
+
 def opposite_direction_warning(start: Model, fitted: Model) -> str:
     """Warning that the fitted drive gain has the opposite sign of the starting value; empty where that is not sure."""
     before, after = start.parameter(_GAIN), fitted.parameter(_GAIN)
-    if before.value * after.value >= 0.0 or abs(after.value) <= _SIGNIFICANT * (after.stderr or 0.0):
+    if not gain_is_turned(start, fitted) or abs(after.value) <= _SIGNIFICANT * (after.stderr or 0.0):
         return ""
     unit = f" {after.unit}" if after.unit.strip("-") else ""
     return (

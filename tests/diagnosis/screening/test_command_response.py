@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from tests.diagnosis.conftest import record_of
 
 from idloop.diagnosis import Ladder, diagnose, refine
-from idloop.diagnosis.screening.command_response import CommandResponse, command_response, responds_to_command
+from idloop.diagnosis.screening.command_response import (
+    CommandResponse,
+    command_response,
+    responds_to_command,
+    responds_to_reversed_command,
+)
 from idloop.diagnosis.search.step import NOT_EXCITED
 from idloop.estimation.likelihood.estimation_problem import prepare_estimation
 from idloop.estimation.likelihood.refit import refit
@@ -102,6 +108,18 @@ def test_the_command_response_of_related_and_unrelated_data(start, turn):
     record = replace(record, input=turn * record.input)
     assert command_response(start, [record]) is (CommandResponse.FOLLOWS if turn > 0.0 else CommandResponse.REVERSED)
     assert command_response(start, [unrelated_motion(start, 1)]) is CommandResponse.UNMOVED
+
+
+def test_a_gain_that_turns_with_the_command_shows_no_reversed_one(start):
+    record = record_of(start, 3, disturbance=0.02)
+    poor = SimpleNamespace(log_likelihood=-np.inf)
+    free = start.with_free([*start.free, "drive.gain"])
+    # Fitted to minus the command, the free gain is negative: the same model.
+    for model, turned in ((free, False), (start, False)):
+        estimation = prepare_estimation(model, [record], "prediction")
+        assert responds_to_reversed_command(estimation, poor, model) is turned
+    estimation = prepare_estimation(start, [replace(record, input=-record.input)], "prediction")
+    assert responds_to_reversed_command(estimation, poor, start)
 
 
 @pytest.mark.parametrize("kind", ["prediction", "simulation", "force"])

@@ -17,7 +17,7 @@ import numpy as np
 
 from idloop.diagnosis.screening.granger_test import granger_causes
 from idloop.errors import IdloopError
-from idloop.estimation.direction import OPPOSITE_DIRECTION, REVERSE_ADVICE
+from idloop.estimation.direction import OPPOSITE_DIRECTION, REVERSE_ADVICE, gain_is_turned
 from idloop.estimation.likelihood.estimation_problem import EstimationProblem, prepare_estimation
 from idloop.estimation.likelihood.likelihood_difference import distinguishable
 from idloop.estimation.likelihood.refit import Refit, refit, refit_or_none, transfer
@@ -80,7 +80,10 @@ def responds_to_reversed_command(estimation: EstimationProblem, fit: Refit, star
     records = [replace(one, input=-one.input) for one in estimation.records]
     turned = prepare_estimation(start, records, estimation.kind)
     other = refit_or_none(turned, start)
-    return other is not None and other.log_likelihood > fit.log_likelihood and responds_to_command(turned, other)
+    # A gain that turns with the command is the same model again.
+    if other is None or gain_is_turned(start, other.model):
+        return False
+    return other.log_likelihood > fit.log_likelihood and responds_to_command(turned, other)
 
 
 def missing_response(estimation: EstimationProblem, fit: Refit, start: Model, seed: int = 0) -> CommandResponse:
