@@ -149,7 +149,9 @@ def apply_options(model: Model, settings: Sequence[str], effects: Sequence[str])
             raise InputError(f"--joint {wrong}: write NAME=IN_BAG, as in --joint axis=elbow_joint")
         model = with_joints(model, dict(pairs))
     if effects:
-        model = model.with_effects(list(effects))
+        from idloop.cli._effect_words import effect_text
+
+        model = model.with_effects([effect_text(text, model) for text in effects])
     if settings:
         model = model.with_values(dict(map(parse_setting, settings)))
     return model
