@@ -5,11 +5,12 @@
     .venv/bin/python benchmarks/page_load.py --duration 0          # how soon it shows something, alone
 
 No graph is needed: a process feeds what the workbench's node would get, each signal measured, predicted and with its
-residual, and the command; every two seconds new evidence, every five seconds a new free run, as on a live graph.
+residual, and the command; every five seconds new evidence and a new free run, as on a live graph.
 Chromium's memory is the sum of the proportional set size (what several of them share is counted once) of the processes
 that the page needs: all but the renderers of Chromium's own start page and of the page that it keeps in reserve, which
-are told beside it, as is a browser with an empty page. There is a look every ten seconds; the slope is that of a line
-through the looks of the second half, and the hour what it comes to.
+are told beside it, as is a browser with an empty page (about:blank), by process: that is what Chromium takes by itself.
+There is a look every ten seconds; the slope is that of a line through the looks of the second half, and the hour what
+it comes to.
 """
 
 from __future__ import annotations
@@ -43,6 +44,7 @@ LOOK = 10.0  # seconds between two looks at the memory
 # What was asked of the page: pictures a second, memory [MB], seconds until the first picture.
 WANTED = {"pictures": 30.0, "server": 250.0, "browser": 400.0, "first": 1.0}
 VISITS = 5
+EVIDENCE = 5.0  # seconds between two looks at the evidence, the estimator's own period
 MOST = 600  # looks at the evidence that are kept, as on a live graph
 FIRST = """() => ({
   paint: performance.getEntriesByName("first-contentful-paint")[0]?.startTime,
@@ -134,15 +136,15 @@ def feed(signals: int) -> None:
         if source.state.snapshot.assessment is None and fed > 5 * RATE:
             source.want("assess")
         source.work()
-        if fed > looks * 2 * RATE:
+        if fed > looks * EVIDENCE * RATE:
             looks += 1
             grown = {
                 name: (*line, 0.1 * k * looks + float(rng.normal()))[-MOST:]
                 for k, (name, line) in enumerate(grown.items())
             }
-            shown = tuple(2.0 * number for number in range(looks))[-MOST:]
+            shown = tuple(EVIDENCE * number for number in range(looks))[-MOST:]
             source.state.change(
-                evidence=Evidence("nothing decided", (), shown, grown, 6.4),
+                evidence=Evidence("nothing decided", source.state.snapshot.effects, shown, grown, 6.4),
                 fit=replace(source.state.snapshot.fit, seconds=float(looks)),
             )
     site.close()
@@ -182,14 +184,14 @@ def by_kind(processes: Sequence[int]) -> dict[str, float]:
     return found
 
 
-def empty_page(driver: Any) -> float:
-    """Memory of what a page without anything needs of the browser [MB]."""
+def empty_page(driver: Any) -> dict[str, float]:
+    """Memory of what a page without anything needs of the browser, by process [MB]."""
     before = set(children(os.getpid()))
     browser = driver.chromium.launch(executable_path=find_chromium(), args=list(BROWSER))
     page = browser.new_page()
-    page.goto("data:text/html,<title>empty</title><p>Nothing.")
+    page.goto("about:blank")
     page.wait_for_timeout(5000)
-    found = resident(
+    found = by_kind(
         needed([one for one in children(os.getpid()) if one not in before and "chrom" in command_line(one)])
     )
     browser.close()
@@ -215,6 +217,7 @@ def watched(page: Page, server: int, duration: float) -> dict[str, Any]:
     begin = time.monotonic()
     drawn, used = page.pictures, (seconds(page.processes), seconds([server]))
     looks: list[dict[str, float]] = []
+    loads: list[float] = []
     while True:
         now = time.monotonic() - begin
         looks.append(
@@ -226,6 +229,7 @@ def watched(page: Page, server: int, duration: float) -> dict[str, Any]:
                 "pictures": page.pictures - drawn,
             }
         )
+        loads.append(os.getloadavg()[0])
         say(", ".join(f"{name} {value:.1f}" for name, value in looks[-1].items()))
         if now >= duration:
             break
@@ -255,6 +259,7 @@ def watched(page: Page, server: int, duration: float) -> dict[str, Any]:
             "browser": (seconds(page.processes) - used[0]) / length,
             "server": (seconds([server]) - used[1]) / length,
         },
+        "load": loads,
         "complaints": page.complaints,
     }
 
@@ -278,14 +283,15 @@ def report(found: dict[str, Any]) -> list[str]:
             f"{one['slope']:+.2f} MB a minute, {one['hour']:.0f} MB after an hour at this slope "
             f"(wanted: {WANTED[name]:g})"
         )
-    kinds = ", ".join(f"{kind} {size:.0f}" for kind, size in run["kinds"].items())
-    lines.append(
-        f"browser by process [MB]: {kinds}; {run['all']:.0f} with Chromium's own pages; "
-        f"with an empty page instead {found['empty']:.0f}"
+    kinds, empty = (
+        ", ".join(f"{kind} {size:.0f}" for kind, size in one.items()) for one in (run["kinds"], found["empty"])
     )
+    lines.append(f"browser by process [MB]: {kinds}; {run['all']:.0f} with Chromium's own pages")
+    lines.append(f"Chromium with an empty page: {sum(found['empty'].values()):.0f} MB ({empty})")
     lines.append(f"JavaScript heap after a collection {run['heap']:.1f} MB, points {run['streams']:.2f} MB")
     cores = (f"{name} {100.0 * share:.0f} %" for name, share in run["processor"].items())
     lines.append(f"processor, of one core: {', '.join(cores)}")
+    lines.append(f"load of the machine: {min(run['load']):.1f} to {max(run['load']):.1f}")
     lines.append(f"complaints of the browser: {run['complaints'] or 'none'}")
     return lines
 

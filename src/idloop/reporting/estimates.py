@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from idloop.physics.parameter import Parameter
 
 NORMAL_95 = 1.959963984540054
+_FAR_BELOW = 1e-4  # of a value
 
 
 def parameter_estimates(model: Model) -> dict[str, dict[str, Any]]:
@@ -76,13 +77,11 @@ def parameter_rows(model: Model, held: Collection[str] = ()) -> list[dict[str, s
     Returns
     -------
     list of dict
-        ``key``, ``name`` in words, ``value`` with its 95 % interval, ``unit``, ``bounds`` (empty where there are none),
-        and ``kind``: estimated, at its bound, held or known.
+        ``key``, ``name`` in words, ``value`` with its 95 % interval, ``unit``, ``bounds`` (empty where there are none,
+        or nothing is estimated), and ``kind``: estimated, at its bound, held or known.
     """
     rows = []
     for one in model.parameters:
-        low, high = (figure_text(bound, 3) for bound in (one.min, one.max))
-        bounds = f"{low} to {high}" if math.isfinite(one.max) else f"at least {low}" if math.isfinite(one.min) else ""
         at_bound = one.free and one.value in (one.min, one.max)
         free = "estimated" if one.stderr is not None else "free, not fitted yet"
         rows.append(
@@ -91,11 +90,21 @@ def parameter_rows(model: Model, held: Collection[str] = ()) -> list[dict[str, s
                 "name": effect_words(one.name.replace(".", " ")),
                 "value": with_interval(one.value, one.stderr if one.free else None),
                 "unit": one.unit.strip("-"),
-                "bounds": bounds.replace("−∞ to", "at most"),
+                "bounds": _bounds(one) if one.free else "",
                 "kind": "at its bound" if at_bound else free if one.free else "held" if one.name in held else "known",
             }
         )
     return rows
+
+
+def _bounds(one: Parameter) -> str:
+    """Bounds in words; a lower one far below the value keeps it above zero, and its number says nothing."""
+    low, high = (figure_text(bound, 3) for bound in (one.min, one.max))
+    if math.isfinite(one.max):
+        return f"{low} to {high}".replace("−∞ to", "at most")
+    if not math.isfinite(one.min):
+        return ""
+    return "above 0" if 0.0 < one.min <= _FAR_BELOW * abs(one.value) else f"at least {low}"
 
 
 def with_interval(value: float, stderr: float | None) -> str:

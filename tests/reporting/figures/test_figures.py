@@ -217,7 +217,9 @@ def test_the_unknown_curve_has_its_band(contents):
 def test_residual_tests_are_drawn_with_their_bands(judged):
     test = judged.rows[-1][1].residual_tests()[0]
     own, cross = residual_figures(test)
-    assert labels(own) == ("lag [samples]", "autocorrelation [-]")
+    assert (own.title.text, cross.title.text) == ("autocorrelation", f"correlation with {test.against}")
+    # A name that is longer than the axis would be cut off beside it.
+    assert labels(own) == labels(cross) == ("lag [samples]", "correlation [-]")
     np.testing.assert_allclose(columns(own)["y"], test.autocorrelation)
     np.testing.assert_allclose(columns(cross)["high"], test.cross_correlation_band)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from dataclasses import replace
 
 import pytest
@@ -31,7 +32,7 @@ def seen(source):
 
 def draw(page):
     for _ in page.roots:
-        page.tick()
+        asyncio.run(page.tick())
 
 
 def test_a_floor_that_the_ladder_goes_below_is_none():

@@ -127,10 +127,16 @@ def test_the_evidence_is_drawn_as_it_grows_and_said_in_numbers(site, source, vis
     source.state.change(evidence=last)
     visitor.until(drawn, 1.5)
     page.wait_for_selector("#trust-rows b:text('yes')")
+    assert page.inner_text("#trust-rows .why") == "Nothing is missing"
+    assert page.get_attribute("#evidence-panel", "aria-busy") == "false"
     assert "Coulomb friction @ motor" in page.inner_text("#evidence-line")
     assert "was ended" in page.inner_text("#evidence-line")
     assert page.text_content("#evidence-effects tr:first-child").endswith("10\u00a0s, 1000 samples")
     assert page.get_attribute("#trust-rows th", "scope") == "row"
+    # It was weighed against a model that is gone once a step is taken.
+    source.state.change(model=source.model.with_effects([FRICTION.name]))
+    page.wait_for_selector("#evidence-panel[aria-busy='true']")
+    assert "beside the model before this step" in page.inner_text("#evidence-before")
     labels = "() => [...Bokeh.documents[0].all_models].map((one) => one.axis_label).filter(Boolean)"
     assert {"new samples [s]", "log E [-]"} <= set(page.evaluate(labels))
 
@@ -320,6 +326,24 @@ def test_the_words_below_the_error_name_the_error_that_is_drawn(site, source, vi
     assert "loud" not in (page.get_attribute("[data-variable='velocity']", "class") or "")
 
 
+def test_on_a_live_graph_what_is_open_stays_open_as_long_as_it_says_something(site, source, visit):
+    """A look at new data every few seconds may find more of the error along another variable."""
+    page = visit(site.address).page
+    kind = "free-run error"
+
+    def look(*along):
+        source.state.change(assessment=assessed(*along, kind=kind, why=""))
+        page.wait_for_function("version => document.body.dataset.version === version",
+                               arg=str(source.state.snapshot.version))  # fmt: skip
+
+    look(breakdown("velocity", 0.3), breakdown("command", 0.6))
+    page.wait_for_selector("[data-variable='command'][aria-checked='true']")
+    look(breakdown("velocity", 0.6), breakdown("command", 0.3))
+    assert page.get_attribute("[data-variable='command']", "aria-checked") == "true"
+    look(breakdown("velocity", 0.6), breakdown("command", 0.02))
+    page.wait_for_selector("[data-variable='velocity'][aria-checked='true'].loud")
+
+
 def test_a_fit_of_the_model_before_the_last_step_is_said_to_be_one(visit):
     source = FakeSource(live=False)
     source.state.change(fit=None, assessment=assessed(kind="free-run error", why=""))
@@ -488,7 +512,8 @@ def test_a_picture_that_is_saved_has_what_is_out_of_sight_too(site, source, visi
         page.click("#save")
     assert download.value.suggested_filename == "workbench.png"
     width, height = struct.unpack(">II", Path(download.value.path()).read_bytes()[16:24])
-    assert [width, height] == page.evaluate("() => [strips.width, strips.height]")
+    # With title and legend above.
+    assert [width, height] == page.evaluate("() => [strips.width, strips.height + 44]")
 
 
 @pytest.mark.slow

@@ -247,8 +247,10 @@ def test_the_evidence_and_what_may_be_trusted_is_said_in_words_and_numbers():
             {"dead_zone@input": Decided(10.0, 1000, 18.37)},
             (TrustedEstimate("drive.gain", "8.0 N·m/V", False, "missing from the model: dead_zone@input"),),
             "decided: dead_zone@input",
-        )
+        ),
+        (),
     )  # fmt: skip
+    assert found["current"]
     assert [(one["log_e"], one["decided"]) for one in found["effects"]] == [
         ("18.4", "10 s, 1000 samples"),
         ("−2.0", ""),
@@ -256,6 +258,7 @@ def test_the_evidence_and_what_may_be_trusted_is_said_in_words_and_numbers():
     assert found["threshold"] == "7.9"
     assert "dead zone @ input" in found["ended"]
     (estimate,) = found["estimates"]
+    assert estimate["name"] == "drive gain"
     assert not estimate["trusted"]
     assert "dead zone @ input" in estimate["why"]
 

@@ -98,7 +98,8 @@ def test_the_page_keeps_how_the_evidence_has_grown():
     mark = again.decided["slip@motor"]
     assert (mark.seconds, mark.samples, mark.log_e) == (10.0, 1000, 9.0)
     assert again.ended == "decided: slip@motor"
-    assert (again.estimates[0].name, again.estimates[0].trusted) == ("drive.gain", True)
+    (estimate,) = again.estimates
+    assert (estimate.name, estimate.text, estimate.trusted) == ("drive.gain", "8.000 ± 0.020 N·m/V", True)
 
 
 def test_another_model_begins_a_new_course_and_a_long_one_forgets_its_beginning():

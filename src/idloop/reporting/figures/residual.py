@@ -33,7 +33,8 @@ def residual_figures(test: ResidualTest, theme: Theme = LIGHT) -> list[figure]:
 
 
 def _stems(theme: Theme, name: str, lag: Any, value: Any, half: Any, passed: bool) -> figure:
-    plot = new_figure(theme, ("lag", "samples"), (name, "-"), height=190)
+    # The whole name along the axis would be longer than the axis.
+    plot = new_figure(theme, ("lag", "samples"), ("correlation", "-"), height=205, title=name)
     data = source(x=lag, y=value, low=-np.asarray(half), high=np.asarray(half))
     colour = theme.models[0] if passed else theme.found
     plot.varea("x", "low", "high", source=data, fill_color=theme.band, fill_alpha=0.3)

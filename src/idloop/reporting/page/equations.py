@@ -19,6 +19,8 @@ _LETTERS = {
     "rad": (r"\theta", r"\omega", "T", "J"),
     "m": ("x", "v", "F", "m"),
 }
+# A term whose factor is a symbol less itself: one parameter stands for another one.
+_CANCELLED = re.compile(r" \+ \(([^()]+) - \1\)\\,e\^\{[^{}]*\}")
 _OTHER_LETTERS = ("q", r"\dot{q}", "F", "m")
 
 
@@ -73,7 +75,7 @@ class _Writer:
             for spec in active.effect.parameters:
                 if spec.optional and f"{active.name}.{spec.name}" not in self.model.values:
                     text = text.replace(known.symbols[spec.name], known.symbols[spec.optional])
-            return replace(known, text=text)
+            return replace(known, text=_CANCELLED.sub("", text))
         name = rf"\text{{{plain_words(active.effect.name)}}}"
         symbols = {spec.name: rf"p_{{\text{{{plain_words(spec.name)}}}}}" for spec in active.effect.parameters}
         if kind == BODY:

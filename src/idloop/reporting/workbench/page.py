@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import functools
 import json
 from collections.abc import Callable
@@ -25,7 +26,7 @@ from idloop.reporting.figures.residual import residual_figures
 from idloop.reporting.figures.theme import LIGHT, THEMES
 from idloop.reporting.figures.where import error_along
 from idloop.reporting.sensor_noise import REFUTED, least_error
-from idloop.reporting.workbench.redraw import Canvas
+from idloop.reporting.workbench.redraw import Canvas, Drawn, drawn
 from idloop.reporting.workbench.state_json import answered
 from idloop.validation.variables import TITLES, VARIABLES
 
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
 PERIOD = 250  # milliseconds between two looks at what is new
 SPANS = (2, 5, 10, 20, 60, 120)  # seconds that a running page shows
 FIGURES = ("where", "frequency", "residual", "evidence", "next", "ladder")
+Figures = Callable[["Snapshot"], list[Any]]
 ASSETS = Path(__file__).with_name("assets")
 
 
@@ -51,6 +53,11 @@ def judged_spread(ladder: Ladder, name: str) -> float:
     if not missed or not relative or not np.isfinite(missed / relative):
         return 0.0
     return float(missed / relative)
+
+
+def _made(make: Figures, snapshot: Snapshot) -> tuple[list[Any], Drawn]:
+    figures = make(snapshot)
+    return figures, drawn(figures)
 
 
 def make_page(doc: Document, source: Source, key: str, run: str, stop_port: int) -> None:
@@ -80,7 +87,7 @@ def make_page(doc: Document, source: Source, key: str, run: str, stop_port: int)
     if hasattr(doc, "config"):  # from Bokeh 3.8 on; before, nobody says or does anything about it
         doc.config.notify_connection_status = False
         doc.config.reconnect_session = False
-    doc.add_periodic_callback(page.tick, PERIOD)
+    doc.add_periodic_callback(page.tick, PERIOD)  # type: ignore[arg-type] # Bokeh awaits it
 
 
 def _first_state(source: Source, run: str) -> str:
@@ -132,7 +139,7 @@ class Page:
             return
         if isinstance(look, dict):
             self.look = self._checked(look)
-            self.tick()
+            self._tick_soon()
 
     def _checked(self, look: dict[str, Any]) -> dict[str, Any]:
         """What the browser says, with what makes no sense left as it was."""
@@ -152,25 +159,32 @@ class Page:
     def _theme(self) -> Any:
         return THEMES[self.look["theme"]]
 
-    def tick(self) -> None:
-        """Show what is new, one place of the page in each call: the strips ask the same thread for their pictures.
+    async def tick(self) -> None:
+        """Show what is new, one place of the page in each call.
 
-        A page in the background costs nothing.
+        Figures are made on a thread of their own: the strips ask this one for their pictures. A page in the background
+        costs nothing.
         """
-        if not self.look["seen"]:
+        snapshot = self.source.state.snapshot
+        new = self._new_finding(snapshot) if self.look["seen"] else None
+        if new is None:
             return
+        name, make, anew = new
+        figures, wanted = await asyncio.to_thread(_made, make, snapshot)
         self._doc.hold("combine")
         try:
-            more = self._draw_finding(self.source.state.snapshot)
+            self._canvases[name].show(figures, wanted, anew=anew)
         finally:
             self._doc.unhold()
-        if more:
-            self._doc.add_next_tick_callback(self.tick)
+        self._tick_soon()
 
-    def _draw_finding(self, snapshot: Snapshot) -> bool:
-        """Draw the first finding that is new; whether there was one."""
+    def _tick_soon(self) -> None:
+        self._doc.add_next_tick_callback(self.tick)  # type: ignore[arg-type] # Bokeh awaits it
+
+    def _new_finding(self, snapshot: Snapshot) -> tuple[str, Figures, bool] | None:
+        """Place of the first finding that is new, what makes its figures, and whether they are drawn anew."""
         theme = self.look["theme"]
-        parts: dict[str, tuple[Any, Callable[[Snapshot], list[Any]]]] = {
+        parts: dict[str, tuple[Any, Figures]] = {
             "where": (snapshot.assessment, self._where),
             "frequency": (snapshot.assessment, self._frequency),
             "residual": (snapshot.assessment, self._residual),
@@ -178,14 +192,15 @@ class Page:
             "evidence": (snapshot.evidence, self._evidence),
             "next": (snapshot.suggestion, self._next),
         }
-        for name, (finding, draw) in parts.items():
+        for name, (finding, make) in parts.items():
             look = (theme, self.look["error"], self.look["variable"]) if finding is snapshot.assessment else (theme,)
             before = self._drawn.get(name)
             if before is None or before[0] is not finding or before[1] != look:
                 self._drawn[name] = finding, look
-                self._canvases[name].draw(draw(snapshot), anew=before is not None and before[1][0] != theme)
-                return True
-        return False
+                return name, make, before is not None and before[1][0] != theme
+        return None
+
+    # on a thread of its own
 
     def _next(self, snapshot: Snapshot) -> list[Any]:
         found = snapshot.suggestion

@@ -45,7 +45,10 @@ class Canvas:
         anew : bool
             Not in place: BokehJS paints another background from the second pixel on, and leaves a line of the old one.
         """
-        wanted = drawn(figures)
+        self.show(figures, drawn(figures), anew=anew)
+
+    def show(self, figures: Sequence[UIElement], wanted: Drawn, *, anew: bool = False) -> None:
+        """As `draw`, where the list of `drawn` was made before: listing takes as long as making the figures."""
         if anew or not alike(self._drawn, wanted):
             self._drawn = wanted
             self._place.children = list(figures)

@@ -115,7 +115,7 @@ def page_state(snapshot: Snapshot, signals: Signals) -> dict[str, Any]:
         "missing": None
         if snapshot.missing is None
         else _missing(snapshot.missing, snapshot.pictures, snapshot.ladder, _remainders(snapshot)),
-        "evidence": None if snapshot.evidence is None else _evidence(snapshot.evidence),
+        "evidence": None if snapshot.evidence is None else _evidence(snapshot.evidence, snapshot.effects),
         "looks": snapshot.looks,
         "recordings": list(snapshot.recordings),
         "shown": snapshot.shown,
@@ -250,11 +250,12 @@ def _missing(
     }
 
 
-def _evidence(found: Evidence) -> dict[str, Any]:
+def _evidence(found: Evidence, effects: Sequence[str]) -> dict[str, Any]:
+    """How the evidence has grown; `current` where it was weighed against a model of these effects."""
     newest = {name: values[-1] for name, values in found.lines.items() if values}
     keys = drawn_lines(found.lines, found.decided)
     decided = {name: f"{one.seconds:.4g} s, {one.samples} samples" for name, one in found.decided.items()}
-    effects = [
+    rows = [
         {
             "name": name,
             "words": effect_words(name),
@@ -267,10 +268,16 @@ def _evidence(found: Evidence) -> dict[str, Any]:
     return {
         "line": capitalised(in_words(found.line)),
         "threshold": f"{found.threshold:.1f}" if math.isfinite(found.threshold) else "",
-        "effects": effects,
+        "current": found.effects == tuple(effects),
+        "effects": rows,
         "ended": in_words(found.ended),
         "estimates": [
-            {"name": one.name, "text": one.text, "trusted": one.trusted, "why": capitalised(in_words(one.why))}
+            {
+                "name": effect_words(one.name.replace(".", " ")),
+                "text": one.text,
+                "trusted": one.trusted,
+                "why": capitalised(in_words(one.why)),
+            }
             for one in found.estimates
         ],
     }

@@ -12,6 +12,7 @@ import numpy as np
 from idloop.diagnosis import Candidate, Ladder, UnknownStructure
 from idloop.documents import read_json
 from idloop.physics.model_file import from_text
+from idloop.reporting.estimates import with_interval
 from idloop.reporting.figures.evidence import Decided
 from idloop.reporting.terms import effect_words
 from idloop.reporting.workbench.state import AUTOMATIC, Activity, Evidence, Fit, Health, Missing, TrustedEstimate
@@ -105,7 +106,12 @@ def evidence_of(summary: EvidenceSummary, before: Evidence | None) -> Evidence:
         for one in summary.candidates
         if one.decided_samples is not None and one.name in lines
     }
-    estimates = tuple(TrustedEstimate(one.name, one.line, one.trusted, one.why) for one in summary.parameters)
+    estimates = tuple(
+        TrustedEstimate(
+            one.name, f"{with_interval(one.value, one.stderr)} {one.unit}".strip(" -"), one.trusted, one.why
+        )
+        for one in summary.parameters
+    )
     return Evidence(summary.line, summary.effects, seconds, lines, summary.threshold, decided, estimates, summary.ended)
 
 

@@ -32,6 +32,7 @@
   let figuresLost = false; // Bokeh's connection is gone, and it does not come back by itself
   let awaited = false; // the reader has asked for an experiment that is not there yet
   let chosen = false; // the reader has chosen an error or a variable
+  let telling = ""; // what the error and the variable that are open were chosen for
   let look = null; // the source over which both sides tell what is shown
   let shown = {};
 
@@ -234,6 +235,15 @@
     $("reset").hidden = stop === "releasing" || stop === "unknown";
   }
 
+  // A live free run is looked at every few seconds: what is open stays open as long as it says as much as the rest.
+  function worth(s, found) {
+    const about = JSON.stringify(s.live ? s.effects : [s.version, s.shown]);
+    const loud = ({ error, variable }) => found.maps.find((map) => map.name === error)?.loud.includes(variable);
+    if (about === telling && found.maps.some((map) => map.name === shown.error) && (loud(shown) || !loud(found.telling))) return false;
+    telling = about;
+    return true;
+  }
+
   function showWhere(s) {
     const found = s.assessment;
     if (!found || !found.maps.length) {
@@ -242,7 +252,7 @@
       render("stretches", null, () => []);
       return;
     }
-    if (!chosen && found.telling && look && (shown.error !== found.telling.error || shown.variable !== found.telling.variable)) {
+    if (!chosen && found.telling && look && (shown.error !== found.telling.error || shown.variable !== found.telling.variable) && worth(s, found)) {
       return choose(found.telling);
     }
     const map = found.maps.find((m) => m.name === shown.error) ?? found.maps[0];
@@ -475,15 +485,18 @@
     const e = s.evidence;
     $("evidence-panel").hidden = !e;
     if (!e) return;
+    $("evidence-panel").setAttribute("aria-busy", String(!e.current));
+    say("evidence-before", e.current ? "" : `Weighed beside the model before this step; new samples for the present one are ${COMPUTING}.`);
     say("evidence-line", [e.ended ? `The experiment was ended: ${e.ended}.` : "", `${e.line}.`].filter(Boolean).join(" "));
     say("evidence-hint", e.threshold ? `Fits to earlier samples score each stretch of new ones. An effect is decided where log E reaches the dashed line, log(m/α) = ${e.threshold}; this threshold holds at any time. Where several are decided, a diagnosis compares them with one another.` : "");
     $("evidence-numbers").hidden = !e.effects.length;
     render("evidence-effects", e.effects, () => e.effects.map((one) => make("tr", { "data-evidence": one.name },
       make("th", { scope: "row" }, lineKey(one.line), one.words), make("td", {}, one.log_e), make("td", {}, one.decided || "open"))));
     $("trust").hidden = !e.estimates.length;
-    render("trust-rows", e.estimates, () => e.estimates.map((one) => make("tr", {},
-      make("th", { scope: "row" }, one.name), make("td", {}, one.text),
-      make("td", {}, make("b", {}, one.trusted ? "yes" : "not yet"), make("small", {}, one.why)))));
+    render("trust-rows", e.estimates, () => e.estimates.flatMap((one) => [
+      make("tr", {}, make("th", { scope: "row" }, one.name), make("td", {}, one.text), make("td", {}, make("b", {}, one.trusted ? "yes" : "not yet"))),
+      ...(one.why ? [make("tr", { class: "why" }, make("td", { colspan: "3" }, one.why))] : []),
+    ]));
   }
 
   function showExperiment(s) {

@@ -4,8 +4,10 @@
 "use strict";
 const Strips = (() => {
   const PERIOD = 33; // milliseconds between two pictures that follow
-  const AHEAD = 10; // before a picture is due, the question for it is sent
-  const MARGIN = 240; // pixels beyond what is in sight that the canvas covers, so that it need not move at once
+  const AHEAD = 25; // before a picture is due, the question for it is sent
+  const FRAME = 5; // milliseconds by which a frame of the browser may come before a picture is due, and draw it
+  const BEHIND = 100; // milliseconds that pictures which were late are caught up with
+  const MARGIN = 120; // pixels beyond what is in sight that the canvas covers, so that it need not move at once
   const IDLE = 400; // between two questions when nothing moves
   const TALL = [176, 100], LOW = [136, 80]; // heights of an output and of its residual: up to two outputs, and more
   const COMMAND = 112, FOOT = 40, GAP = 12, LEFT = 78, RIGHT = 14;
@@ -41,10 +43,11 @@ const Strips = (() => {
         this.time = grown(this.time, Float64Array);
         this.values = values.map((_, i) => grown(this.values[i], Float32Array));
       } else if (drop) {
-        for (const one of [this.time, ...this.values]) one.copyWithin(0, drop, keep);
+        this.time.copyWithin(0, drop, keep);
+        for (let i = 0; i < this.values.length; i += 1) this.values[i].copyWithin(0, drop, keep);
       }
       this.time.set(time, keep - drop);
-      values.forEach((one, i) => this.values[i].set(one, keep - drop));
+      for (let i = 0; i < values.length; i += 1) this.values[i].set(values[i], keep - drop);
       this.count = count;
     }
 
@@ -120,6 +123,10 @@ const Strips = (() => {
       this.moved = moved;
       this.place = place;
       this.places = new Float64Array(0);
+      this.ends = [0, 0];
+      this.visible = [];
+      this.decoder = new TextDecoder();
+      this.rest = 0; // until then nothing is drawn
       this.top = this.tall = 0; // the stretch of the strips that the canvas covers
       this.look = null; // { follow: seconds | null, stretch: [start, stop] | null, shown }
       this.pictures = 0;
@@ -182,6 +189,7 @@ const Strips = (() => {
     paintIn(body) {
       const style = getComputedStyle(body);
       this.colours = Object.fromEntries(COLOURS.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
+      this.tall = 0; // everything is drawn anew
       this.repaint();
     }
 
@@ -217,30 +225,37 @@ const Strips = (() => {
       if (this.wire.ask(this.question())) this.asked = performance.now();
     }
 
+    // Drawn with a frame of the browser; a page in the background gets none and asks for nothing until it can be seen.
     answered(data) {
-      // Drawn with the browser's next frame; a page in the background gets none and asks for nothing until it can be seen.
       requestAnimationFrame(() => {
         const drawing = performance.now();
-        this.asked = null;
-        if (this.again) { this.pull(); return; }
-        if (this.take(data)) {
-          this.paint(drawing);
-          this.pictures += 1;
-          if (this.pictures === 1) performance.mark("idloop-first-picture");
-        }
-        // On a small computer the control loop needs the processor too: at most half of the time is spent on drawing.
-        setTimeout(() => {
-          if (this.asked !== null) return;
-          const now = performance.now();
-          clearTimeout(this.due);
-          this.due = setTimeout(() => this.pull(), this.look.follow ? Math.max(PERIOD - AHEAD, 2 * (now - drawing)) - (now - drawing) : IDLE);
-        });
+        if (this.again || drawing >= this.rest - FRAME) this.draw(data, drawing);
+        else this.answered(data); // it has come early
+      });
+    }
+
+    draw(data, drawing) {
+      this.asked = null;
+      if (this.again) { this.pull(); return; }
+      if (this.take(data)) {
+        this.paint(drawing);
+        this.pictures += 1;
+        if (this.pictures === 1) performance.mark("idloop-first-picture");
+      }
+      // On a small computer the control loop needs the processor too: at most half of the time is spent on drawing. The next
+      // question is sent long before, so that a server that is busy for some milliseconds delays nothing.
+      setTimeout(() => {
+        if (this.asked !== null) return;
+        const now = performance.now();
+        this.rest = Math.max(this.rest + PERIOD, drawing - BEHIND, drawing + 2 * (now - drawing));
+        clearTimeout(this.due);
+        this.due = setTimeout(() => this.pull(), this.look.follow ? Math.max(this.rest - AHEAD - now, 0) : IDLE);
       });
     }
 
     take(data) {
       const length = new DataView(data).getUint32(0, true);
-      const head = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length)));
+      const head = JSON.parse(this.decoder.decode(new Uint8Array(data, 4, length)));
       let offset = 4 + length, came = head.whole;
       const before = head.start - (head.stop - head.start) / 50;
       for (const { name, count, columns, newest } of head.streams) {
@@ -317,24 +332,34 @@ const Strips = (() => {
       const seen = this.place.getBoundingClientRect();
       const calm = Boolean(this.look?.follow && this.calm);
       const whole = this.follow(seen) || everywhere || !calm;
-      g.setTransform(this.scale, 0, 0, this.scale, 0, -this.top * this.scale);
+      this.upright(g);
       const along = ticks(this.start, this.stop, Math.max(3, (this.right - LEFT) / 110));
       const last = this.strips[this.strips.length - 1];
+      const visible = this.visible;
+      visible.length = 0;
       for (const strip of this.strips) {
         // What is scrolled out of sight is not drawn again and again.
         const from = seen.top + strip.top;
         if (strip.top > this.top + this.tall || strip.top + strip.height + FOOT < this.top) continue;
         if (!whole && (from > innerHeight || from + strip.height + (strip === last ? FOOT : GAP) < 0)) continue;
+        visible.push(strip);
         this.fit(strip, now, calm);
-        g.fillStyle = this.colours.surface;
-        g.fillRect(0, strip.top - GAP / 2, this.width, strip.height + (strip === last ? FOOT + GAP : GAP));
-        this.axes(g, strip, along, strip === last);
-        this.lines(g, strip);
-        if (this.cursor) this.read(g, strip);
+        this.axes(g, strip, along, strip === last, whole);
       }
+      // One clip for all of them: every saved state is garbage of five kilobytes.
+      g.save();
+      g.beginPath();
+      g.rect(LEFT, this.top, this.right - LEFT, this.tall);
+      g.clip();
+      for (const strip of visible) this.lines(g, strip);
+      g.restore();
+      if (this.cursor) for (const strip of visible) this.read(g, strip);
       if (!this.streams.measured?.count) this.say("No measurements yet");
       this.calm = 1;
     }
+
+    // Pixels of the page, after a turn as well.
+    upright(g) { g.setTransform(this.scale, 0, 0, this.scale, 0, -this.top * this.scale); }
 
     say(text) {
       const g = this.context, { top, height } = this.strips[0];
@@ -345,11 +370,13 @@ const Strips = (() => {
       g.fillText(text, (LEFT + this.right) / 2, top + height / 2);
     }
 
+    // Its range, and where values lie: `strip.zero - strip.by * value`.
     fit(strip, now, calm) {
-      const ends = [Infinity, -Infinity];
-      for (const [name, column] of strip.lines) {
-        const one = this.streams[name];
-        const values = one?.values[column];
+      const { top, height, range, lines } = strip, ends = this.ends;
+      [ends[0], ends[1]] = [Infinity, -Infinity];
+      for (let i = 0; i < lines.length; i += 1) {
+        const one = this.streams[lines[i][0]];
+        const values = one?.values[lines[i][1]];
         if (values) extent(values, Math.max(one.at(this.start), 0), one.at(this.stop), ends);
       }
       let [low, high] = ends;
@@ -358,18 +385,28 @@ const Strips = (() => {
         const half = Math.max(this.band?.[strip.band] ?? 0, -low, high, 0);
         [low, high] = half > 0 ? [-half, half] : [low, high];
       }
-      strip.range.fit(low, high, now, calm);
+      range.fit(low, high, now, calm);
+      strip.by = height / (range.high - range.low);
+      strip.zero = top + height + range.low * strip.by;
     }
 
-    axes(g, strip, along, foot) {
+    // Grid and axes on what was cleared: the picture of the strip, and its numbers and its name only where they have changed.
+    axes(g, strip, along, foot, anew) {
       const { top, height, range } = strip;
-      const { at, write } = ticks(range.low, range.high, Math.max(height / 36, 3));
-      const y = this.scaleOf(strip);
+      const fresh = anew || strip.low !== range.low || strip.high !== range.high;
+      if (fresh) {
+        strip.ticks = ticks(range.low, range.high, Math.max(height / 36, 3));
+        [strip.low, strip.high] = [range.low, range.high];
+      }
+      const { at, write } = strip.ticks;
+      g.fillStyle = this.colours.surface;
+      g.fillRect(fresh ? 0 : LEFT, top - GAP / 2, fresh ? this.width : this.width - LEFT, height + GAP);
+      if (foot) g.fillRect(0, top + height, this.width, FOOT);
       g.lineWidth = 1;
       g.strokeStyle = this.colours.grid;
       g.beginPath();
-      for (const value of at) { const p = Math.round(y(value)) + 0.5; g.moveTo(LEFT, p); g.lineTo(this.right, p); }
-      for (const value of along.at) { const p = Math.round(this.x(value)) + 0.5; g.moveTo(p, top); g.lineTo(p, top + height); }
+      for (let i = 0; i < at.length; i += 1) { const p = Math.round(strip.zero - at[i] * strip.by) + 0.5; g.moveTo(LEFT, p); g.lineTo(this.right, p); }
+      for (let i = 0; i < along.at.length; i += 1) { const p = Math.round(this.x(along.at[i])) + 0.5; g.moveTo(p, top); g.lineTo(p, top + height); }
       g.stroke();
       g.strokeStyle = this.colours.muted;
       g.beginPath();
@@ -377,59 +414,55 @@ const Strips = (() => {
       g.lineTo(LEFT + 0.5, top + height);
       if (foot) { g.moveTo(LEFT, top + height + 0.5); g.lineTo(this.right, top + height + 0.5); }
       g.stroke();
-      g.fillStyle = this.colours.muted;
-      g.font = `11px ${FONT}`;
       g.textBaseline = "middle";
-      g.textAlign = "right";
-      for (const value of at) g.fillText(write(value), LEFT - 6, y(value));
       g.textAlign = "center";
-      if (foot) for (const value of along.at) g.fillText(along.write(value), this.x(value), top + height + 12);
+      if (foot) {
+        g.fillStyle = this.colours.muted;
+        g.font = `11px ${FONT}`;
+        for (const value of along.at) g.fillText(along.write(value), this.x(value), top + height + 12);
+        g.fillStyle = this.colours.text;
+        g.font = `12px ${FONT}`;
+        g.fillText("time [s]", (LEFT + this.right) / 2, top + height + 30);
+      }
+      if (!fresh) return;
       g.fillStyle = this.colours.text;
       g.font = `12px ${FONT}`;
-      if (foot) g.fillText("time [s]", (LEFT + this.right) / 2, top + height + 30);
-      g.save();
       g.translate(14, top + height / 2);
       g.rotate(-Math.PI / 2);
       g.fillText(`${strip.name} [${strip.unit}]`, 0, 0, height + GAP);
-      g.restore();
-    }
-
-    scaleOf({ top, height, range }) {
-      const by = height / (range.high - range.low);
-      return (value) => top + height - (value - range.low) * by;
+      this.upright(g);
+      g.fillStyle = this.colours.muted;
+      g.font = `11px ${FONT}`;
+      g.textAlign = "right";
+      for (const value of at) g.fillText(write(value), LEFT - 6, strip.zero - value * strip.by);
     }
 
     lines(g, strip) {
-      const { top, height } = strip;
-      const y = this.scaleOf(strip);
-      g.save();
-      g.beginPath();
-      g.rect(LEFT, top, this.right - LEFT, height);
-      g.clip();
       const half = strip.band == null ? null : this.band?.[strip.band];
       if (strip.band != null) {
         if (half) {
           g.globalAlpha = 0.3;
           g.fillStyle = this.colours.band;
-          g.fillRect(LEFT, y(half), this.right - LEFT, y(-half) - y(half));
+          const above = Math.max(strip.zero - half * strip.by, strip.top);
+          g.fillRect(LEFT, above, this.right - LEFT, Math.min(strip.zero + half * strip.by, strip.top + strip.height) - above);
           g.globalAlpha = 1;
         }
         g.strokeStyle = this.colours.muted;
         g.lineWidth = 0.8;
         g.beginPath();
-        g.moveTo(LEFT, y(0));
-        g.lineTo(this.right, y(0));
+        g.moveTo(LEFT, strip.zero);
+        g.lineTo(this.right, strip.zero);
         g.stroke();
       }
-      for (const [name, column] of strip.lines) this.line(g, name, column, y);
-      g.restore();
+      for (let i = 0; i < strip.lines.length; i += 1) this.line(g, strip, strip.lines[i][0], strip.lines[i][1]);
     }
 
-    line(g, name, column, y) {
+    line(g, strip, name, column) {
       const one = this.streams[name];
       const values = one?.values[column];
       if (!values) return;
-      const time = one.time;
+      const { time } = one, { zero: level, by: step } = strip;
+      const above = strip.top, below = strip.top + strip.height;
       const from = Math.max(one.at(this.start) - 1, 0), to = Math.min(one.at(this.stop) + 2, one.count);
       const by = (this.right - LEFT) / (this.stop - this.start), zero = LEFT - this.start * by;
       const held = name === "command", dashed = name === "reference";
@@ -445,7 +478,8 @@ const Strips = (() => {
           down = false;
           continue;
         }
-        const x = zero + time[i] * by, p = y(value);
+        // One point beside what is shown may lie outside of the strip.
+        const x = zero + time[i] * by, p = Math.min(Math.max(level - value * step, above), below);
         if (down && held) { places[count] = x; places[count + 1] = before; count += 2; }
         places[count] = x;
         places[count + 1] = p;
@@ -455,7 +489,9 @@ const Strips = (() => {
       }
       g.strokeStyle = this.colours[name === "residual" ? "model" : name];
       g.lineWidth = 1 / this.scale;
-      for (const [right, under] of PENS[name]) {
+      const pens = PENS[name];
+      for (let pen = 0; pen < pens.length; pen += 1) {
+        const right = pens[pen][0], under = pens[pen][1];
         g.beginPath();
         let drawing = false;
         for (let k = 0; k < count; k += 2) {
