@@ -9,7 +9,7 @@ from idloop.estimation import fit
 from idloop.estimation.dataset import prepare
 from idloop.estimation.force_balance.weak_fit import WeakFit, cost_at, fit_by_force, fit_weak
 from idloop.estimation.optimisation.caching_engine import CachingEngine
-from idloop.physics import load_model
+from idloop.physics import Model, load_model
 from idloop.records import Record
 
 from .test_weak_form import form_of, recorded
@@ -98,6 +98,32 @@ def test_the_reliability_is_the_share_of_the_acceleration_without_noise() -> Non
     assert shares[0] > 0.99
     assert shares[0] > shares[1] > shares[2]
     assert shares[2] < 0.5
+
+
+def with_sensors_apart(record: Record, lag: np.ndarray | float) -> Record:
+    """The position read so many seconds late, the velocity at its time."""
+    position = np.interp(record.time - lag, record.time, record.output[:, 0])
+    return replace(record, output=np.column_stack([position, record.output[:, 1]]))
+
+
+def test_jitter_of_one_sensor_hides_no_missing_force() -> None:
+    plain = load_model("axis")
+    record = recorded(MACHINE, seconds=30.0)
+    samples = np.repeat(np.random.default_rng(4).integers(-1, 2, len(record.time) // 25 + 1), 25)[: len(record.time)]
+    lag = 0.3 * float(record.time[1] - record.time[0]) * samples
+    found = fit_by_force(CachingEngine(plain), prepare(plain, [with_sensors_apart(record, lag)]), plain.theta)
+    assert found is not None
+    assert found.form.disagreement > 0.02
+    assert found.model_error_dominates
+    assert found.usable
+
+
+@pytest.mark.parametrize("machine", [load_model("axis"), MACHINE])
+def test_sensors_that_disagree_by_more_than_is_left_make_no_balance(machine: Model) -> None:
+    record = recorded(machine)
+    gained = replace(record, output=record.output * (1.0, 1.4))
+    found = fit_by_force(CachingEngine(machine), prepare(machine, [gained]), machine.theta)
+    assert found is None or (found.form.disagreement > 0.02 and not found.reliable)
 
 
 TRUE_INERTIA = load_model("axis").values["axis.inertia"]

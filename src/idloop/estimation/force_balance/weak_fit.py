@@ -157,7 +157,7 @@ class WeakFit:
     @property
     def reliable(self) -> bool:
         """Whether sensors agree, and neither acceleration nor unexplained force are mostly noise."""
-        return _motion_reliable(self.form) and self.resolved
+        return self.resolved and _motion_reliable(self.form, self.theta, self.shift)
 
     @property
     def noise_share(self) -> Array:
@@ -261,7 +261,7 @@ def relative_errors(form: WeakForm, theta: Array, shift: float) -> Array:
 
 def model_error_dominates(form: WeakForm, theta: Array, shift: float) -> bool:
     """Whether model error, not sensor noise, limits a balance in windows that resolve the motion."""
-    if not _motion_reliable(form):
+    if not _motion_reliable(form, theta, shift):
         return False
     inertia = form.inertia(theta)
     wide: WeakForm | None = form
@@ -273,9 +273,27 @@ def model_error_dominates(form: WeakForm, theta: Array, shift: float) -> bool:
     return False
 
 
-def _motion_reliable(form: WeakForm) -> bool:
+def _motion_reliable(form: WeakForm, theta: Array, shift: float) -> bool:
     """Whether sensors agree on the motion, and the acceleration is not mostly noise."""
-    return form.disagreement <= _DISAGREE and form.reliability >= _RELIABLE
+    return form.reliability >= _RELIABLE and _sensors_agree(form, theta, shift)
+
+
+def _sensors_agree(form: WeakForm, theta: Array, shift: float) -> bool:
+    """Whether two sensors of a body agree, or what they disagree on is little beside the unexplained force.
+
+    Jitter of the stamps and pulses that are missed average out over wider windows, where a missing force stays. What
+    the sensors lack, such as a filter of one of them, makes unexplained force and disagreement of one size.
+    """
+    if form.disagreement <= _DISAGREE:
+        return True
+    inertia = form.inertia(theta)
+    wide: WeakForm | None = form
+    while wide is not None and wide.starts[-1] >= FEWEST_ROWS:
+        left = np.sqrt(np.mean(wide.residual(theta, shift) ** 2, axis=0))
+        if np.all(inertia * wide.apart <= MOST_NOISE * left):
+            return True
+        wide = weak_form(form.engine, form.data, _wider(wide.width))
+    return False
 
 
 def _limits(form: WeakForm) -> tuple[Array, Array]:

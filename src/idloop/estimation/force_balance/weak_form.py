@@ -74,6 +74,8 @@ class WindowedRecord:
     conditions : Conditions or None
     disagreement : float
         Relative rms difference of two sensors' velocities, the largest of all bodies; 0 within their noise.
+    apart : array, shape (bodies,)
+        Rms difference of two sensors' weak accelerations; 0 within their noise.
     left_out : array, shape (2, bodies)
         Energy of the measured motion outside the band, and of the sensor noise, summed over samples.
     """
@@ -84,6 +86,7 @@ class WindowedRecord:
     rows: NDArray[np.int64]
     held: HeldCommand
     disagreement: float
+    apart: Array
     left_out: Array
     conditions: Conditions | None = None
 
@@ -168,21 +171,24 @@ def windowed_record(engine: Engine, data: Data, width: int) -> WindowedRecord | 
     rows = np.arange(0, len(motion.time) - width + 1, max(width // _OVERLAP, 1))
     middle = motion.time[rows] + 0.5 * (width - 1) * step
     rows = rows[~bridged(middle, model, data, 0.5 * width * step)]
-    columns, noise = [], []
+    columns, noise, apart = [], [], []
     for sensed in motion.measured:
-        choices = [
-            (noise_std(series) * float(np.linalg.norm(weights)), series, weights)
+        found = [
+            (noise_std(series) * float(np.linalg.norm(weights)), windowed(series[:, None], rows, weights)[:, 0])
             for series, weights in zip(sensed, (second, -first), strict=True)
             if series is not None
         ]
-        quietest = min(choices, key=lambda choice: choice[0])
+        quietest = min(found, key=lambda one: one[0])
         noise.append(quietest[0])
-        columns.append(windowed(quietest[1][:, None], rows, quietest[2])[:, 0])
+        columns.append(quietest[1])
+        difference = float(np.sqrt(np.mean((found[0][1] - found[-1][1]) ** 2)))
+        apart.append(difference if difference > _ABOVE_NOISE * np.hypot(found[0][0], found[-1][0]) else 0.0)
     held = HeldCommand(data.input_time, data.input, float(data.time[-1]))
     disagreement = max(_disagreement(sensed, rows, value, first) for sensed in motion.measured)
     return WindowedRecord(
-        motion, np.column_stack(columns), np.array(noise), rows, held, disagreement, _left_out(motion), data.conditions
-    )
+        motion, np.column_stack(columns), np.array(noise), rows, held, disagreement, np.array(apart), _left_out(motion),
+        data.conditions,
+    )  # fmt: skip
 
 
 def _left_out(motion: Motion) -> Array:
@@ -344,7 +350,15 @@ class WeakForm:
     @property
     def noise(self) -> Array:
         """Standard deviation of the weak acceleration's noise by body, over all rows."""
-        squares = [len(track.rows) * track.noise**2 for track in self.tracks]
+        return self._pooled([track.noise for track in self.tracks])
+
+    @property
+    def apart(self) -> Array:
+        """Rms difference of two sensors' weak accelerations by body, over all rows; 0 within their noise."""
+        return self._pooled([track.apart for track in self.tracks])
+
+    def _pooled(self, rms: Sequence[Array]) -> Array:
+        squares = [len(track.rows) * value**2 for track, value in zip(self.tracks, rms, strict=True)]
         return np.asarray(np.sqrt(np.sum(squares, axis=0) / self.starts[-1]))
 
     def residual(self, theta: Array, shift: float) -> Array:
