@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.p_values import p_text
 from idloop.reporting.scores import TRAIN, VALIDATION
-from idloop.reporting.terms import DATA_USE, effect_words, p_text
+from idloop.reporting.terms import DATA_USE, effect_words
 from idloop.validation.where import DRIVE_FORCE
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import IdloopError
-from idloop.reporting.terms import p_value_text
+from idloop.p_values import p_value_text
 from idloop.validation.measures import NEGLIGIBLE, nrmse
 
 if TYPE_CHECKING:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 
 # What data served for; the keys are those that the errors of a ladder's steps and the JSON documents have.
@@ -15,7 +14,6 @@ _PEOPLE = ("coulomb", "stribeck")
 _UNIT = re.compile(r"(?<=[\d)⁰¹²³⁴⁵⁶⁷⁸⁹]) (?=(?:%|°|·|µ?s|ms|k?Hz|rad|mm?|kg|N|V|A|W|K|J|Ω|1/s)(?!\w))")
 _P_VALUE = re.compile(r"\bp (=|<) (?=\d)")
 # A bootstrap knows no smaller p-value than its own share.
-_LEAST_P = 1e-3
 
 
 def effect_words(effect: str) -> str:
@@ -28,20 +26,6 @@ def effect_words(effect: str) -> str:
 def in_words(text: str) -> str:
     """Write every ``effect@site`` of a sentence in words."""
     return re.sub(r"\b[a-z]\w*(?:#\d+)?@[\w\[\]]+", lambda found: effect_words(found[0]), text)
-
-
-def p_value_text(p_value: float | None) -> str:
-    """Write a p-value: "0.012", "< 0.001"; "-" where there is none."""
-    if p_value is None:
-        return "-"
-    return f"{p_value:.2g}" if p_value >= _LEAST_P else f"< {_LEAST_P:g}"
-
-
-def p_text(p_value: float | None) -> str:
-    """Write "p = 0.012" or "p < 0.001"; empty where there is none."""
-    if p_value is None or not math.isfinite(p_value):
-        return ""
-    return f"p {p_value_text(p_value)}" if p_value < _LEAST_P else f"p = {p_value_text(p_value)}"
 
 
 def capitalised(text: str) -> str:

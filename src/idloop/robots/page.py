@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from idloop import __version__
+from idloop.p_values import p_value_text
 from idloop.reporting.figures.ladder import ladder_figures
 from idloop.reporting.figures.theme import DARK, LIGHT
 from idloop.reporting.page.page import TEMPLATES, browser_code, figure_items
-from idloop.reporting.terms import capitalised, effect_words, p_value_text
+from idloop.reporting.terms import capitalised, effect_words
 from idloop.robots.figures import torque_figures
 from idloop.robots.identify import Robot
 from idloop.robots.words import effect_lines, joint_table, judged_error, link_table, parameter_lines, payload_lines

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from idloop.estimation.statistics.interval_text import interval_text
-from idloop.reporting.terms import p_value_text
+from idloop.p_values import p_value_text
 from idloop.reporting.text.blocks import Block, Table, number
 
 _Z95 = 1.959963984540054

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.p_values import p_text
 from idloop.physics.units import Units
 
 Array = NDArray[np.float64]
@@ -138,7 +139,7 @@ class Curve:
             text = f"the {self.of} changes with the {self.variable} "
         elif period:
             text = f"{errors} repeat every {period:.5g} {self.unit} of the position "
-        text += f"(p = {max(p_value, 1e-300):.1g}) in a way that no candidate effect explains: "
+        text += f"({p_text(p_value)}) in a way that no candidate effect explains: "
         if self.coefficient:
             apart = float(np.ptp(force))
             size = f"{100.0 * apart:.3g} %" if self.of_unit == "-" else f"{apart:.3g} {self.of_unit}"

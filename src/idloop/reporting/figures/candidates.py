@@ -10,10 +10,11 @@ import numpy as np
 from bokeh.models import HoverTool, Range1d
 from bokeh.plotting import figure
 
+from idloop.p_values import p_text
 from idloop.reporting.detectability import undetectable
 from idloop.reporting.figures.ladder import ROW, name_rows
 from idloop.reporting.figures.theme import LIGHT, Theme, new_figure, source
-from idloop.reporting.terms import effect_words, p_text
+from idloop.reporting.terms import effect_words
 
 if TYPE_CHECKING:
     from idloop.diagnosis import Candidate, Diagnosis, Ladder

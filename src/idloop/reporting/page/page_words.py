@@ -10,6 +10,7 @@ import numpy as np
 from idloop.diagnosis.candidate import effect_parameters
 from idloop.diagnosis.design.expected_outcome import describe_signal
 from idloop.diagnosis.equivalence.equivalent_effects import EquivalentEffects, equivalent_effects_of_ladder
+from idloop.p_values import p_text
 from idloop.reporting.breakdowns import along_text
 from idloop.reporting.detectability import detection_limits, undetectable
 from idloop.reporting.estimates import NORMAL_95, held_parameters, parameter_rows, with_interval
@@ -19,7 +20,7 @@ from idloop.reporting.page.contents import driven_step, step_force
 from idloop.reporting.page.page_figures import MOST_RECORDS, effect_place, maps_of, where_place, where_places
 from idloop.reporting.residual_findings import FEWEST_FOR_TESTS, ResidualFinding, residual_findings, residual_warnings
 from idloop.reporting.scores import TRAIN, VALIDATION, Score, disagreements, judging, step_scores
-from idloop.reporting.terms import DATA_USE, FITTED, capitalised, effect_words, in_words, p_text, sentence
+from idloop.reporting.terms import DATA_USE, FITTED, capitalised, effect_words, in_words, sentence
 from idloop.reporting.verdicts import (
     CRITERIA,
     basis,
@@ -236,10 +237,12 @@ def _change(before: Score, after: Score, up_to: str = "") -> dict[str, str]:
 
 
 def _no_force(ladder: Ladder) -> str:
-    """Why the error of the drive force ends before the ladder does; empty where it does not."""
+    """Why the error of the drive force is not that of every step; empty where it is, or that of none."""
     known = [step_force(step) is not None for step in ladder.steps]
-    if known[-1] or not any(known):
+    if all(known) or not any(known):
         return ""
+    if known[-1]:
+        return "–: sensor noise may be all of the error of the drive force."
     first = len(known) - known[::-1].index(True)
     added = ladder.steps[first].added
     what = "" if added is None else f" with {effect_words(added.name)}"

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from idloop import drawing
-from idloop.reporting.terms import p_text
+from idloop.p_values import p_text
 from idloop.validation.characteristic import Characteristic, characteristic
 
 if TYPE_CHECKING:

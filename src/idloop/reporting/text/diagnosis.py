@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from idloop.diagnosis.equivalence.equivalent_effects import without_equivalents
+from idloop.p_values import p_value_text
 from idloop.reporting.residual_findings import residual_warnings
-from idloop.reporting.terms import p_value_text
 from idloop.reporting.text.blocks import Block, Table
 from idloop.reporting.text.parameters import parameters_text, tie_text
 from idloop.reporting.verdicts import MISSING, basis, ending, explained_of, scope_text

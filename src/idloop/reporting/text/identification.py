@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from idloop.p_values import p_text
 from idloop.reporting.text.blocks import Block, Table, number
 from idloop.spelling import listed
 from idloop.validation.identification_outcome import Outcome, best_values, mean
@@ -18,7 +19,6 @@ _AT_ZERO = 1e-12
 _SURE = 0.3  # of a response's size, its standard error where the response is known
 _LOUD = 1e-3  # share of the command's power that is noise: less biases no more than other errors do
 _SEEN = 0.05  # probability of so much by chance below which nonlinearity is seen
-_LEAST_P = 1e-3  # less is not spelled out
 _EDGE = 1e-3  # a pole this close to the unit circle is as good as on it
 
 
@@ -144,7 +144,7 @@ def nonlinearity_text(parts: Mapping[str, float]) -> str:
         level, p_value = parts[kind], parts[f"p_{kind}"]
         if not math.isfinite(p_value):
             continue
-        chance = "p < 0.001" if p_value < _LEAST_P else f"p = {p_value:.2g}"
+        chance = p_text(p_value)
         if p_value >= _SEEN:
             texts.append(f"{name}: not seen ({chance})")
         else:

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 
 from idloop.diagnosis.equivalence.equivalent_effects import equivalent_effects_of_ladder
 from idloop.estimation.statistics.interval_text import interval_text
+from idloop.p_values import p_value_text
 from idloop.reporting.detectability import significant_not_added, undetectable
 from idloop.reporting.estimates import held_parameters, parameter_estimates, read_off_parameters
 from idloop.reporting.residual_findings import residual_warnings
 from idloop.reporting.scores import disagreements, judging, step_scores
-from idloop.reporting.terms import DATA_USE, p_value_text
+from idloop.reporting.terms import DATA_USE
 from idloop.reporting.text.blocks import Block, Table, number
 from idloop.reporting.text.parameters import parameters_text
 from idloop.reporting.verdicts import basis, conclusion, scope_text

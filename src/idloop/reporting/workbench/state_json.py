@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from idloop import drawing
 from idloop.diagnosis.design.expected_outcome import describe_signal
 from idloop.diagnosis.equivalence.equivalent_effects import find_equivalent_effects, without_equivalents
+from idloop.p_values import p_text
 from idloop.reporting.breakdowns import along_text, is_notable, shown_first
 from idloop.reporting.estimates import held_parameters, parameter_rows
 from idloop.reporting.figures.evidence import drawn_lines
@@ -16,18 +17,8 @@ from idloop.reporting.ladder_errors import step_evidence, step_title
 from idloop.reporting.page.equations import equations, to_mathml
 from idloop.reporting.residual_findings import residual_warnings
 from idloop.reporting.same_force import same_forces
-from idloop.reporting.scores import Score, disagreements, judging, scores_of, step_scores
-from idloop.reporting.terms import (
-    DATA_USE,
-    FITTED,
-    UNSEEN,
-    capitalised,
-    effect_words,
-    in_words,
-    p_text,
-    sentence,
-    unbroken,
-)
+from idloop.reporting.scores import FORCE, Score, disagreements, judging, scores_of, step_scores
+from idloop.reporting.terms import DATA_USE, FITTED, UNSEEN, capitalised, effect_words, in_words, sentence, unbroken
 from idloop.reporting.text.parameters import parameter_text
 from idloop.reporting.verdicts import CRITERIA, basis, conclusion, ending, explained_of, scope_text
 from idloop.reporting.workbench.files import MODEL, commands, named_model, offered
@@ -55,6 +46,7 @@ TROUBLE = (
 )  # fmt: skip
 _AS_THEY_ARE = ("commands", "equations", "outputs", "input")
 LEVEL = 0.01  # family-wise error rate of a diagnosis, where no ladder has another one
+_UNKNOWN_FORCE = {**Score(FORCE, DRIVE_FORCE, None).to_dict(), "about": "Sensor noise may be all of it."}
 ONE_SIGN = 0.6  # share of its root mean square from which on the mean of an error is worth a word
 
 
@@ -193,7 +185,7 @@ def _head(snapshot: Snapshot) -> dict[str, Any]:
         force = scores_of(found.errors, found.record).get(DRIVE_FORCE)
         scores |= {} if force is None else {DRIVE_FORCE: force}
     ladder = snapshot.ladder
-    judged = "" if ladder is None or not scores else _judged_by(ladder, judging(ladder))
+    judged = "" if ladder is None or not scores else _judged_by(ladder, [DRIVE_FORCE in scores])
     return {"scores": [one.to_dict() for one in scores.values()], "pending": pending, "why": why, "judged": judged}
 
 
@@ -363,18 +355,24 @@ def _ladder(ladder: Ladder, recordings: Sequence[str], given: Step | None = None
     kind = judging(ladder)
     count = _count(recordings, DATA_USE[kind])
     together = f" ({count} recordings together)" if count > 1 else ""
+    found = [step_scores(step, kind) for step in (*([] if given is None else [given]), *ladder.steps)]
+    known = [DRIVE_FORCE in one for one in found]
+    # What is known of one step has its place in all of them.
+    rows = [[*(o.to_dict() for o in one.values()), *([_UNKNOWN_FORCE] if any(known) and not has else [])]
+            for one, has in zip(found, known, strict=True)]  # fmt: skip
     return {
         # Before the fit, with its own errors: what the fit has done is no part of what an effect has done.
-        "given": None if given is None else [one.to_dict() for one in step_scores(given, kind).values()],
+        "given": None if given is None else rows.pop(0),
         "steps": [
             {
-                **_step(number, step, ladder, kind),
+                **_step(number, step, ladder),
+                "scores": rows[number],
                 **({} if number or given is None else {"by": "the same model, fitted"}),
             }
             for number, step in enumerate(ladder.steps)
         ],
         "verdict": ladder.verdict,
-        "data": f"Errors of the {DATA_USE[kind]} data{together}. {_judged_by(ladder, kind)}",
+        "data": f"Errors of the {DATA_USE[kind]} data{together}. {_judged_by(ladder, known)}",
         "beware": [
             sentence(in_words(text))
             for text in (*(f"warning: {one.text}" for one in ladder.worsened), *disagreements(ladder))
@@ -382,22 +380,24 @@ def _ladder(ladder: Ladder, recordings: Sequence[str], given: Step | None = None
     }
 
 
-def _judged_by(ladder: Ladder, kind: str) -> str:
-    """Name the error that decides about effects, and say where it is not among the numbers."""
+def _judged_by(ladder: Ladder, known: Sequence[bool]) -> str:
+    """Name the error that decides about effects, and say where that of the drive force is not among the numbers."""
     by = CRITERIA[ladder.criterion] if ladder.criterion != "auto" else "what the data show best"
-    known = any(DRIVE_FORCE in step_scores(step, kind) for step in ladder.steps)
-    hidden = "" if known or ladder.criterion != "force" else "; its error is not shown, sensor noise may be all of it"
+    hidden = ""
+    if any(known) and not all(known):
+        hidden = "; –: sensor noise may be all of the error of the drive force"
+    elif not any(known) and ladder.criterion == "force":
+        hidden = "; its error is not shown, sensor noise may be all of it"
     return f"Effects are judged by {by}{hidden}."
 
 
-def _step(number: int, step: Step, ladder: Ladder, kind: str) -> dict[str, Any]:
+def _step(number: int, step: Step, ladder: Ladder) -> dict[str, Any]:
     added = step.added
     return {
         "number": number,
         "words": step_title(step),
         "by": step_evidence(step),
         "ties": [effect_words(name) for name in ladder.rivals(step)],
-        "scores": [one.to_dict() for one in step_scores(step, kind).values()],
         "parameters": [] if added is None else _parameters(added.parameters),
     }
 
@@ -471,6 +471,8 @@ def _map(one: ErrorMap) -> dict[str, Any]:
 
 
 def _everywhere(one: ErrorMap) -> str:
-    """Say that most of an error is one constant; empty where it is not."""
-    constant = math.isfinite(one.mean) and abs(one.mean) > ONE_SIGN * one.rms
-    return f"Most of the error is the same everywhere: {short(one.mean)} {one.unit} on average." if constant else ""
+    """Say how much of an error is one constant, which no curve over a variable has in it; empty where it is little."""
+    if not (math.isfinite(one.mean) and abs(one.mean) > ONE_SIGN * one.rms):
+        return ""
+    part = percent((one.mean / one.rms) ** 2)
+    return f"{part} of the error is the same everywhere: {short(one.mean)} {one.unit} on average."
