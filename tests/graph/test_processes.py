@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import time
 
 import pytest
@@ -10,12 +11,19 @@ import pytest
 from idloop.errors import IdloopError, InputError
 from idloop.graph import Graph, GraphRun, NodeEntry, processes, run_graph
 
+CRASHING = """
+import os, signal
+signal.signal(signal.SIGINT, lambda *_: os.kill(os.getpid(), signal.SIGSEGV))
+print("up", flush=True)
+while True:
+    signal.pause()
+"""
 SCRIPTS = {
     "brief": "echo done",
     "endless": "echo up; exec sleep 1000",
     "deaf": "trap '' INT TERM; echo up; while :; do sleep 0.1; done",
     "broken": "echo so sorry; exit 3",
-    "crashing": "trap 'kill -SEGV $$' INT; echo up; while :; do sleep 0.1; done",
+    "crashing": f"exec {sys.executable} -c '{CRASHING}'",
     "misled": "echo no such model; exit 2",
     "family": "sleep 1000 & echo child $!; trap '' INT TERM; while :; do sleep 0.1; done",
     "words": 'echo "$@"; echo "$ROS_DOMAIN_ID $ROS_AUTOMATIC_DISCOVERY_RANGE"',

@@ -262,7 +262,9 @@ def test_a_node_that_stood_still_until_it_was_forgotten_is_met_again(own_graph):
 
 
 @pytest.mark.parametrize(
-    "bridge_parameters", [{"limit.position_max": 20.0, "limit.position_min": -20.0, "limit.coast_time": 0.5}]
+    "bridge_parameters",
+    # A command that is late on a busy machine would stop the motor before the limit does.
+    [{"limit.position_max": 20.0, "limit.position_min": -20.0, "limit.coast_time": 0.5, "watchdog": 1.0}],
 )
 def test_nobody_drives_the_motor_past_its_position_limit(own_graph):
     """The preset coasts for inertia / friction = 0.5 s: it is stopped so early that it comes to rest inside."""
