@@ -125,6 +125,13 @@ def test_what_was_found_is_not_among_what_the_data_cannot_show(contents):
 
 
 @pytest.mark.slow
+def test_a_large_size_has_its_power_of_ten(contents):
+    limits = {"compliance@motor": DetectionLimit("stiffness", "N·m/rad", 5600.0, 5600.0, at_most=True)}
+    page = render_page(replace(contents, ladder=replace(contents.ladder, untestable=(), limits=limits)))
+    assert "stiffness ≤ 5.6 · 10³ N·m/rad" in page.replace("\u00a0", " ")
+
+
+@pytest.mark.slow
 def test_a_verdict_is_contradicted_by_errors_that_are_not_white(contents, story):
     coloured = np.cumsum(np.random.default_rng(0).normal(size=(len(story["train"].time), 2)), axis=0) * (1e-4, 5e-4)
     train = replace(story["train"], output=story["train"].output + coloured)
@@ -141,7 +148,9 @@ def test_a_verdict_is_contradicted_by_errors_that_are_not_white(contents, story)
 @pytest.mark.slow
 def test_a_share_says_of_what_it_is_one_and_a_list_of_which_model(contents):
     page = render_page(contents)
-    assert "80&nbsp;% of the power of the one-step prediction errors that the model without it leaves" in page
+    # Which errors an effect was judged by, its step does not say: the last look may have been by others.
+    assert "80&nbsp;% of the power of the errors that the model without it leaves" in page
+    assert "Criterion of the last look: one-step prediction errors." in page
     assert "<h3>This data cannot show</h3>" in page
     stopped = render_page(replace(contents, ladder=replace(contents.ladder, verdict="missing")))
     assert "<h3>As long as what is still missing is not in the model, this data cannot show</h3>" in stopped

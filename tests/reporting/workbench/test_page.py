@@ -810,6 +810,32 @@ def test_in_one_column_the_answer_stands_below_the_head(width, recording, visit)
 
 
 @pytest.mark.slow
+def test_nothing_of_another_width_stays_beside_a_figure_and_paper_unfolds(recording, visit, tmp_path):
+    """A figure that was drawn for paper or a phone leaves a column of its middle at its left edge."""
+    image = pytest.importorskip("PIL.Image")
+    source, address = recording
+    page = visit(address).page
+    source.state.change(missing=replace(MISSING, untestable=("saturation@input",)))
+    page.wait_for_selector("#cannot:visible")
+    for width in (1440, 390, 1440):
+        page.set_viewport_size({"width": width, "height": 900})
+        page.wait_for_timeout(400)
+        opened = page.evaluate("""() => ["beforeprint", "afterprint"].map((name) => {
+            dispatchEvent(new Event(name));
+            return document.querySelector("#cannot").open;
+        })""")
+        assert opened == [True, False]
+        page.pdf(path=tmp_path / "page.pdf")
+    page.wait_for_selector("#linear-panel canvas, #linear-panel .bk-Column")
+    box = page.locator("#linear-panel [data-root-id] > *").first.bounding_box()
+    page.screenshot(path=tmp_path / "edge.png", full_page=True,
+                    clip={**box, "x": round(box["x"]) - 1, "width": 3, "height": box["height"]})  # fmt: skip
+    with image.open(tmp_path / "edge.png") as edge:
+        assert min(low for low, _ in edge.convert("RGB").getextrema()) > 250
+    page.goto("about:blank")
+
+
+@pytest.mark.slow
 def test_what_is_printed_names_its_recording_and_its_error(recording, visit):
     _, address = recording
     page = visit(address).page

@@ -105,7 +105,7 @@ def test_velocity_is_shown_where_nothing_says_anything():
 def test_an_error_of_one_sign_is_said_to_be_the_same_everywhere():
     assert (
         state_json._everywhere(error(mean=-2.5, rms=2.6))
-        == "Most of the error is the same everywhere: −2.5 N on average."
+        == "92 % of the error is the same everywhere: −2.5 N on average."
     )
     assert state_json._everywhere(error(mean=0.3, rms=2.6)) == ""
 
@@ -308,8 +308,13 @@ def test_on_a_live_graph_a_model_without_its_fit_is_pending():
 def test_head_and_ladder_name_the_error_that_decides():
     model = load_model("dc_motor")
     step = Step(None, model, validation={"fit": {"motor.position": 80.0}, "force": 0.2})
-    said = state_json._judged_by(Ladder((step,), criterion="force"), "validation")
+    said = state_json._judged_by(Ladder((step,), criterion="force"), [True])
     assert said == "Effects are judged by the drive force that the measured motion leaves unexplained."
     hidden = replace(step, validation={"fit": {"motor.position": 80.0}, "force": None})
-    said = state_json._judged_by(Ladder((hidden,), criterion="force"), "validation")
+    said = state_json._judged_by(Ladder((hidden,), criterion="force"), [False])
     assert said.endswith("unexplained; its error is not shown, sensor noise may be all of it.")
+    # Where one step has it, every other one says that it has none.
+    shown = state_json._ladder(Ladder((hidden, step), criterion="prediction"), ())
+    texts = [[one["text"] for one in row["scores"]] for row in shown["steps"]]
+    assert texts == [["80 %", "–"], ["80 %", "20 %"]]
+    assert shown["data"].endswith("errors; –: sensor noise may be all of the error of the drive force.")

@@ -12,6 +12,7 @@ from idloop.reporting.figures.theme import DARK, LIGHT
 from idloop.reporting.page.equations import equations, to_mathml
 from idloop.reporting.page.page_figures import page_figures
 from idloop.reporting.page.page_words import page_words
+from idloop.reporting.terms import effect_words
 
 if TYPE_CHECKING:
     from bokeh.plotting import figure
@@ -46,7 +47,10 @@ def render_page(contents: Contents) -> str:
         places=set(places),
         light=LIGHT,
         dark=DARK,
-        equations=[(Markup(to_mathml(line.latex, block=True)), line.about, line.effect) for line in lines],  # noqa: S704
+        equations=[
+            (Markup(to_mathml(line.latex, block=True)), line.about, effect_words(line.effect))  # noqa: S704
+            for line in lines
+        ],
         symbols={name: Markup(to_mathml(symbol)) for name, symbol in symbols.items()},  # noqa: S704
         style=Markup(_read("report.css")),  # noqa: S704
         script=Markup(_read("report.js")),  # noqa: S704

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -36,7 +37,7 @@ from idloop.spelling import joined_names
 from idloop.validation.characteristic import no_picture
 from idloop.validation.variables import TITLES
 from idloop.validation.where import DRIVE_FORCE
-from idloop.validation.words import figure_text
+from idloop.validation.words import figure_text, tidy
 
 if TYPE_CHECKING:
     from idloop.diagnosis import Candidate, Ladder, Step
@@ -441,4 +442,9 @@ def _suggestion(ladder: Ladder) -> dict[str, Any] | None:
 
 def _table(texts: Mapping[str, str], column: str) -> list[dict[str, str]]:
     """Rows of a table by effect."""
-    return [{"name": effect_words(name), column: in_words(text)} for name, text in texts.items()]
+    return [{"name": effect_words(name), column: in_words(_with_powers(text))} for name, text in texts.items()]
+
+
+def _with_powers(text: str) -> str:
+    """Write what Python writes as 5.6e+03 with its power of ten."""
+    return re.sub(r"\d(?:\.\d+)?e[+-]\d+", lambda found: tidy(found[0]), text)

@@ -608,6 +608,10 @@
     }
   }
 
+  // On paper nothing unfolds: what the data cannot show is said there.
+  let folded = false;
+  addEventListener("beforeprint", () => { folded = !$("cannot").open; $("cannot").open = true; });
+  addEventListener("afterprint", () => { if (folded) $("cannot").open = false; });
   // A page in the background draws nothing, and the server sends it nothing.
   document.addEventListener("visibilitychange", () => choose({ seen: document.visibilityState === "visible" }));
   addEventListener("keydown", (event) => {
