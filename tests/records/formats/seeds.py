@@ -104,6 +104,12 @@ def _lvm():
     ).encode()
 
 
+def _message(row):
+    t, u, angle, _ = row
+    stamp = f"stamp:\n  sec: 1\n  nanosec: {t * 1e9:.0f}\n"
+    return f"{stamp}position:\n- {angle:.6g}\n- 0.5\neffort: [{u:.6g}]\n---\n"
+
+
 def _mat_hdf5(path):
     mat_hdf5(path, {"log": SIGNALS, "cells": ["a", "bc"], "name": "x"})
 
@@ -165,5 +171,6 @@ def seeds() -> dict[str, tuple[str, list[bytes]]]:
         "jsonl": (".jsonl", ["\n".join(map(json.dumps, samples)).encode()]),
         "json": (".json", [json.dumps(samples).encode(), json.dumps(series).encode()]),
         "blocks": (".txt", [blocks.encode()]),
+        "echo": (".txt", ["".join(map(_message, ROWS)).encode()]),
         "labels": (".txt", ["\n".join(",".join(map("{}:{:.6g}".format, SIGNALS, row)) for row in ROWS).encode()]),
     }  # fmt: skip

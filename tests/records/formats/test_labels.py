@@ -56,6 +56,7 @@ def test_the_clock_of_a_serial_monitor_is_the_time(tmp_path):
         ("[  12.{k}50000] motor: pos=1.2, vel=0.{k}", 12.05),
         ("I (123{k}) motor: pos=1.2 vel=0.{k}", 1230.0),
         ("123{k} pos=1.2 vel=0.{k}", 1230.0),
+        ("Stats 1523.{k}: pos=1.2 vel=0.{k}", 1523.0),
     ],
 )
 def test_the_clock_before_the_values_is_the_time(tmp_path, line, first):

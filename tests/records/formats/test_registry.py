@@ -63,3 +63,17 @@ def test_other_files_are_one_line(tmp_path, name):
     (tmp_path / file).write_bytes(content)
     with pytest.raises(InputError, match=words):
         read_table(tmp_path / file)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "(1436509052.249713) vcan0 044#2A366C2BBA\n",
+        "  vcan0  201   [2]  2A 36\n",
+        "Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2\n166064000,0000021A,false,Rx,0,2,FE,36\n",
+    ],
+)
+def test_raw_frames_of_a_bus_are_refused_with_what_to_do(tmp_path, text):
+    (tmp_path / "can.log").write_text(text * 3)
+    with pytest.raises(InputError, match="raw frames of a CAN bus; export the signals"):
+        form_of(tmp_path / "can.log")

@@ -229,3 +229,19 @@ def test_a_point_between_thousands_of_a_file_with_decimal_commas(tmp_path, optio
     path = tmp_path / "log.csv"
     path.write_text("t;x\n" + "".join(f"0,{k:03d};{cell}\n" for k, cell in enumerate(written)), encoding="utf-8")
     np.testing.assert_allclose(read_table(path, options=options).numbers("x"), values)
+
+
+def test_how_dates_are_written_stands_among_the_units(tmp_path):
+    head = "Bench 3;;;\nDatum;Uhrzeit;Moment;Lage\nTT.MM.JJJJ;hh:mm:ss,ms;Nm;°\n"
+    table = _read(tmp_path, head + "".join(f"02.03.2025;09:00:0{k},5;0,{k};1,{k}\n" for k in range(5)))
+    assert list(table.columns) == ["Datum", "Uhrzeit", "Moment", "Lage"]
+    assert table.units["Moment"] == "Nm"
+
+
+def test_points_between_thousands_beside_decimal_commas(tmp_path):
+    table = _read(tmp_path, "t [ms]\tu\n" + "".join(f"{t}\t{u}\n" for t, u in [(10, "0,5"), ("1.010", "-1.100,0")]))
+    np.testing.assert_array_equal(table.columns["t [ms]"], [10, 1010])
+    np.testing.assert_array_equal(table.columns["u"], [0.5, -1100])
+    # Without commas a point is the decimal sign, also where each number could be a thousand.
+    table = _read(tmp_path, "t,u\n1.250,2.500\n1.500,3.500\n")
+    np.testing.assert_array_equal(table.columns["t"], [1.25, 1.5])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +66,7 @@ def read_json_lines(path: Path, _: Options) -> Table:
         if not isinstance(sample, dict):
             raise InputError(f"{path}: line {number + 1} is no JSON object with the values of a sample by name")
         samples.append(sample)
-    table = _of_samples(path, samples, {})
+    table = table_of_samples(path, samples)
     table.notes += notes
     return table
 
@@ -103,7 +103,7 @@ def table_of_content(path: Path, content: Any, options: Options) -> Table:
         lists = [name for name, value in content.items() if _holds_samples(value)]
         entries = content[max(lists, key=lambda name: len(content[name]))] if lists else content
     if isinstance(entries, list) and entries and all(isinstance(entry, dict) for entry in entries):
-        return _of_samples(path, entries, attributes)
+        return table_of_samples(path, entries, attributes)
     if isinstance(entries, dict):
         table = table_of_tree(path, entries)
         table.attributes = attributes | table.attributes
@@ -137,8 +137,23 @@ def _holds_samples(value: Any) -> bool:
     )
 
 
-def _of_samples(path: Path, samples: list[dict[str, Any]], attributes: dict[str, float | str]) -> Table:
-    """One column for each value that a sample has, those within it as ``a.b`` and ``a[0]``."""
+def table_of_samples(
+    path: Path, samples: Sequence[Mapping[str, Any]], attributes: dict[str, float | str] | None = None
+) -> Table:
+    """Return a column for each value that a sample has, those within it as ``a.b`` and ``a[0]``.
+
+    Parameters
+    ----------
+    path : Path
+    samples : sequence of mapping
+    attributes : dict, optional
+        What the file holds once.
+
+    Raises
+    ------
+    InputError
+        They are too large.
+    """
     columns: dict[str, list[Any]] = {}
     for number, sample in enumerate(samples):
         for name, value in _values(sample, ""):
@@ -156,7 +171,7 @@ def _of_samples(path: Path, samples: list[dict[str, Any]], attributes: dict[str,
             raise InputError(f"{path}: its columns take too much memory; cut the file")
     for column in columns.values():
         column.extend([None] * (len(samples) - len(column)))
-    return Table(path, columns, attributes)
+    return Table(path, columns, attributes or {})
 
 
 def _values(sample: Mapping[str, Any], prefix: str) -> list[tuple[str, Any]]:

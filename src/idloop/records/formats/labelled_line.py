@@ -13,13 +13,13 @@ _PAIR = re.compile(rf"([^\W\d][^:=,;|\t]*?)\s*[:=]\s*({_NUMBER})\s*§?\s*([^\s\d
 _TEXT = re.compile(r"[^\W\d][^\s:=,;|]*\s*[:=]\s*\S+")
 _CELLS = re.compile(r"\s*[,;\t|]\s*")
 _BLANKS = re.compile(r"\s+(?=[^\W\d][^\s:=]*\s*[:=])")
-# Before the values, what says most of the time first; then numbers in brackets, and those that begin the line.
+# Before the values, what says most of the time first; then numbers in brackets, and others.
 _CLOCK = r"\d{1,2}:\d\d:\d\d(?:[.,:]\d+)?"
 _STAMPS = tuple(map(re.compile, (
     rf"(?P<stamp>\d{{4}}-\d\d-\d\d[T ]{_CLOCK}(?:Z|[-+]\d\d:?\d\d)?)(?P<unit>)",
     rf"(?P<stamp>{_CLOCK})(?P<unit>)",
     r"[\[(]\s*(?P<stamp>\d+(?:\.\d+)?)\s*(?P<unit>[mµun]?s)?\s*[\])]",
-    r"^\s*(?P<stamp>\d+(?:\.\d+)?)\s*(?P<unit>[mµun]?s)?(?=[\s,;:|>])",
+    r"(?:^|(?<![:=\s])\s+)(?P<stamp>\d+(?:\.\d+)?)\s*(?P<unit>[mµun]?s)?(?=[\s,;:|>])",
 )))  # fmt: skip
 # Of Teleplot: `>name:value`, `>name:stamp:value§unit|flags`, several values apart by semicolons; stamps are in ms.
 _TELEPLOT = re.compile(r">\s*([^:|]+):([^|§]+)(?:§([^|]*))?(?:\|(\w*))?")

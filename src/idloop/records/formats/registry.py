@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from idloop.errors import InputError
@@ -9,6 +10,7 @@ from idloop.records.formats import (
     arrow,
     blocks,
     codesys,
+    echo,
     hdf5,
     json_file,
     labels,
@@ -22,20 +24,26 @@ from idloop.records.formats import (
     twincat,
     wpilog,
 )
-from idloop.records.formats.form import Form
+from idloop.records.formats.form import Form, text_of
 from idloop.spelling import did_you_mean, listed
 
 # In the order in which a file is held against them: what begins with a sign of its own first.
 FORMS: tuple[Form, ...] = (
     mat.FORM, hdf5.FORM, arrow.PARQUET, arrow.FEATHER, numpy_arrays.FORM, numpy_arrays.ONE, torch_file.FORM,
     wpilog.FORM, codesys.FORM, labview.FORM, twincat.FORM, tektronix.FORM, sysid_json.FORM, json_file.LINES,
-    json_file.FORM, blocks.FORM, labels.FORM,
+    json_file.FORM, blocks.FORM, echo.FORM, labels.FORM,
 )  # fmt: skip
 # What almost any text may be, so that a suffix says more.
 TEXT = text_table.FORM
 HEAD = 1 << 16
 _WORKBOOK = (
     "a workbook of Excel; save its sheet as CSV, there or by pandas.read_excel('x.xlsx').to_csv('x.csv', index=False)"
+)
+_FRAMES = "raw frames of a CAN bus; export the signals that they carry, decoded by the DBC file of the drive, as CSV"
+# Texts without signals: as candump prints them, and as SavvyCAN and other loggers write them.
+_TEXTS = (
+    (re.compile(r"\s*(\(\d+\.\d+\)\s+)?\w+\s+[0-9A-F]{3,8}(#|\s+\[\d+\]\s)"), _FRAMES),
+    (re.compile(r"[^\n]*\b(CAN[ _]?)?ID\b[^\n]*\b(LEN|DLC)\b[^\n]*\b(D1|DATA)", re.IGNORECASE), _FRAMES),
 )
 # What other files begin with, and what to do with them.
 _OTHERS = (
@@ -84,6 +92,9 @@ def form_of(path: Path, kind: str | None = None) -> Form:
         raise InputError(f"{path}: {_WORKBOOK}")
     for begin, advice in _OTHERS:
         if head.startswith(begin):
+            raise InputError(f"{path}: {advice}")
+    for text, advice in _TEXTS:
+        if text.match(text_of(head)):
             raise InputError(f"{path}: {advice}")
     name = path.name.lower()
     by_suffix = [(len(suffix), form) for form in known.values() for suffix in form.suffixes if name.endswith(suffix)]

@@ -217,7 +217,7 @@ def _by_names(
     joints = joints if paths is None else paths
     for name, value in numbers.items():
         parsed = parse_column_name(name, table.units.get(name, ""))
-        if name == base.time.column or name in table.clocks.values():
+        if name == base.time.column or name in table.clocks.values() or name in table.stamp_parts:
             continue
         if joints is not None:
             parsed = replace(parsed, index=joints.get(name, ""))

@@ -16,6 +16,7 @@ from idloop.records.recognition.column_name import is_counter, parse_column_name
 from idloop.records.recognition.guess import Given
 from idloop.records.recognition.roles import RoleByName, role_by_name
 from idloop.records.tables.base_units import SECONDS, known_unit
+from idloop.records.tables.dates import dates_ns
 from idloop.records.tables.mapping import Time
 from idloop.records.tables.table import Table
 from idloop.spelling import listed
@@ -31,7 +32,7 @@ _RISING = 0.5  # share of the steps of a named time column that are not negative
 _EVEN = 0.97  # share of the steps of a column without a name that are nearly equal
 # "Sampling period [ms];1", "sample rate: 1000 Hz" in the notes above a table.
 _PERIOD = re.compile(
-    r"(?:sampl\w*|tast\w*|cycle|abtast\w*|interval|dt)\b[^0-9]*?(?:\[(?P<before>[^\]]+)\][^0-9]*)?"
+    r"(?:sampl\w*|tast\w*|cycle|abtast\w*|interval|resolution|dt)\b[^0-9]*?(?:\[(?P<before>[^\]]+)\][^0-9]*)?"
     r"(?P<number>\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)[\s,;\[(]*(?P<behind>[µa-zA-Z]+)?",
     re.IGNORECASE,
 )
@@ -136,6 +137,9 @@ def find_time_base(
     if name:
         reason = role_by_name(parse_column_name(name, table.units.get(name, ""))).reason
         return _of_column(table, numbers, name, unit, reason)
+    for name in table.columns:
+        if name not in numbers and (dates := _dates(table.raw(name))) is not None and np.ptp(dates) > 0.0:
+            return _of_column(table, numbers, name, unit, "by its cells")
     if found := _increment(table) or _period_in_notes(table):
         seconds, reason = found
         return TimeBase(Time(period=seconds), reason, "", np.arange(count, dtype=np.float64) * seconds)
@@ -314,11 +318,8 @@ def _starts_again(value: Floats) -> bool:
 
 def _dates(cells: Sequence[Any]) -> Floats | None:
     """Dates as ISO 8601 [s since 1970]; None where the cells are none."""
-    try:
-        stamps = np.array([str(cell).strip().removesuffix("Z") for cell in cells], dtype="datetime64[ns]")
-    except ValueError:
-        return None
-    return np.asarray(stamps.astype(np.int64) * 1e-9) if not np.isnat(stamps).any() else None
+    found = dates_ns(cells)
+    return None if found is None else np.asarray(found * 1e-9, dtype=np.float64)
 
 
 def _of_column(table: Table, numbers: dict[str, Floats], name: str, unit: str, reason: str) -> TimeBase:

@@ -135,7 +135,8 @@ def _read(path: Path, stream: TextIO, options: dict[str, Any], found: CsvTable, 
     found.preamble = [line.rstrip("\r\n") for line in first[: layout.skip - bool(layout.own_names)]]
     if layout.width > MOST_COLUMNS:
         raise InputError(
-            f"{path}: {layout.width:,} columns, more than {MOST_COLUMNS:,}; check that this is the data file"
+            f"{path}: {layout.width:,} columns, more than {MOST_COLUMNS:,}; check that this is the data file, and"
+            " write one with a signal in each row with a signal in each column"
         )
     names = layout.names
     if not names and options.get("header") is None:
@@ -172,13 +173,19 @@ def _read(path: Path, stream: TextIO, options: dict[str, Any], found: CsvTable, 
     clocks = clocks_of(own_names[:width])
     if clocks:
         names = numbered(names)
-    if twice := repeated(names):
-        raise InputError(f"{path}: column {twice[0]!r} occurs twice; rename one in the header")
+    if twice := dict.fromkeys(repeated(names)):
+        if any(sum(map(bool, map(str.strip, line.split(layout.delimiter)))) > 1 for line in found.preamble):
+            # What tells them apart may stand above.
+            raise InputError(f"{path}: column {next(iter(twice))!r} occurs twice; rename one in the header")
+        names = [f"{name}.{place}" if name in twice else name for place, name in enumerate(names)]
+        found.notes.append(f"columns of one name ({listed(twice, 3)}) have their places behind it, counted from 0")
     columns = table.columns[:width]
     in_cells = {name: _take_units(path, name, parts, start) for name, parts in zip(names, columns, strict=True)}
     if not commas and not table.has_points and _has_decimal_commas(path, columns):
         columns = [[_with_points(part) for part in parts] for parts in columns]
         found.notes.append("its numbers are read with decimal commas")
+    else:
+        columns = [[_numbers_or_texts(part) if isinstance(part, list) else part for part in parts] for parts in columns]
     found.columns = {name: _joined(parts) for name, parts in zip(names, columns, strict=True)}
     _note_layout(found, layout, [*names, *layout.names[len(names) :]])
     if taken := {name: unit for name, unit in in_cells.items() if unit}:
@@ -318,6 +325,12 @@ def _with_point(cell: str) -> str:
     return grouped["head"] + re.sub(r"\D", "", grouped["groups"]) + (grouped["part"] or "").replace(",", ".")
 
 
+def _may_be_thousands(cell: str) -> bool:
+    """Whether a number with a point may be one with groups of thousands."""
+    grouped = GROUPED.fullmatch(cell.strip())
+    return grouped is not None and grouped["sign"] == "."
+
+
 def _joined(parts: Sequence[Part]) -> NDArray[np.float64] | list[Any]:
     """A whole column, as numbers if all parts are."""
     if all(isinstance(part, np.ndarray) for part in parts):
@@ -366,7 +379,10 @@ class _Table:
                 self.used_width = index + 1
             cells = list(map(_with_point, written)) if self._commas else written
             part = _numbers_or_texts(cells)
-            self.has_points = self.has_points or (isinstance(part, np.ndarray) and any("." in cell for cell in cells))
+            if not self.has_points and isinstance(part, np.ndarray) and (pointed := [c for c in cells if "." in c]):
+                # 1.234 may be a thousand as well: what it is shows in other columns.
+                self.has_points = not all(map(_may_be_thousands, pointed))
+                part = part if self.has_points else list(cells)
             self._bytes += part.nbytes if isinstance(part, np.ndarray) else _TEXT_CELL * len(part)
             parts.append(part)
         if self._bytes > MOST_TABLE:
@@ -459,7 +475,7 @@ def _has_decimal_commas(path: Path, columns: Iterable[Iterable[Part]]) -> bool:
         if grouped and grouped["sign"] == "," and (grouped["part"] or grouped["groups"].count(",") > 1):
             return False  # a comma stands between thousands here
         if match is None:
-            if "," not in cell and "." in cell and is_number(cell):
+            if "," not in cell and "." in cell and is_number(cell) and not _may_be_thousands(cell):
                 return False  # a point is the decimal sign here
             continue
         found = found or cell.strip()

@@ -31,6 +31,8 @@ WITH_UNIT = re.compile(
 )
 # A name in a line whose cells are separated by white space, with the unit behind it.
 _NAME = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?")
+# How a date or a time of day is written stands for its unit: hh:mm:ss,ms and TT.MM.JJJJ.
+_PATTERN = re.compile(r"[hmsdytjna]{1,4}(?:[.:,/\- ]+[hmsfdytjna]{1,4})+", re.IGNORECASE)
 _UNIT_CELL = re.compile(r"\[.*\]|\(.*\)|<.*>|-|[%°µΩa-zA-Z²³·/*^.0-9]{1,8}")
 
 
@@ -260,6 +262,7 @@ def _data(rows: Sequence[Row], width: int) -> list[bool]:
 
 def _are_units(row: Row) -> bool:
     cells = [cell.strip() for cell in row if cell.strip() and not is_number(cell)]
+    cells = [cell for cell in cells if not _PATTERN.fullmatch(cell)]
     units = [_UNIT_CELL.fullmatch(cell) for cell in cells]
     # TIME,CH1,CH2 is no row of units: one of them is known, or all are in brackets.
     return all(units) and any(known_unit(cell) or cell[0] in "[(<-" for cell in cells)

@@ -250,7 +250,7 @@ class Mapping(Signals):
     format: (
         Literal[
             "csv", "mat", "hdf5", "parquet", "feather", "npz", "npy", "torch", "wpilog", "codesys", "lvm", "twincat",
-            "tektronix", "sysid", "jsonl", "json", "blocks", "labels", "bag",
+            "tektronix", "sysid", "jsonl", "json", "blocks", "echo", "labels", "bag",
         ]
         | None
     ) = None  # fmt: skip

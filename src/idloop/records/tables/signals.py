@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +19,7 @@ from idloop.records.measured_conditions import FIELD
 from idloop.records.measured_conditions import TOPIC as CONDITIONS
 from idloop.records.tables.base_units import SECONDS, base_unit
 from idloop.records.tables.csv_layout import is_number
+from idloop.records.tables.dates import date_ns
 from idloop.records.tables.expression import Expression
 from idloop.records.tables.mapping import Channel, Mapping, Signals, SignBit, Time
 from idloop.records.tables.stamps import bad_stamps, in_order, note_bad_stamps
@@ -339,16 +339,12 @@ def _as_stamps(table: Table, column: str | int, nanoseconds: NDArray[Any], first
 
 
 def _iso(table: Table, cell: object, row: int) -> int:
-    try:
-        # Python 3.10 does not know the Z for UTC.
-        when = datetime.fromisoformat(str(cell).strip().replace("Z", "+00:00"))
-    except ValueError:
+    when = date_ns(cell)
+    if when is None:
         raise InputError(
             f"{table.path}: row {row}: {str(cell)[:40]!r} is not an ISO 8601 time; correct `time:` in the mapping"
-        ) from None
-    when = when if when.tzinfo else when.replace(tzinfo=timezone.utc)
-    passed = when - datetime(1970, 1, 1, tzinfo=timezone.utc)
-    return ((passed.days * 86_400 + passed.seconds) * 1_000_000 + passed.microseconds) * 1000
+        )
+    return when
 
 
 def twos_complement(raw: Floats, kind: str) -> Floats:

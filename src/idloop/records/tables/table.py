@@ -33,6 +33,8 @@ class Table:
     clocks : dict of str to str
         Where columns have stamps of their own: the column that holds those of each. Its unit is in `units` where it is
         not s.
+    stamp_parts : tuple of str
+        Columns with the seconds and the rest of a stamp that a third one has as a whole.
     first_row : int
         Row of the file with which the columns begin.
     parts : dict of str to (float, float)
@@ -49,6 +51,7 @@ class Table:
     notes: list[str] = field(default_factory=list)
     units: dict[str, str] = field(default_factory=dict)
     clocks: dict[str, str] = field(default_factory=dict)
+    stamp_parts: tuple[str, ...] = ()
     first_row: int = 0
     parts: dict[str, tuple[float, float]] = field(default_factory=dict)
     begins: tuple[int, ...] = ()

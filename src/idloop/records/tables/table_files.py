@@ -10,8 +10,10 @@ from idloop.documents import MOST_TABLE
 from idloop.errors import InputError
 from idloop.records.formats.registry import form_of
 from idloop.records.tables.long_table import spread_names
+from idloop.records.tables.split_stamps import join_stamps
 from idloop.records.tables.table import Table
 from idloop.records.tables.text_cells import read_texts
+from idloop.records.tables.transposed import turn_rows
 from idloop.spelling import did_you_mean, listed
 
 __all__ = ["Table", "read_table"]
@@ -56,5 +58,8 @@ def read_table(path: Path, kind: str | None = None, options: Mapping[str, Any] |
             f"{path}: there are no rows of data, only the names of columns ({listed(table.columns)});"
             " check that the recording was saved whole"
         )
+    if table.csv is not None:
+        turn_rows(table)
     spread_names(table)
+    join_stamps(table)
     return table

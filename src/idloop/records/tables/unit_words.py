@@ -29,7 +29,7 @@ _WORDS: dict[str, str] = {
     "counts": "counts count cnt cts ticks tick pulse pulses puls impuls impulse impulses impulsy impulsos impulsi"
     " impulsions inc incs increment increments inkrement inkremente incrementos incrementi lsb qc имп импульсы 脉冲",
     "V": "v volt volts volte voltio voltios в вольт вольты 伏 伏特",
-    "A": "a amp amps ampere amperes amper ampery amperio amperios а ампер амперы 安 安培",
+    "A": "a arms apk amp amps ampere amperes amper ampery amperio amperios а ампер амперы 安 安培",
     "N": "newton newtons newtonow newtonit ньютон н",
     "N·m": "nm n·m n-m n*m n.m newtonmeter newtonmetre нм н·м",
     "°C": "celsius degc",
