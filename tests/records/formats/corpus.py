@@ -594,6 +594,113 @@ def console_log(folder):
 
 
 @form
+def siemens_trace_two_columns_of_time(folder):
+    run = levels(35)
+    lines = [
+        "Startdrive Trace;;;;",
+        "Datum;Uhrzeit;Momentensollwert;Lageistwert;Drehzahlistwert",
+        "TT.MM.JJJJ;hh:mm:ss,ms;Nm;°;1/min",
+    ]
+    rows = (
+        f"29.11.2026;10:00:{10 + t:06.3f};{u:.3f};{q * DEG:.3f};{w * RPM:.2f}".replace(".", ",").replace(",11,", ".11.")
+        for t, u, q, w in zip(run.t, run.u, run.q, run.w, strict=True)
+    )
+    path = _write(folder / "trace.csv", "\n".join([*lines, *rows]) + "\n", "cp1252")
+    truth = _motor("Uhrzeit", "Momentensollwert", "Lageistwert", "Drehzahlistwert", angle="deg", speed="rpm")
+    return Log(path, "csv", (), truth)
+
+
+@form
+def pandas_dates_as_index(folder):
+    run = levels(40)
+    rows = (
+        f"2025-03-30 12:00:{10 + t:09.6f}+02:00,{u:.3f},{q * DEG:.4f}"
+        for t, u, q in zip(run.t, run.u, run.q, strict=True)
+    )
+    text = ",torque_Nm,angle_deg\n" + "\n".join(rows) + "\n"
+    return Log(_write(folder / "frame.csv", text), "csv", (), _motor("0", "torque_Nm", "angle_deg", "", angle="deg"))
+
+
+@form
+def matlab_timetable_with_durations(folder):
+    run = levels(41)
+    rows = (f"{t:.5g} sec,{u:.6g},{q:.8g},{w:.6g}" for t, u, q, w in zip(run.t, run.u, run.q, run.w, strict=True))
+    path = _write(folder / "tt.csv", "Time,torque,angle,speed\n" + "\n".join(rows) + "\n")
+    return Log(path, "csv", (), _motor("Time", "torque", "angle", "speed"))
+
+
+@form
+def spreadsheet_with_german_thousands(folder):
+    run = levels(42)
+    cells = (f"{1e3 * t:,.0f}\t{1e3 * u:,.1f}\t{q * DEG:,.3f}" for t, u, q in zip(run.t, run.u, run.q, strict=True))
+    rows = [row.translate(str.maketrans(",.", ".,")) for row in cells]
+    path = _write(folder / "paste.txt", "\n".join(["Zeit (ms)\tMoment (mNm)\tWinkel (Grad)", *rows]) + "\n")
+    truth = _motor("Zeit (ms)", "Moment (mNm)", "Winkel (Grad)", "", "mN·m", "ms", "deg")
+    return Log(path, "csv", (), truth)
+
+
+@form
+def columns_of_one_name_with_units(folder):
+    run = levels(48)
+    rows = (
+        f"{t:.3f},{u:.4f} Nm,{q:.5f} rad,{w:.4f} rad/s" for t, u, q, w in zip(run.t, run.u, run.q, run.w, strict=True)
+    )
+    path = _write(folder / "values.csv", "t,value,value,value\n" + "\n".join(rows) + "\n")
+    return Log(path, "csv", (), _motor("t", "value.1", "value.2", "value.3"))
+
+
+@form
+def rows_of_signals(folder):
+    run = levels(45)
+    signals = {"t [s]": run.t, "u [Nm]": run.u, "q [rad]": run.q}
+    text = "".join(f"{name},{','.join(f'{one:.6g}' for one in values)}\n" for name, values in signals.items())
+    return Log(_write(folder / "rows.csv", text), "csv", (), _motor("t [s]", "u [Nm]", "q [rad]", ""))
+
+
+@form
+def elmo_recorder(folder):
+    run = levels(51)
+    counts = 4096 / (2.0 * pi)
+    rows = (
+        f"{k},{u:.3f},{q * counts:.0f},{w * counts:.0f}"
+        for k, (u, q, w) in enumerate(zip(run.u, run.q, run.w, strict=True))
+    )
+    head = "Elmo Recorder\nResolution[s],0.01\n\nIndex,Current Command [A],Position [cnt],Velocity [cnt/sec]\n"
+    path = _write(folder / "elmo.csv", head + "\n".join(rows) + "\n")
+    names = "Current Command [A]", "Position [cnt]", "Velocity [cnt/sec]"
+    truth = {
+        "command": Truth(names[0], "A"),
+        "position": Truth(names[1], "rad", 1.0 / counts),
+        "velocity": Truth(names[2], "rad/s", 1.0 / counts),
+    }
+    return Log(path, "csv", ("--position", f"{names[1]}=counts/4096"), truth)
+
+
+@form
+def ros2_topic_echo(folder):
+    run = levels(52)
+    message = (
+        "header:\n  stamp:\n    sec: {0}\n    nanosec: {1}\n  frame_id: ''\nname:\n- motor\nposition:\n- {2:.6f}\n"
+        "velocity:\n- {3:.5f}\neffort:\n- {4:.4f}\n---\n"
+    )
+    rows = zip(run.t, run.q, run.w, run.u, strict=True)
+    text = "".join(message.format(1_700_000_000 + int(t), round(t % 1 * 1e9), q, w, u) for t, q, w, u in rows)
+    truth = _motor("stamp", "effort[0]", "position[0]", "velocity[0]")
+    return Log(_write(folder / "echo.txt", text), "echo", (), truth)
+
+
+@form
+def ros2_topic_echo_csv(folder):
+    run = levels(39)
+    rows = zip(run.t, run.q, run.w, run.u, strict=True)
+    lines = (
+        f"{1_700_000_000 + int(t)},{round(t % 1 * 1e9)},base,motor,{q:.6f},{w:.5f},{u:.4f}\n" for t, q, w, u in rows
+    )
+    path = _write(folder / "joint_states.csv", "".join(lines))
+    return Log(path, "csv", ("--command", "6=Nm"), _motor("stamp", "6", "4", "5"))
+
+
+@form
 def date_and_clock(folder):
     run = multisine(9)
     days = np.where(run.t < 4.0, "12.11.2025", "13.11.2025")
