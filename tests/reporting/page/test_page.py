@@ -125,6 +125,14 @@ def test_what_was_found_is_not_among_what_the_data_cannot_show(contents):
 
 
 @pytest.mark.slow
+def test_what_explains_everything_explains_a_hundred_percent(contents):
+    start, step = contents.ladder.steps
+    whole = replace(step, added=replace(step.added, explains=0.9996))
+    page = render_page(replace(contents, ladder=replace(contents.ladder, steps=(start, whole))))
+    assert "100\u00a0% of the power of the errors" in page
+
+
+@pytest.mark.slow
 def test_a_large_size_has_its_power_of_ten(contents):
     limits = {"compliance@motor": DetectionLimit("stiffness", "N·m/rad", 5600.0, 5600.0, at_most=True)}
     page = render_page(replace(contents, ladder=replace(contents.ladder, untestable=(), limits=limits)))
@@ -149,7 +157,7 @@ def test_a_verdict_is_contradicted_by_errors_that_are_not_white(contents, story)
 def test_a_share_says_of_what_it_is_one_and_a_list_of_which_model(contents):
     page = render_page(contents)
     # Which errors an effect was judged by, its step does not say: the last look may have been by others.
-    assert "80&nbsp;% of the power of the errors that the model without it leaves" in page
+    assert "80\u00a0% of the power of the errors that the model without it leaves" in page
     assert "Criterion of the last look: one-step prediction errors." in page
     assert "<h3>This data cannot show</h3>" in page
     stopped = render_page(replace(contents, ladder=replace(contents.ladder, verdict="missing")))

@@ -120,6 +120,7 @@ def error_in_time(maps: Sequence[tuple[str, ErrorMap]], theme: Theme = LIGHT, bu
                 x=0.5 * (stretch.start + stretch.stop), y=0, y_units="screen",
                 y_offset=2 + 13 * ((number - 1) % MARKED_STRETCHES), text=str(number),
                 text_align="center", text_color=theme.found, text_font=FONT, text_font_size="12px",
+                background_fill_color=theme.surface, background_fill_alpha=0.85,
             )
         )  # fmt: skip
     if len(maps) > 1:

@@ -37,7 +37,7 @@ from idloop.spelling import joined_names
 from idloop.validation.characteristic import no_picture
 from idloop.validation.variables import TITLES
 from idloop.validation.where import DRIVE_FORCE
-from idloop.validation.words import figure_text, tidy
+from idloop.validation.words import figure_text, percent, tidy
 
 if TYPE_CHECKING:
     from idloop.diagnosis import Candidate, Ladder, Step
@@ -94,7 +94,7 @@ def page_words(contents: Contents) -> dict[str, Any]:
         "weighed": [
             {
                 "name": effect_words(row.name),
-                "explains": figure_text(100.0 * row.explains, 2) if np.isfinite(row.explains) else "–",
+                "explains": percent(row.explains).removesuffix(" %") if np.isfinite(row.explains) else "–",
                 "gain": figure_text(row.gain, 4) if np.isfinite(row.gain) else "–",
                 "evidence": row.evidence,
                 "text": row.text,
@@ -290,7 +290,7 @@ def _step(number: int, step: Step, ladder: Ladder) -> dict[str, Any]:
         "site": added.at,
         "text": added.text,
         "evidence": step_evidence(step),
-        "explains": figure_text(100.0 * added.explains, 2),
+        "explains": percent(added.explains).replace(" ", "\u00a0"),
         "ties": others,
         "replaces": capitalised(in_words(ladder.replaced(step))),
         "place": effect_place(added.name),

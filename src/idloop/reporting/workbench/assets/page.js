@@ -11,7 +11,7 @@
   const COMPUTING = "being computed";
   const LEVELS = ["ok", "warning", "error", "silent"];
   const MANY = 3; // effects that tie from which on each gets less room, so that all are seen at once
-  const UNEVEN = 250; // pixels by which columns may differ before a panel changes its side
+  const UNEVEN = 250; // pixels by which columns must become more alike before a panel changes its side
   const LONG = 90; // letters from which on a verdict is read as text
   const FAILED = 2; // level of a check from which on the head says so
   // Texts for the states of the stop, and what the reader does about it.
@@ -286,24 +286,27 @@
   function showLinear(s) {
     const found = s.assessment;
     const one = found?.outputs.find((output) => output.name === shown.error) ?? found?.outputs[0];
-    $("linear-panel").hidden = !found || !(found.poles.length || one?.tests);
-    if ($("linear-panel").hidden) return;
-    $("linear-panel").setAttribute("aria-busy", String(!found.current));
+    $("frequency-panel").hidden = !found?.poles.length;
+    $("residual-panel").hidden = !one?.tests;
+    if (!found) return;
+    for (const id of ["frequency-panel", "residual-panel"]) $(id).setAttribute("aria-busy", String(!found.current));
     const before = found.current ? "" : "Of the model before this step. ";
-    say("frequency-hint", found.poles.length ? `${before}From the command to ${one.name}: the measurement and the free run of the model on ${found.record}, by the same estimator (Welch), which spreads what is weak beside what is strong alike in both. ${one.readable}` : before);
+    say("residual-before", before.trim());
+    say("frequency-hint", found.poles.length ? `${before}From the command to ${one.name}: the measurement and the free run of the model on ${found.record}, by the same estimator (Welch), which spreads what is weak beside what is strong alike in both. ${one.readable}` : "");
     say("poles", found.poles.length ? `Poles of the linear part: ${found.poles.join("; ")}.` : "");
-    say("residual-words", one.tests ? `The one-step error of ${one.name} on ${found.record} ${one.tests}.` : "");
+    say("residual-words", one?.tests ? `The one-step error of ${one.name} on ${found.record} ${one.tests}.` : "");
   }
 
-  // The longest panel stands in the shorter column, so that neither is empty beside the other.
+  // Two panels stand where the columns come out most alike; they stay where that gains little.
   function balance() {
-    const panel = $("linear-panel");
-    if (panel.hidden || panel.contains(document.activeElement)) return;
-    const tall = (column) => [...column.children].reduce((sum, one) => (one === panel ? sum : sum + one.offsetHeight), 0);
-    const [wide, narrow] = [".wide", ".narrow"].map((name) => document.querySelector(name));
-    const by = tall(wide) - tall(narrow);
-    const wanted = Math.abs(by) < UNEVEN ? panel.parentElement : by > 0 ? narrow : wide;
-    if (panel.parentElement !== wanted) wanted.append(panel);
+    const panels = [$("frequency-panel"), $("residual-panel")];
+    if (panels.some((one) => one.contains(document.activeElement))) return;
+    const columns = [".wide", ".narrow"].map((name) => document.querySelector(name));
+    const tall = columns.map((column) => [...column.children].reduce((sum, one) => (panels.includes(one) ? sum : sum + one.offsetHeight), 0));
+    const uneven = (sides) => Math.abs(panels.reduce((by, one, i) => by + (sides[i] ? -1 : 1) * one.offsetHeight, tall[0] - tall[1]));
+    const now = panels.map((one) => columns.indexOf(one.parentElement));
+    const best = [[0, 0], [0, 1], [1, 0], [1, 1]].reduce((a, b) => (uneven(b) < uneven(a) ? b : a), now);
+    if (uneven(now) - uneven(best) > UNEVEN) panels.forEach((one, i) => columns[best[i]].append(one));
   }
 
   function zoom(one) {
