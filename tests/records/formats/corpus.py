@@ -690,6 +690,28 @@ def ros2_topic_echo(folder):
 
 
 @form
+def dictionaries_as_python_prints_them(folder):
+    run = levels(53)
+    rows = zip(run.t.tolist(), run.u.tolist(), run.q.tolist(), strict=True)
+    lines = [str({"t": round(t, 3), "torque_Nm": round(u, 4), "pos_rad": round(q, 6)}) for t, u, q in rows]
+    path = _write(folder / "out.txt", "\n".join(["connected", *lines]) + "\n")
+    return Log(path, "labels", (), _motor("t", "torque_Nm", "pos_rad", ""))
+
+
+@form
+def topics_and_paths_row_by_row(folder):
+    run = levels(54)
+    rows = (
+        f"{t:.4f},/joint_states,position[0],{q:.6f}\n{t + 0.0002:.4f},/cmd,torque,{u:.4f}\n"
+        for t, q, u in zip(run.t, run.q, run.u, strict=True)
+    )
+    path = _write(folder / "plot.csv", "elapsed time,topic,message path,value\n" + "".join(rows))
+    names = "/cmd.torque", "/joint_states.position[0]"
+    flags = ("--command", f"{names[0]}=Nm", "--position", f"{names[1]}=rad")
+    return Log(path, "csv", flags, _motor(f"{names[1]}.elapsed time", *names, ""))
+
+
+@form
 def ros2_topic_echo_csv(folder):
     run = levels(39)
     rows = zip(run.t, run.q, run.w, run.u, strict=True)

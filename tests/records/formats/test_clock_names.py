@@ -10,13 +10,16 @@ from idloop.records.formats.clock_names import clock_unit, known_clock_unit
 @pytest.mark.parametrize(
     ("name", "unit"),
     [("t", ""), ("Time", ""), ("__time", ""), ("timestamp_us", "us"), ("time [ms]", "ms"), ("Time (s)", "s"),
-     ("t_ns", "ns"), ("millis", "ms"), ("Zeit", ""), ("tout", ""), ("time.s", "s")],
+     ("t_ns", "ns"), ("millis", "ms"), ("Zeit", ""), ("tout", ""), ("time.s", "s"),
+     ("elapsed time", ""), ("Receive_Time [ns]", "ns")],
 )  # fmt: skip
 def test_stamps(name, unit):
     assert clock_unit(name) == unit
 
 
-@pytest.mark.parametrize("name", ["u", "torque", "ts", "ms", "runtime", "time constant", "timeout", "t1", "", "[ms]"])
+@pytest.mark.parametrize(
+    "name", ["u", "torque", "ts", "ms", "runtime", "time constant", "timeout", "dead time", "t1", "", "[ms]"]
+)
 def test_others(name):
     assert clock_unit(name) is None
 

@@ -18,6 +18,7 @@ LINES = {
     "words before and among them": "I a=1 b=2.5 mode=on\nI a=2 b=-3e-1 mode=on\nI a=3 b=nan mode=off\n",
     "a sign before each line": ">a:1,b:2.5\n>a:2,b:-3e-1\n>a:3,b:nan\n",
     "Teleplot": ">a:1\n>b:2.5\n>a:2\n>b:-3e-1\n>a:3\n>b:nan\n",
+    "dictionaries of Python": "{'a': 1, 'b': 2.5}\n{'a': 2, 'b': -3e-1}\n{'a': 3, 'b': nan}\n",
     "a list of YAML": "- a: 1\n  b: 2.5\n- a: 2\n  b: -3e-1\n- a: 3\n  b: nan\n",
 }
 

@@ -77,3 +77,13 @@ def test_raw_frames_of_a_bus_are_refused_with_what_to_do(tmp_path, text):
     (tmp_path / "can.log").write_text(text * 3)
     with pytest.raises(InputError, match="raw frames of a CAN bus; export the signals"):
         form_of(tmp_path / "can.log")
+
+
+@pytest.mark.parametrize(
+    ("head", "advice"),
+    [(b"MDF     4.10    ", "asammdf"), (b"TDSm\x0e\0\0\0", "nptdms"), (b"ULog\x01\x12\x35\x01", "ulog2csv")],
+)
+def test_recordings_of_other_tools_are_refused_with_what_to_do(tmp_path, head, advice):
+    (tmp_path / "log.bin").write_bytes(head + bytes(100))
+    with pytest.raises(InputError, match=advice):
+        form_of(tmp_path / "log.bin")

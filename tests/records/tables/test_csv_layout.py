@@ -245,3 +245,12 @@ def test_points_between_thousands_beside_decimal_commas(tmp_path):
     # Without commas a point is the decimal sign, also where each number could be a thousand.
     table = _read(tmp_path, "t,u\n1.250,2.500\n1.500,3.500\n")
     np.testing.assert_array_equal(table.columns["t"], [1.25, 1.5])
+
+
+@pytest.mark.parametrize("row", ["[{}, {}, 5]", "({}, {}, 5)", "[ {}  {}  5. ]"])
+def test_lists_as_python_prints_them(tmp_path, row):
+    path = tmp_path / "out.txt"
+    path.write_text("".join(row.format(k, 0.5 * k) + "\n" for k in range(4)))
+    table = read_table(path)
+    np.testing.assert_array_equal(table.columns["1"], [0, 0.5, 1, 1.5])
+    np.testing.assert_array_equal(table.columns["2"], np.full(4, 5))

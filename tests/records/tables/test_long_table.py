@@ -38,3 +38,15 @@ def test_series_with_stamps_of_their_own_keep_them(tmp_path):
 def test_phases_of_a_run_are_no_signals(tmp_path):
     rows = [f"{'up' if k < 15 else 'down'},{0.01 * k:.2f},{k}" for k in range(COUNT)]
     assert list(read_table(_write(tmp_path, "phase,t,speed", rows)).columns) == ["phase", "t", "speed"]
+
+
+def test_a_topic_and_a_path_name_a_signal_together(tmp_path):
+    rows = [f"{0.01 * k:.2f},{one},{k}" for k in range(COUNT) for one in ("/joint_states,position[0]", "/cmd,data")]
+    table = read_table(_write(tmp_path, "elapsed time,topic,message path,value", rows))
+    assert list(table.columns) == ["elapsed time", "/joint_states.position[0]", "/cmd.data"]
+    assert "'topic' and 'message path' name it" in table.notes[-1]
+
+
+def test_a_state_beside_the_names_is_no_name(tmp_path):
+    rows = [f"{0.01 * k:.2f},{one},{'on' if k < 15 else 'off'},{k}" for k in range(COUNT) for one in ("a", "b")]
+    assert list(read_table(_write(tmp_path, "t,name,state,value", rows)).columns) == ["t", "name", "state", "value"]

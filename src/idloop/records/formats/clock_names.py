@@ -12,6 +12,10 @@ TIME_WORDS = frozenset({
     "elapsedtime", "sec", "seconds", "millis", "micros", "millisec", "microsec", "timeseconds", "datetime",
     "tiempo", "tempo", "tijd",
 })  # fmt: skip
+# What may stand before a time: which clock, or since when.
+_WHICH = re.compile(
+    r"(?:elapsed|relative|absolute|receive|received|log|recorded|sample|local|utc|unix|system)[\s_]+(?=time)"
+)
 _BEHIND = re.compile(r"^(.*?)[\s_.\-]*[\[(<]?([a-zµμ]+)[\])>]?$")
 
 
@@ -23,7 +27,7 @@ def clock_unit(name: str) -> str | None:
     name : str
         ``t``, ``Time``, ``timestamp_us``, ``time [ms]``.
     """
-    text = name.strip().strip("_").lower()
+    text = _WHICH.sub("", name.strip().strip("_").lower(), count=1)
     if text in TIME_WORDS:
         # A name such as `millis` is a unit itself.
         return "s" if text == "timeseconds" else known_clock_unit(text)

@@ -20,8 +20,9 @@ from idloop.spelling import did_you_mean, listed
 _MOST_ENTRIES = 64
 # A list of at most as many mappings holds records or settings, not samples.
 _HANDFUL = 9
-# A number in brackets alone begins a line of a console log.
+# A number in brackets alone begins a line of a console log, and a list in each line is a table of text.
 _JSON = re.compile(r'\s*(\{\s*["}]|\[\s*([\[\]{"]|-?\d[\d.eE+-]*\s*(,|\]\s*\Z)))')
+_LISTS = re.compile(r"\s*\[[^\[\]{}]*\][ \t]*\r?\n\s*\[")
 
 
 def read_json_table(path: Path, options: Options) -> Table:
@@ -216,6 +217,6 @@ FORM = Form(
     "JSON",
     "a list of samples `[{t: 0, u: 1}, ...]`, lists by name, or a list of runs with the same ones; `entries` names the"
     " key that holds them",
-    lambda head: _JSON.match(text_of(head)) is not None,
+    lambda head: _JSON.match(text_of(head)) is not None and not _LISTS.match(text_of(head)),
     read_json_table,
 )

@@ -21,6 +21,8 @@ _STAMPS = tuple(map(re.compile, (
     r"[\[(]\s*(?P<stamp>\d+(?:\.\d+)?)\s*(?P<unit>[mµun]?s)?\s*[\])]",
     r"(?:^|(?<![:=\s])\s+)(?P<stamp>\d+(?:\.\d+)?)\s*(?P<unit>[mµun]?s)?(?=[\s,;:|>])",
 )))  # fmt: skip
+# Of a dictionary as Python prints it.
+_MARKS = str.maketrans("", "", "{}'\"")
 # Of Teleplot: `>name:value`, `>name:stamp:value§unit|flags`, several values apart by semicolons; stamps are in ms.
 _TELEPLOT = re.compile(r">\s*([^:|]+):([^|§]+)(?:§([^|]*))?(?:\|(\w*))?")
 _NO_SERIES = ("t", "xy")
@@ -59,7 +61,7 @@ def readings(line: str) -> list[Reading]:
     >>> [(one.label, one.value, one.stamp) for one in readings("[09:00:00.5] INFO motor: pos=1.2 vel=0.3")]
     [('pos', 1.2, '09:00:00.5'), ('vel', 0.3, '09:00:00.5')]
     """
-    text = line.strip()
+    text = line.translate(_MARKS).strip()
     if text.startswith(">"):
         return _teleplot(text) or _pairs(text[1:])
     for form in _STAMPS:

@@ -54,6 +54,9 @@ _OTHERS = (
     (b"7z\xbc\xaf\x27\x1c", "a 7z archive; unpack it"),
     (b"\xd0\xcf\x11\xe0", _WORKBOOK),
     (b"SQLite format 3\0", "an SQLite file; a rosbag2 recording of it is read with its suffix .db3"),
+    (b"MDF ", "a measurement file of a Vector or ETAS tool; export it as CSV, MAT or Parquet, there or by asammdf"),
+    (b"TDSm", "a TDMS file of LabVIEW; save it as .lvm or CSV, or read it by nptdms and write CSV"),
+    (b"ULog\x01\x12\x35", "a log of PX4; turn its topics into CSV by ulog2csv of pyulog"),
     (b"\x89MCAP", "a recording; give it the suffix .mcap"),
 )
 

@@ -9,7 +9,9 @@ from idloop.records.formats.form import Form, Options, text_of
 from idloop.records.tables.csv_file import read_csv
 from idloop.records.tables.table import Table
 
-_ROW = re.compile(r"\s*[-+]?[\d.,]+(?:e[-+]?\d+)?(?:[\s;,|]+[-+]?[\d.,]+(?:e[-+]?\d+)?)*[\s;,]*", re.IGNORECASE)
+_ROW = re.compile(
+    r"\s*[\[(]?\s*[-+]?[\d.,]+(?:e[-+]?\d+)?(?:[\s;,|]+[-+]?[\d.,]+(?:e[-+]?\d+)?)*[\s;,]*[\])]?\s*", re.IGNORECASE
+)
 
 
 def read_text_table(path: Path, options: Options) -> Table:

@@ -42,6 +42,7 @@ _COMMENT = ("#", "%")
 _FIRST_LINES = 400
 # A delimiter that Excel writes into the first line.
 _SEP = re.compile(r'"?sep=(.)"?\s*', re.IGNORECASE)
+_LIST = re.compile(r"\s*[\[(]([^\[\]()]*)[\])]\s*")
 _UNITS = re.compile(r"\bunits?\b", re.IGNORECASE)
 # Cells that are converted at once, and bytes of a file that are decoded at once.
 _CELLS, _BLOCK = 500_000, 1 << 24
@@ -294,7 +295,9 @@ def _data_lines(stream: Iterable[str], comment: list[str]) -> Iterator[str]:
             comment.extend([] if begun else [line])
         elif line.strip():
             begun = True
-            yield line
+            # A list, as Python prints it.
+            inside = _LIST.fullmatch(line)
+            yield f"{inside[1]}\n" if inside else line
 
 
 def _numbers_or_texts(cells: Sequence[str]) -> Part:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from idloop.records.formats.clock_names import clock_unit
 from idloop.records.tables.series import set_series
 from idloop.records.tables.table import Table
-from idloop.spelling import listed
+from idloop.spelling import joined_names, listed
 
 Floats = NDArray[np.float64]
 
@@ -25,19 +25,24 @@ def spread_names(table: Table) -> None:
     if found is None:
         return
     names, values, stamps = found
-    label = np.array([str(cell).strip() for cell in table.columns[names]])
+    label = _labels(table, names)
     when, what = np.asarray(table.columns[stamps]), np.asarray(table.columns[values], dtype=np.float64)
     series = {name: np.flatnonzero(label == name) for name in dict.fromkeys(label.tolist()) if name}
     unit = table.units.get(stamps, "") or clock_unit(stamps) or ""
     table.units = {}
     set_series(table, {name: (when[rows], what[rows]) for name, rows in series.items()}, stamps, unit)
+    said = f"{joined_names(list(map(repr, names)))} {'name' if len(names) > 1 else 'names'} it"
     table.notes.append(
-        f"each row holds one value: {names!r} names it ({listed(list(series), 6)}), {values!r} is it, {stamps!r} is its"
-        " time"
+        f"each row holds one value: {said} ({listed(list(series), 6)}), {values!r} is it, {stamps!r} is its time"
     )
 
 
-def _long(table: Table) -> tuple[str, str, str] | None:
+def _labels(table: Table, names: list[str]) -> NDArray[Any]:
+    """Name of the signal of each row, of several columns the names in a row."""
+    return np.array([".".join(str(cell).strip() for cell in row) for row in zip(*map(table.raw, names), strict=True)])
+
+
+def _long(table: Table) -> tuple[list[str], str, str] | None:
     """Columns of the names, of the values and of the stamps of a table with a row for each value; None for others."""
     times = [name for name in table.columns if clock_unit(name) is not None]
     texts = {
@@ -46,9 +51,12 @@ def _long(table: Table) -> tuple[str, str, str] | None:
         if name not in times and len(column) and all(isinstance(cell, str) for cell in column)
     }
     names = [name for name, column in texts.items() if _are_names(column)]
-    if len(names) != 1 or not times:
+    if not names or not times:
         return None
-    label = np.array(texts[names[0]])
+    label = _labels(table, names)
+    # A topic and a path within it name a signal together; a state that changes by itself is none of it.
+    if len(set(label.tolist())) > max(len(set(texts[name])) for name in names):
+        return None
     free = [
         name
         for name, column in table.columns.items()
@@ -58,7 +66,7 @@ def _long(table: Table) -> tuple[str, str, str] | None:
     # Phases of one run follow each other; values of several signals have stamps in common.
     together = any(count > 1 for count in Counter(np.asarray(table.columns[times[0]]).tolist()).values())
     values = said or (free if together else [])
-    return (names[0], values[0], times[0]) if len(values) == 1 else None
+    return (names, values[0], times[0]) if len(values) == 1 else None
 
 
 def _are_names(column: list[str]) -> bool:
