@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from importlib import import_module
+from types import SimpleNamespace
+
 import pytest
 
 from idloop.diagnosis.candidate import Candidate
+from idloop.diagnosis.diagnosis import Diagnosis
+from idloop.diagnosis.identifiability import Gate
 from idloop.diagnosis.ladder import Ladder, Step
 from idloop.diagnosis.options import Options
 from idloop.diagnosis.refine import _Refinement
@@ -67,3 +72,21 @@ def test_what_the_balance_named_and_precise_predictions_do_not_see_is_no_step(to
     found, fit = task._without_unseen(ladder, estimation, refit(estimation, named))
     assert bool(found.added) is bool(torque)
     assert fit.model.effect_names == found.added
+
+
+@pytest.mark.parametrize(("level", "taken"), [(0.2, True), (0.05, False)])
+def test_predicted_values_that_leave_more_of_the_force_are_not_taken(
+    level: float, taken: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A balance that leaves next to nothing contradicts nothing; it still knows the force better."""
+    module = import_module("idloop.diagnosis.diagnose")
+    machine = load_model("axis").with_effects(["coulomb_friction@axis(level=0.2)"])
+    record = record_of(machine, 4)
+    predicted = machine.with_values({"coulomb_friction@axis.level": level})
+    refitted = SimpleNamespace(model=predicted, with_stderr=lambda: predicted)
+    monkeypatch.setattr(module, "refit_or_none", lambda *_, **__: refitted)
+    one = Candidate("coulomb_friction", "axis", "yes", "", "", model=machine)
+    found = Diagnosis(machine, (one,), (one.name,), "missing", Gate((), {}, {}), None, "force", 0.01)
+    balance = SimpleNamespace(model_error_dominates=False, contradicts=lambda model: False)
+    (after,) = module._with_predicted_values(found, balance, SimpleNamespace(records=[record])).candidates
+    assert after.model is (predicted if taken else machine)

@@ -21,6 +21,7 @@ from idloop.diagnosis.options import (
     errors_of,
     silent,
 )
+from idloop.diagnosis.refine import explains_less
 from idloop.estimation.dataset import prepare
 from idloop.estimation.force_balance.weak_fit import WeakFit
 from idloop.estimation.force_balance.weak_form import WeakForm
@@ -132,6 +133,12 @@ def _with_predicted_values(found: Diagnosis, fit: WeakFit, estimation: Estimatio
         predicted = (
             None if one.model is None or one.name not in found.set else refit_or_none(estimation, one.model, near=True)
         )
-        agrees = predicted is not None and not fit.contradicts(predicted.model)
+        # A balance that leaves next to nothing contradicts nothing, yet what leaves more of the force is no better.
+        agrees = (
+            predicted is not None
+            and one.model is not None
+            and not fit.contradicts(predicted.model)
+            and not explains_less(one.model, predicted.model, estimation.records)
+        )
         candidates.append(as_predicted(one, predicted, estimation.records) if predicted is not None and agrees else one)
     return replace(found, candidates=tuple(candidates))
