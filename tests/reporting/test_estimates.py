@@ -128,7 +128,7 @@ def test_a_row_of_the_parameters_has_interval_unit_and_bounds() -> None:
     assert rows["motor.inertia"]["bounds"] == "", "nothing is estimated"
     assert rows["drive.gain"]["kind"] == "free, not fitted yet"
     assert rows["drive.gain"]["bounds"] == ""
-    assert rows["motor.viscous_friction"]["bounds"] == "at least\u00a00"
+    assert rows["motor.viscous_friction"]["bounds"] == "at\u00a0least\u00a00"
     (inertia,) = [row for row in parameter_rows(load_model("emps")) if row["key"] == "axis.inertia"]
     assert inertia["bounds"] == "above 0", "a millionth of the value keeps it from zero, no more"
     assert rows["dead_zone@input.width"]["unit"] == "V"

@@ -104,7 +104,7 @@ def _bounds(one: Parameter) -> str:
         return f"{low} to {high}".replace("−∞ to", "at most")
     if not math.isfinite(one.min):
         return ""
-    return "above 0" if 0.0 < one.min <= _FAR_BELOW * abs(one.value) else f"at least\u00a0{low}"
+    return "above 0" if 0.0 < one.min <= _FAR_BELOW * abs(one.value) else f"at\u00a0least\u00a0{low}"
 
 
 def with_interval(value: float, stderr: float | None) -> str:

@@ -282,6 +282,9 @@ def test_every_figure_is_drawn_from_disk_without_a_network(opened, items, conten
     assert drawn(page) == len(items)
     assert page.locator("#answer h1").inner_text() == headline(contents.ladder)
     assert page.locator("math").count() > 3
+    # The first column of pixels of a figure is one of its middle where it is a fraction of a pixel wide.
+    clipped = "[...document.querySelectorAll('figure.plot > :not(img)')].map((one) => getComputedStyle(one).clipPath)"
+    assert set(page.evaluate(clipped)) == {"inset(0px 0px 0px 1px)"}
 
 
 @pytest.mark.slow
