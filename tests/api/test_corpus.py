@@ -53,6 +53,7 @@ def test_signals_units_and_records_are_recognised(name, tmp_path):
             right, expected = _factor(role, true.unit, true.scale)
             assert (unit, factor) == (right, pytest.approx(expected, rel=1e-3)), role
     assert len(found.runs) == log.records
+    assert not any("but the rows are" in doubt for doubt in found.doubts), "no rows were left out"
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ import pytest
 from idloop.errors import InputError
 from idloop.records.recognition.guess import Given
 from idloop.records.recognition.table_column import numbers_of
-from idloop.records.recognition.time_base import base_of_clock, find_time_base
+from idloop.records.recognition.time_base import base_of_clock, doubt_of_decimation, find_time_base
 from idloop.records.tables.table import Table
 from idloop.records.tables.table_files import read_table
 
@@ -200,3 +200,17 @@ def test_why_no_column_is_a_time_is_said(name):
 def test_of_two_columns_that_rise_evenly_the_one_that_counts_the_rows_is_no_time():
     base = _base({"0": K, "1": np.round(0.002 * K, 4), "2": np.sin(K)})
     assert (base.time.column, base.time.unit) == ("1", "s")
+
+
+@pytest.mark.parametrize(
+    ("note", "factor", "doubtful"),
+    [("Sample rate: 100 Hz", 1, False), ("Sample rate: 100 Hz", 10, True), ("Cycle time [ms];1", 1, True),
+     ("Max. samples: 500", 10, False), ("Operator: Kim", 10, False)],
+)  # fmt: skip
+def test_rows_that_were_left_out_are_doubted(tmp_path, note, factor, doubtful):
+    rows = "".join(f"{0.01 * factor * k:.2f};{k % 7};{k}\n" for k in range(50))
+    (tmp_path / "log.csv").write_text(f"{note}\nt [s];u [V];q [rad]\n{rows}")
+    table = read_table(tmp_path / "log.csv")
+    doubt = doubt_of_decimation(table, find_time_base(table, numbers_of(table), None, 50, None))
+    assert ("but the rows are" in doubt) == doubtful
+    assert ("rows are 0.1 s apart: what was faster than 5 Hz looks slower" in doubt) == (doubtful and factor == 10)

@@ -21,7 +21,7 @@ from idloop.records.recognition.joint_choice import joints_by_name, one_joint
 from idloop.records.recognition.role_units import LINEAR_UNITS, set_decoding, set_units, unit_by_words
 from idloop.records.recognition.roles import BY_UNIT, RoleByName, may_be_measured, may_be_supply, role_by_name
 from idloop.records.recognition.table_column import TableColumn, numbers_of, runs_of
-from idloop.records.recognition.time_base import TimeBase, base_of_clock, find_time_base
+from idloop.records.recognition.time_base import TimeBase, base_of_clock, doubt_of_decimation, find_time_base
 from idloop.records.recognition.unnamed_columns import fill_by_values, find_set_point, follows
 from idloop.records.tables.csv_layout import is_number
 from idloop.records.tables.expression import Expression
@@ -143,6 +143,7 @@ def recognise_table(
             f" {listed(numbers, 20)}){_of_a_sensor(columns.values())}"
         )
     base = set_units(base, chosen, columns, given)
+    doubts += [doubt] if (doubt := doubt_of_decimation(table, base)) else []
     set_decoding(chosen, columns, given)
     _set_point_command(table, base, chosen, given)
     guesses = tuple(chosen[role] for role in ROLES if role in chosen)

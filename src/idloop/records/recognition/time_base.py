@@ -39,6 +39,7 @@ _PERIOD = re.compile(
 # "TM=1000us" in the name of a column that counts the samples.
 _IN_NAME = re.compile(r"=\s*(\d+(?:[.,]\d+)?)\s*([µa-z]+)", re.IGNORECASE)
 _FEWEST_ROWS, _FEWEST_STAMPS = 10, 3
+_DECIMATED = 1.5  # periods that rows are apart at least where others between them were left out
 _NEAR = 0.05  # of its range, in which a time starts again
 _SAME = 0.02  # difference of two periods that agree
 _BACKWARDS = "runs backwards: turn the order of the rows"
@@ -377,6 +378,21 @@ def _units_of_time(value: Floats) -> tuple[tuple[str, ...], str]:
     if len(fitting) == 1:
         return tuple(fitting), f"because a sample every {step:g} {fitting[0]} is usual"
     return tuple(fitting), f"because a sample every {step:g} {fitting[0]} is the most usual"
+
+
+def doubt_of_decimation(table: Table, base: TimeBase) -> str:
+    """Doubt about a log of which rows were left out, by the period that the notes above it state; empty without.
+
+    Of what was faster than half the rate of the rows nothing can be said: it looks like something slower.
+    """
+    noted = _period_in_notes(table)
+    step = float(np.median(np.diff(base.seconds))) if base.time.column is not None and base.seconds.size > 1 else 0.0
+    if noted is None or step < _DECIMATED * noted[0]:
+        return ""
+    return (
+        f"{noted[1]}, but the rows are {step:.4g} s apart: what was faster than {0.5 / step:.4g} Hz looks slower than"
+        " it was, unless it was filtered before rows were left out"
+    )
 
 
 def _period_in_name(name: str) -> tuple[float, str] | None:
