@@ -16,6 +16,7 @@ pytest.importorskip("bokeh", reason="no Bokeh: launch_scripts/test installs it")
 from fake import DEAD_ZONE, DRAG, FRICTION, MISSING, FakeSource
 
 from idloop.diagnosis import Ladder
+from idloop.errors import InputError
 from idloop.exporters.state_space import state_space
 from idloop.physics import load_model, simulate
 from idloop.records import Record
@@ -791,6 +792,24 @@ def test_an_opened_list_stays_open_and_no_button_lies_on_a_number(recording, vis
     })"""
     assert not page.evaluate(overlap)
     page.goto("about:blank")
+
+
+@pytest.mark.slow
+def test_a_recording_that_cannot_be_shown_now_is_not_the_one_that_is_named(recording, visit, monkeypatch):
+    source, address = recording
+
+    def refused(verb, what=""):
+        raise InputError("adding a drag is under way: wait for its result")
+
+    monkeypatch.setattr(source, "order", refused)
+    source.state.change(recordings=("run1 (fitted)", "run2 (unseen)"))
+    visitor = visit(address)
+    visitor.page.select_option("#recording", "1")
+    visitor.page.wait_for_selector("#note >> text=under way")
+    assert visitor.page.input_value("#recording") == "0"
+    assert all("409" in one for one in visitor.complaints)  # the browser says that the order was refused
+    visitor.complaints.clear()
+    visitor.page.goto("about:blank")
 
 
 @pytest.mark.slow

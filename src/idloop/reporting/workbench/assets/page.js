@@ -82,7 +82,10 @@
         body: JSON.stringify(body ?? {}),
       });
       const answer = await response.json();
-      if (!response.ok) note(answer.refused ?? "The workbench refused the order.", true);
+      if (!response.ok) {
+        note(answer.refused ?? "The workbench refused the order.", true);
+        taken(); // a choice that was refused is none
+      }
     } catch {
       note("The order did not reach the workbench: it does not answer.", true);
     }
