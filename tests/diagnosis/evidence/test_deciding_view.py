@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from idloop.diagnosis import diagnose
+from idloop.diagnosis.evidence.deciding_view import DecidingView
+from idloop.estimation.likelihood.estimation_problem import prepare_estimation
 from idloop.physics import Model, load_model
 from idloop.records import Record
 
@@ -67,3 +69,34 @@ def test_predictions_do_not_contradict_a_friction_that_is_there():
     assert found.criterion == "force"
     assert found.best.name == "coulomb_friction@axis"
     assert found.best.parameters["level"]["value"] == pytest.approx(0.05, rel=0.1)
+
+
+def slowly_moved(coulomb: float) -> tuple[Model, Record]:
+    """An axis that a stiff loop moves so slowly that dry friction hides its inertia."""
+    rng, rate, count, substeps = np.random.default_rng(0), 200.0, 12_000, 10
+    model = load_model("axis").with_values({"axis.inertia": 0.02, "axis.viscous_friction": 0.1})
+    model = replace(model, outputs=tuple(one for one in model.outputs if one.field == "position"))
+    time, step = np.arange(count) / rate, 1.0 / rate / substeps
+    command, reading, position, velocity = np.zeros(count), np.zeros(count), 0.0, 0.0
+    for k in range(count):
+        reading[k] = position + 2e-6 * rng.normal()
+        wanted, speed = 0.03 * np.sin(0.4 * time[k]), 0.012 * np.cos(0.4 * time[k])
+        command[k] = 60.0 * (wanted - reading[k]) + 2.0 * (speed - velocity)
+        for _ in range(substeps):
+            free = velocity + command[k] / 0.02 * step
+            velocity = np.sign(free) * max(abs(free) - coulomb / 0.02 * step, 0.0)
+            position += velocity * step
+    names, units = tuple(o.name for o in model.outputs), tuple(o.unit for o in model.outputs)
+    return model, Record("slow", time, command, time, reading[:, None], "axis.effort", model.input.unit, names, units)
+
+
+def test_an_inertia_that_friction_hides_is_decided_by_the_force():
+    model, record = slowly_moved(coulomb=0.3)
+    estimation = prepare_estimation(model, [record], "prediction")
+    balance = DecidingView(model, estimation, {}).balance
+    assert balance is not None
+    # As fitted, without the friction, it is a machine faster than the samples.
+    assert not estimation.resolves(balance.model)
+    found = diagnose(model, [record])
+    assert found.criterion == "force"
+    assert "coulomb_friction@axis" in found.set

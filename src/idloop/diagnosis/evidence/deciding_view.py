@@ -7,7 +7,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 
+import numpy as np
+
 from idloop.diagnosis.candidate import Candidate, effect_parameters
+from idloop.diagnosis.evidence.prediction_view import CERTAIN
 from idloop.errors import InputError
 from idloop.estimation.force_balance.weak_fit import WeakFit, draft_windows, fit_by_force, fit_from_two_starts
 from idloop.estimation.force_balance.weak_form import WeakForm
@@ -41,7 +44,7 @@ class DecidingView:
             fit is not None
             and fit.usable
             and fit.form.left_out <= _LEFT_OUT
-            and estimation.resolves(fit.model)
+            and estimation.resolves(_with_largest_inertias(fit))
             and not _command_is_reversed(fit)
         )
         self.balance = fit if serves else None
@@ -86,6 +89,20 @@ class DecidingView:
         if self._first_part is not None and not _no_better(self._first_part[1], found, self._first_part[0], level):
             return False
         return _no_better(self.predicted, found, self.estimation, level)
+
+
+def _with_largest_inertias(fit: WeakFit) -> Model:
+    """The fitted model with every inertia at the upper end of its interval.
+
+    A force that is still missing makes an inertia uncertain and a drag too large: a machine, not one without inertia.
+    """
+    free, values = fit.form.engine.free, dict(fit.model.values)
+    errors = np.sqrt(np.diag(fit.covariance))[: len(free)]
+    for body in fit.model.bodies:
+        name = f"{body}.inertia"
+        if name in free and np.isfinite(error := errors[free.index(name)]):
+            values[name] += CERTAIN * float(error)
+    return fit.model.with_values(values)
 
 
 def as_predicted(candidate: Candidate, fit: Refit, records: Sequence[Record]) -> Candidate:
