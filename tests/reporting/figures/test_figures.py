@@ -205,6 +205,10 @@ def test_the_drive_side_shows_what_each_model_misses(judged):
     for index, (_, one) in enumerate(forces):
         np.testing.assert_allclose(columns(below, index)["y"], one.applied - one.required, rtol=1e-4, atol=1e-5)
     assert force_figures([], "N") == []
+    noisy = [(label, replace(one, noise=1.0)) for label, one in forces]
+    words = [item.label.value for item in force_figures(noisy, "N·m")[0].select_one(Legend).items]
+    assert len(words) > 1
+    assert all(word.endswith("(its error may be noise)") for word in words[1:])
 
 
 def test_the_unknown_curve_has_its_band(contents):

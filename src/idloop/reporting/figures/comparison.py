@@ -101,7 +101,8 @@ def force_figures(
         same = len(one.time) == len(first.time)
         needed = draw_thinned(top, one.time, (first.applied if same else one.applied) - error, buckets, **look)
         missed = draw_thinned(below, one.time, error, buckets, **look)
-        size = f"error {force_text(one.relative, 3, ' %')}" if one.trusted else "sensor noise may be all of its error"
+        # In as few words as a phone has room for.
+        size = f"error {force_text(one.relative, 3, ' %')}" if one.trusted else "its error may be noise"
         entries.append((f"needed by {label} ({size})", [needed, missed]))
     add_legend(top, theme, entries)
     return [top, below]
