@@ -12,8 +12,9 @@ import pytest
 import idloop
 from idloop.api.first_fit import FirstFit, judged
 from idloop.api.log import Log, recognise
-from idloop.api.start import begin
+from idloop.api.start import begin, with_causes
 from idloop.errors import InputError
+from idloop.records import Finding
 from idloop.records.tables.importing import import_bag
 from idloop.records.tables.mapping import load_mapping
 
@@ -576,3 +577,14 @@ def _with_drive(model, drive, unit):
     file["input"]["unit"] = unit
     file["bodies"] = [{"name": "axis", "inertia": 1.0, "viscous_friction": 10.0 if unit == "rad" else 0.5}]
     return build_model(ModelFile.model_validate(file), "servo")
+
+
+def test_the_cause_of_a_fit_that_describes_nothing_is_a_fault_that_spoils_something():
+    lost = Finding("lost_samples", "5 samples are missing; record faster", level="warning", cure="record faster")
+    turned = Finding("turned_command", "it accelerates backwards", level="warning", spoils=("identification",))
+    inspections = [SimpleNamespace(faults=(lost,)), SimpleNamespace(faults=(lost, turned))]
+    failed = FirstFit(idloop.load_model("axis"), why_not="nothing is described", incomplete=True)
+    said = "; or what the inspection names is the cause: "
+    found = with_causes(failed, inspections, "")
+    assert found.why_not == f"nothing is described{said}it accelerates backwards"
+    assert with_causes(failed, inspections[:1], "").why_not.endswith(f"{said}5 samples are missing")

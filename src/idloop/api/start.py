@@ -409,22 +409,27 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
     else:
         refused = inspections[0].grade_reason if _is_useless(inspections) else ""
         done = first_fit(kind, bags, fitted=fitted, refused=refused, progress=part(progress, 0.4, 1.0))
-    done = _with_causes(done, inspections, f"{joint}.velocity is late and left out of the model" if late else "")
+    done = with_causes(done, inspections, f"{joint}.velocity is late and left out of the model" if late else "")
     write_text(folder / MODEL, done.model.to_yaml())
     if done.fit is not None:
         write_text(folder / FITTED, done.fit.model.to_yaml())
     return Start(folder, log, bags, inspections, done, between)
 
 
-def _with_causes(done: FirstFit, inspections: Sequence[Inspection], note: str) -> FirstFit:
+def with_causes(done: FirstFit, inspections: Sequence[Inspection], note: str) -> FirstFit:
     """Add what was left out; and where one body describes nothing, the faults that may be why."""
     from idloop.records.inspection.grade import what
 
     notes = (*done.notes, note) if note else done.notes
-    faults = [what(fault) for one in inspections for fault in one.faults]
+    # What makes something impossible is the cause before what lowers the accuracy.
+    faults = [what(one) for one in sorted((one for some in inspections for one in some.faults), key=_spoils_nothing)]
     if not (done.incomplete and faults):
         return replace(done, notes=notes)
     return replace(done, notes=notes, why_not=f"{done.why_not}; or what the inspection names is the cause: {faults[0]}")
+
+
+def _spoils_nothing(fault: Finding) -> bool:
+    return not fault.spoils
 
 
 def _is_useless(inspections: Sequence[Inspection]) -> bool:
