@@ -377,15 +377,18 @@ class _Table:
             elif len(row) > width and self._long is None and any(cell.strip() for cell in row[width:]):
                 self._long = number, len(row)
         self._rows += len(rows)
+        written_with_commas = not (self._commas or self.has_points) and any("," in cell for row in rows for cell in row)
         for index, (parts, written) in enumerate(zip(self.columns, zip(*rows, strict=False), strict=False)):
             if index >= self.used_width and any(map(str.strip, written)):
                 self.used_width = index + 1
             cells = list(map(_with_point, written)) if self._commas else written
             part = _numbers_or_texts(cells)
-            if not self.has_points and isinstance(part, np.ndarray) and (pointed := [c for c in cells if "." in c]):
+            pointed = [] if self.has_points or not isinstance(part, np.ndarray) else [c for c in cells if "." in c]
+            if pointed and not (written_with_commas and all(map(_may_be_thousands, pointed))):
+                self.has_points = True
+            elif pointed:
                 # 1.234 may be a thousand as well: what it is shows in other columns.
-                self.has_points = not all(map(_may_be_thousands, pointed))
-                part = part if self.has_points else list(cells)
+                part = list(cells)
             self._bytes += part.nbytes if isinstance(part, np.ndarray) else _TEXT_CELL * len(part)
             parts.append(part)
         if self._bytes > MOST_TABLE:
