@@ -130,6 +130,9 @@ def test_what_explains_everything_explains_a_hundred_percent(contents):
     whole = replace(step, added=replace(step.added, explains=0.9996))
     page = render_page(replace(contents, ladder=replace(contents.ladder, steps=(start, whole))))
     assert "100\u00a0% of the power of the errors" in page
+    none = replace(step, added=replace(step.added, explains=0.0))
+    page = render_page(replace(contents, ladder=replace(contents.ladder, steps=(start, none))))
+    assert "of the power of the errors" not in page
 
 
 @pytest.mark.slow

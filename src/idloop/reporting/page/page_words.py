@@ -290,7 +290,8 @@ def _step(number: int, step: Step, ladder: Ladder) -> dict[str, Any]:
         "site": added.at,
         "text": added.text,
         "evidence": step_evidence(step),
-        "explains": percent(added.explains).replace(" ", "\u00a0"),
+        # What is read off the readings explains no error.
+        "explains": percent(added.explains).replace(" ", "\u00a0") if added.explains > 0.0 else "",
         "ties": others,
         "replaces": capitalised(in_words(ladder.replaced(step))),
         "place": effect_place(added.name),
