@@ -1,0 +1,36 @@
+"""Figures of a browser: each is made once for a finding, on a thread of its own."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+
+import pytest
+
+pytest.importorskip("bokeh", reason="no Bokeh: launch_scripts/test installs it")
+
+from bokeh.document import Document
+from fake import FakeSource
+
+from idloop.reporting.workbench.page import FIGURES, Page
+
+
+@pytest.mark.parametrize("seen", [True, False])
+def test_figures_are_made_beside_the_thread_that_answers_the_strips(seen, monkeypatch):
+    source = FakeSource()
+    source.feed(200)
+    made = []
+    ladder = Page._ladder
+
+    def noted(page, snapshot):
+        made.append(threading.get_ident())
+        return ladder(page, snapshot)
+
+    monkeypatch.setattr(Page, "_ladder", noted)
+    page = Page(Document(), source, "light")
+    page.look["seen"] = seen
+    for _ in range(2 * len(FIGURES)):
+        asyncio.run(page.tick())
+    assert len(made) == seen, "once for a finding, and never for a page in the background"
+    assert threading.get_ident() not in made
+    assert bool(page.roots["ladder"].children) == seen
