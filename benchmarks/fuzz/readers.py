@@ -296,7 +296,8 @@ def _jsons() -> list[bytes]:
 # Forms of files that are damaged by the tests as well, with the same valid ones.
 _FORMS = {
     "hdf5": "h5py", "parquet": "pyarrow", "feather": "pyarrow", "npy": "numpy", "torch": "pickletools", "wpilog": "",
-    "codesys": "", "lvm": "", "sysid": "", "jsonl": "", "blocks": "",
+    "codesys": "", "lvm": "", "twincat": "", "tektronix": "", "sysid": "", "jsonl": "", "blocks": "", "labels": "",
+    "echo": "",
 }  # fmt: skip
 
 

@@ -45,3 +45,10 @@ def test_keys_alone_are_a_table_of_no_waveform(tmp_path):
     path.write_text("\n".join(KEYS))
     with pytest.raises(InputError, match="no stamps and readings"):
         read_table(path, "tektronix")
+
+
+def test_settings_that_are_too_long_are_one_line(tmp_path):
+    path = _write(tmp_path)
+    path.write_text(path.read_text().replace("Source,CH2", f"Source,CH2{'x' * 200_000}"))
+    with pytest.raises(InputError, match=r"its settings cannot be read .*; save the waveform again"):
+        read_table(path)

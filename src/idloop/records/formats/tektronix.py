@@ -31,7 +31,10 @@ def read_tektronix(path: Path, options: Options) -> Table:
         Nothing stands behind the keys.
     """
     with path.open(encoding="utf-8-sig", errors="replace", newline="") as stream:
-        keys = _keys(list(islice(stream, _LINES)))
+        try:
+            keys = _keys(list(islice(stream, _LINES)))
+        except csv.Error as error:
+            raise InputError(f"{path}: its settings cannot be read ({error}); save the waveform again") from None
     table = read_text_table(path, {**options, "skip_rows": 0, "header": False, "delimiter": ","})
     stamps, *readings = list(table.columns.values())[_BESIDE:] or [None]
     if stamps is None or not readings:

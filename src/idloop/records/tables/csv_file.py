@@ -42,7 +42,7 @@ _COMMENT = ("#", "%")
 _FIRST_LINES = 400
 # A delimiter that Excel writes into the first line.
 _SEP = re.compile(r'"?sep=(.)"?\s*', re.IGNORECASE)
-_LIST = re.compile(r"\s*[\[(]([^\[\]()]*)[\])]\s*")
+_LIST = re.compile(r"\s*[\[(]([^\[\]()]*[^\s\[\]()][^\[\]()]*)[\])]\s*")
 _UNITS = re.compile(r"\bunits?\b", re.IGNORECASE)
 # Cells that are converted at once, and bytes of a file that are decoded at once.
 _CELLS, _BLOCK = 500_000, 1 << 24
