@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from idloop.records.recognition.column_name import parse_column_name
+from idloop.records.recognition.roles import role_by_name
 
 NAMES = {
     "time_ms": (("time",), "ms", ""),
@@ -87,3 +88,14 @@ def test_a_unit_below_the_header_counts_and_case_tells_letters_apart():
 def test_any_name_is_taken_apart(name, unit):
     parsed = parse_column_name(name, unit)
     assert all(word == word.lower() for word in parsed.words)
+
+
+@pytest.mark.parametrize(
+    ("name", "role"),
+    [
+        ("q7_tau_J_compensate", "command"), ("force_x", "command"), ("theta torque", "command"), ("q7", "position"),
+        ("load_position", "position"), ("torque_position", "position"), ("z [mm]", "position"),
+    ],
+)  # fmt: skip
+def test_a_coordinate_beside_a_force_says_of_what_it_is_one(name, role):
+    assert role_by_name(parse_column_name(name)).role == role

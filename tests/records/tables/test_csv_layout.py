@@ -101,6 +101,18 @@ def _read(tmp_path, text, rows=slice(0, None), **options):
 SERIAL = "ready\nt,u\n0,1\n1,2\nlimit reached\n2,3\nt,u\n0,4\n1,\nALL DONE\n"
 
 
+def test_a_semicolon_that_ends_every_line_is_no_part_of_the_last_cell(tmp_path):
+    rows = [(0.01 * k, 200 + k, 0.5 * k) for k in range(60)]
+    path = tmp_path / "serial.txt"
+    path.write_text("time, pwm, speed;\n" + "".join(f"{t:.2f}, {u}, {w:.3f};\r\n" for t, u, w in rows))
+    table = read_csv(path, {})
+    assert list(table.columns) == ["time", "pwm", "speed"]
+    np.testing.assert_allclose(table.columns["speed"], [w for *_, w in rows])
+    # Between cells it stays what it is.
+    path.write_text("time;pwm;note\n" + "".join(f"{t:.2f};{u};\n" for t, u, _ in rows))
+    assert list(read_csv(path, {}).columns)[:2] == ["time", "pwm"]
+
+
 def test_text_between_the_rows_is_left_out_where_asked(tmp_path):
     table = _read(tmp_path, SERIAL, skip_text=True)
     np.testing.assert_array_equal(table.columns["t"], [0, 1, 2, 0, 1])

@@ -76,11 +76,13 @@ _COMMANDS = {
     "ozf·in",
 }
 CURRENTS = {"current", "i", "iq", "strom", "corriente", "courant", "corrente"}
+_FORCE_NAMES = {"torque", "tau", "force", "effort", "efforts", "moment", "drehmoment", "kraft"}
+_COORDINATES = {"q", "x", "y", "z", "theta", "phi", "alpha", "beta"}
 # Which of several columns is the command: what says so, then what acts first in the chain from command to force.
 _ORDER = (
     {"u", "input", "cmd", "command", "commands", "stellgroesse", "stellgröße"},
     {*_VOLTAGES, "v", "uq", "vq", "pwm", "duty", "dutycycle", "throttle", "esc"},
-    {"torque", "tau", "force", "effort", "efforts", "moment", "drehmoment", "kraft"},
+    _FORCE_NAMES,
     CURRENTS,
 )
 
@@ -182,8 +184,10 @@ def _kind(name: ColumnName, words: set[str], unit: str) -> str:
         return "force"
     if words & _RATES and words & _POSITIONS:
         return "velocity"
+    # Beside the name of a force a coordinate says of what it is one.
+    said = words - _COORDINATES if words & _FORCE_NAMES else words
     for kind, known in (("velocity", _VELOCITIES), ("position", _POSITIONS), ("force", _FORCES)):
-        if words & known:
+        if said & known:
             return kind
     return ""
 

@@ -42,6 +42,7 @@ _COMMENT = ("#", "%")
 _FIRST_LINES = 400
 # A delimiter that Excel writes into the first line.
 _SEP = re.compile(r'"?sep=(.)"?\s*', re.IGNORECASE)
+_TERMINATOR = ";"
 _LIST = re.compile(r"\s*[\[(]([^\[\]()]*[^\s\[\]()][^\[\]()]*)[\])]\s*")
 _UNITS = re.compile(r"\bunits?\b", re.IGNORECASE)
 # Cells that are converted at once, and bytes of a file that are decoded at once.
@@ -122,7 +123,7 @@ def read_csv(path: Path, options: dict[str, Any], rows: slice = slice(0, None)) 
 def _read(path: Path, stream: TextIO, options: dict[str, Any], found: CsvTable, selected: slice) -> CsvTable:
     comment: list[str] = []
     above = options.get("skip_rows")
-    data = itertools.islice(_data_lines(stream, comment), above or 0, None)
+    data: Iterator[str] = itertools.islice(_data_lines(stream, comment), above or 0, None)
     first = list(itertools.islice(data, _FIRST_LINES))
     if not first:
         raise InputError(f"{path}: the file holds no rows; check that this is the data file")
@@ -131,6 +132,10 @@ def _read(path: Path, stream: TextIO, options: dict[str, Any], found: CsvTable, 
         delimiter, first = match[1], first[1:]
     # Where the user says how many lines to skip, the table begins there.
     layout = find_layout(first, delimiter=delimiter, header=options.get("header"))
+    if layout.delimiter != _TERMINATOR and all(map(_is_terminated, first[layout.first :])):
+        # Each line is a statement of its own, as a microcontroller prints it.
+        first, data = [_unterminated(line) for line in first], map(_unterminated, data)
+        layout = find_layout(first, delimiter=layout.delimiter, header=options.get("header"))
     if above is not None:
         layout = replace(layout, skip=0)
     found.preamble = [line.rstrip("\r\n") for line in first[: layout.skip - bool(layout.own_names)]]
@@ -201,6 +206,14 @@ def _read(path: Path, stream: TextIO, options: dict[str, Any], found: CsvTable, 
             found.clocks = own
             cut_at_ends(found.columns, own)
     return found
+
+
+def _is_terminated(line: str) -> bool:
+    return line.rstrip().endswith(_TERMINATOR)
+
+
+def _unterminated(line: str) -> str:
+    return f"{line.rstrip().removesuffix(_TERMINATOR)}\n"
 
 
 def _take_units(path: Path, name: str, parts: list[Part], start: int) -> str:
