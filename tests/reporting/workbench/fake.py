@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
@@ -27,6 +29,17 @@ MISSING = Missing(
     "missing", "coulomb_friction@motor is missing", (FRICTION, DEAD_ZONE, DRAG), (FRICTION.name, DEAD_ZONE.name),
     untestable=("cogging@motor",),
 )  # fmt: skip
+
+
+def ticked(page):
+    """Let a page look at what is new, as the server's loop does; returns the thread. The test's own may have a loop."""
+
+    def tick():
+        asyncio.run(page.tick())
+        return threading.get_ident()
+
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(tick).result()
 
 
 def errors(nrmse):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from dataclasses import replace
 
 import pytest
@@ -10,7 +9,7 @@ import pytest
 pytest.importorskip("bokeh", reason="no Bokeh: launch_scripts/test installs it")
 
 from bokeh.document import Document
-from fake import FRICTION, FakeSource
+from fake import FRICTION, FakeSource, ticked
 
 from idloop.diagnosis import Ladder
 from idloop.reporting.workbench.page import Page, judged_spread
@@ -32,7 +31,7 @@ def seen(source):
 
 def draw(page):
     for _ in page.roots:
-        asyncio.run(page.tick())
+        ticked(page)
 
 
 def test_a_floor_that_the_ladder_goes_below_is_none():
