@@ -32,14 +32,9 @@ MISSING = Missing(
 
 
 def ticked(page):
-    """Let a page look at what is new, as the server's loop does; returns the thread. The test's own may have a loop."""
-
-    def tick():
-        asyncio.run(page.tick())
-        return threading.get_ident()
-
+    """Let a page look at what is new, as the server's loop does; the test's own thread may have a loop."""
     with ThreadPoolExecutor(1) as pool:
-        return pool.submit(tick).result()
+        pool.submit(asyncio.run, page.tick()).result()
 
 
 def errors(nrmse):
