@@ -14,7 +14,7 @@ from idloop.cli import main
 from idloop.cli._common import print_blocks
 from idloop.diagnosis import Candidate, Ladder, Step
 from idloop.diagnosis.screening.proposals import proposals
-from idloop.reporting.terms import p_value_text
+from idloop.p_values import p_value_text
 from idloop.reporting.text.diagnosis import diagnosis_blocks
 from idloop.reporting.text.ladder import ladder_blocks
 from idloop.reporting.text.parameters import parameter_text
