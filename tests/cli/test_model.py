@@ -84,7 +84,7 @@ def test_a_bad_model_file_is_one_line_and_exit_code_2(name, tmp_path, capsys):
         (["."], "."),
         (["dc_motor", "--set", "motor.inerta=2"], "motor.inertia"),
         (["dc_motor", "--set", "motor.inertia=-2"], "outside"),
-        (["dc_motor", "--effect", "dead_zone"], "NAME@SITE"),
+        (["dc_motor", "--effect", "dead_zone"], "give the site as well: dead_zone@input"),
         (["dc_motor", "--effect", "dead_zone@input(width=wide)"], "width = wide is no number"),
         (["dc_motor", "--effect", "dead_zoen@input"], "dead_zone"),
         (["dc_motor", "--effect", "dead_zone@input(widht=1)"], "width"),
