@@ -71,16 +71,9 @@ def test_faults_of_other_joints_are_not_said(tmp_path, record):
     assert found.line() == ""
 
 
-def test_a_set_point_is_no_fault_for_a_model_of_the_loop_in_the_drive(tmp_path):
-    time = np.arange(1500) / 100.0
-    wanted = np.repeat(np.random.default_rng(1).uniform(-1.0, 1.0, size=15), 100)
-    angle, place = np.empty(1500), 0.0
-    for k, target in enumerate(wanted):
-        angle[k] = place
-        place += 0.3 * (target - place)
-    rows = "\n".join(f"{t:.2f},{u:.4f},{q:.5f}" for t, u, q in zip(time, wanted, angle, strict=True))
-    (tmp_path / "log.csv").write_text("t_s,servo_cmd,angle_rad\n" + rows + "\n")
+def test_a_set_point_is_no_fault_for_a_model_of_the_loop_in_the_drive(tmp_path, set_point_log):
+    log = set_point_log(1.0, "rad")
     for unit, kinds in (("V", ["inner_loop"]), ("rad", [])):
-        begun = idloop.start(tmp_path / "log.csv", tmp_path / unit, {"command": f"servo_cmd={unit}"}, fitted=False)
+        begun = idloop.start(log, tmp_path / unit, {"command": f"servo_cmd={unit}"}, fitted=False)
         (found,) = bag_grades(begun.bags, begun.model)
         assert [one.kind for one in found.faults if one.kind == "inner_loop"] == kinds

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from idloop.diagnosis.diagnosis import split_body_findings
-from idloop.diagnosis.refine import explains_less, refine
+from idloop.diagnosis.model_errors import explains_less
+from idloop.diagnosis.refine import refine
 from idloop.diagnosis.screening.proposals import proposals
 from idloop.physics import Model, load_model
 from idloop.physics.model_file import build_model

@@ -56,6 +56,13 @@ def inspect_bag(bag: Path, *, command: str | None = None, distro: str | None = N
     return records.inspect_bag(bag, command=command, distro=distro)
 
 
+def beside(model: Model, inspection: Inspection) -> Inspection:
+    """Return an inspection without the faults that a model describes: a set-point, where it has the drive's loop."""
+    from idloop.records.inspection.faults.inner_loop import KIND as SET_POINT
+
+    return inspection if model.loop is None else inspection.described(SET_POINT)
+
+
 def bag_grades(bags: Sequence[Path], model: Model) -> list[BagGrade]:
     """Inspect the joint of a model in each of several bags.
 
@@ -79,14 +86,11 @@ def bag_grades(bags: Sequence[Path], model: Model) -> list[BagGrade]:
 
 def _grade(bag: Path, model: Model) -> BagGrade:
     from idloop.records.bags.topics import REQUESTED_COMMAND
-    from idloop.records.inspection.faults.inner_loop import KIND as SET_POINT
     from idloop.records.inspection.grade import USABLE, grade
 
     own = model.input.topic
     # Of a requested command, the one that the drive applied counts.
-    inspection = inspect_bag(bag, command=None if own.rpartition("/")[2] == REQUESTED_COMMAND else own)
-    if model.loop is not None:
-        inspection = inspection.described(SET_POINT)
+    inspection = beside(model, inspect_bag(bag, command=None if own.rpartition("/")[2] == REQUESTED_COMMAND else own))
     joints = {output.joint for output in model.outputs} | {model.input.joint}
     others = tuple(f"{name}." for name in inspection.joints if name not in joints)
     faults = tuple(one for one in inspection.faults if not one.where.startswith(others))

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from idloop.api.first_fit import FirstFit, FirstModel, first_fit, left_out
-from idloop.api.inspection import inspect_bag
+from idloop.api.inspection import beside, inspect_bag
 from idloop.api.log import Log, recognise
 from idloop.api.next_commands import commands, diagnosing, held_out
 from idloop.api.result import Progress, Result, ignore_progress, part
@@ -364,7 +364,6 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
     from idloop import drawing
     from idloop.output_files import write_text
     from idloop.records import compare_inspections
-    from idloop.records.inspection.faults.inner_loop import KIND as SET_POINT
     from idloop.records.inspection.faults.late_velocity import KIND as LATE
     from idloop.records.inspection.measured_input import KIND as MEASURED
     from idloop.records.recognition.mapping_file import motion_of, text_of
@@ -396,8 +395,8 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
         measured=(command is not None and command.measured)
         or any(one.kind == MEASURED for inspection in inspections for one in inspection.findings),
     )
-    if kind.model().loop is not None:
-        inspections = tuple(one.described(SET_POINT) for one in inspections)
+    plain = kind.model()
+    inspections = tuple(beside(plain, one) for one in inspections)
     between = tuple(compare_inspections(inspections))
     if command is None:
         done = FirstFit(kind.model(), why_not="no command", asked=False, possible=False)

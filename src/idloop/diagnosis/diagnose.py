@@ -11,6 +11,7 @@ from idloop.diagnosis.diagnosis import Diagnosis, diagnosis_of, findings_of_mode
 from idloop.diagnosis.evidence.deciding_view import UNEXPLAINED, DecidingView, as_predicted, requested_force_fit
 from idloop.diagnosis.evidence.force_view import ForceView
 from idloop.diagnosis.evidence.prediction_view import PredictionView, delay_or_lag
+from idloop.diagnosis.model_errors import explains_less
 from idloop.diagnosis.options import (
     FORCE,
     MINIMUM_IMPROVEMENT,
@@ -21,7 +22,6 @@ from idloop.diagnosis.options import (
     errors_of,
     silent,
 )
-from idloop.diagnosis.refine import explains_less
 from idloop.estimation.dataset import prepare
 from idloop.estimation.force_balance.weak_fit import WeakFit
 from idloop.estimation.force_balance.weak_form import WeakForm

@@ -15,7 +15,7 @@ from idloop.diagnosis.evidence.force_view import ForceView, fitted_model
 from idloop.diagnosis.evidence.prediction_view import CERTAIN, PredictionView, delay_or_lag
 from idloop.diagnosis.evidence.quantisation import quantised_outputs
 from idloop.diagnosis.ladder import Ladder, Step
-from idloop.diagnosis.model_errors import model_errors
+from idloop.diagnosis.model_errors import explains_less, model_errors
 from idloop.diagnosis.options import (
     FORCE,
     MINIMUM_IMPROVEMENT,
@@ -31,7 +31,7 @@ from idloop.diagnosis.screening.proposals import proposals
 from idloop.diagnosis.search.climb import Climb
 from idloop.diagnosis.search.step import ADEQUATE, MISSING, NOISE_VERDICTS, FitT, View
 from idloop.estimation.dataset import prepare
-from idloop.estimation.force_balance.weak_fit import LEAST_UNEXPLAINED, WeakFit
+from idloop.estimation.force_balance.weak_fit import WeakFit
 from idloop.estimation.force_balance.weak_form import WeakForm
 from idloop.estimation.likelihood.estimation_problem import EstimationProblem, prepare_estimation
 from idloop.estimation.likelihood.refit import Refit, refit, refit_or_none
@@ -41,8 +41,6 @@ from idloop.physics.effect_text import parse_effect
 from idloop.physics.model import ActiveEffect, Model
 from idloop.records import Record
 
-# Other parameters compensate for an effect that was not missing: the unexplained force grows by a tenth or more.
-_WORSE = 1.1
 # A free run is far off that misses more than this part of an output and more than so many times its noise; there an
 # effect must explain this part of the error.
 _NEAR, _BEYOND_NOISE, _MOST = 0.005, 3.0, 0.7
@@ -286,20 +284,6 @@ class _Refinement:
 
     def _worse(self, before: Model, after: Model) -> bool:
         return explains_less(before, after, self.validation or self.records)
-
-
-def explains_less(before: Model, after: Model, records: Sequence[Record]) -> bool:
-    """Whether a model leaves more of the drive's force unexplained than another one.
-
-    Where an effect splits a body, the force balance along its measured motion is void: there the free run decides.
-    """
-    was, now = (model_errors(one, records) for one in (before, after))
-    if after.inner_couplings:
-        return any(error > _WORSE * was["anew"].get(name, np.inf) for name, error in now["anew"].items())
-    if was["force"] is None:
-        return False
-    # Below its own error a force balance separates no models.
-    return now["force"] is None or now["force"] > _WORSE * max(was["force"], LEAST_UNEXPLAINED)
 
 
 def _with_resolution(ladder: Ladder, candidate: Candidate) -> Ladder:

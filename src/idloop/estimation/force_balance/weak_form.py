@@ -172,19 +172,24 @@ def windowed_record(engine: Engine, data: Data, width: int) -> WindowedRecord | 
     middle = motion.time[rows] + 0.5 * (width - 1) * step
     rows = rows[~bridged(middle, model, data, 0.5 * width * step)]
     columns, noise, apart = [], [], []
+    disagreement = max(_disagreement(sensed, rows, value, first) for sensed in motion.measured)
     for sensed in motion.measured:
-        found = [
-            (noise_std(series) * float(np.linalg.norm(weights)), windowed(series[:, None], rows, weights)[:, 0])
+        choices = [
+            (noise_std(series) * float(np.linalg.norm(weights)), series, weights)
             for series, weights in zip(sensed, (second, -first), strict=True)
             if series is not None
         ]
-        quietest = min(found, key=lambda one: one[0])
+        quietest, *louder = sorted(choices, key=lambda choice: choice[0])
         noise.append(quietest[0])
-        columns.append(quietest[1])
-        difference = float(np.sqrt(np.mean((found[0][1] - found[-1][1]) ** 2)))
-        apart.append(difference if difference > _ABOVE_NOISE * np.hypot(found[0][0], found[-1][0]) else 0.0)
+        columns.append(windowed(quietest[1][:, None], rows, quietest[2])[:, 0])
+        # Sensors that agree on the velocity need no second look.
+        far = 0.0
+        for level, series, weights in louder if disagreement > 0.0 else []:
+            difference = columns[-1] - windowed(series[:, None], rows, weights)[:, 0]
+            size = float(np.sqrt(np.mean(difference**2)))
+            far = size if size > _ABOVE_NOISE * np.hypot(level, quietest[0]) else 0.0
+        apart.append(far)
     held = HeldCommand(data.input_time, data.input, float(data.time[-1]))
-    disagreement = max(_disagreement(sensed, rows, value, first) for sensed in motion.measured)
     return WindowedRecord(
         motion, np.column_stack(columns), np.array(noise), rows, held, disagreement, np.array(apart), _left_out(motion),
         data.conditions,
