@@ -56,11 +56,11 @@ def inspect_bag(bag: Path, *, command: str | None = None, distro: str | None = N
     return records.inspect_bag(bag, command=command, distro=distro)
 
 
-def beside(model: Model, inspection: Inspection) -> Inspection:
+def without_modelled_faults(model: Model, inspection: Inspection) -> Inspection:
     """Return an inspection without the faults that a model describes: a set-point, where it has the drive's loop."""
     from idloop.records.inspection.faults.inner_loop import KIND as SET_POINT
 
-    return inspection if model.loop is None else inspection.described(SET_POINT)
+    return inspection if model.loop is None else inspection.with_modelled(SET_POINT)
 
 
 def bag_grades(bags: Sequence[Path], model: Model) -> list[BagGrade]:
@@ -90,7 +90,9 @@ def _grade(bag: Path, model: Model) -> BagGrade:
 
     own = model.input.topic
     # Of a requested command, the one that the drive applied counts.
-    inspection = beside(model, inspect_bag(bag, command=None if own.rpartition("/")[2] == REQUESTED_COMMAND else own))
+    inspection = without_modelled_faults(
+        model, inspect_bag(bag, command=None if own.rpartition("/")[2] == REQUESTED_COMMAND else own)
+    )
     joints = {output.joint for output in model.outputs} | {model.input.joint}
     others = tuple(f"{name}." for name in inspection.joints if name not in joints)
     faults = tuple(one for one in inspection.faults if not one.where.startswith(others))

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from idloop.api.first_fit import FirstFit, FirstModel, first_fit, left_out
-from idloop.api.inspection import beside, inspect_bag
+from idloop.api.inspection import inspect_bag, without_modelled_faults
 from idloop.api.log import Log, recognise
 from idloop.api.next_commands import commands, diagnosing, held_out
 from idloop.api.result import Progress, Result, ignore_progress, part
@@ -396,7 +396,7 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
         or any(one.kind == MEASURED for inspection in inspections for one in inspection.findings),
     )
     plain = kind.model()
-    inspections = tuple(beside(plain, one) for one in inspections)
+    inspections = tuple(without_modelled_faults(plain, one) for one in inspections)
     between = tuple(compare_inspections(inspections))
     if command is None:
         done = FirstFit(kind.model(), why_not="no command", asked=False, possible=False)

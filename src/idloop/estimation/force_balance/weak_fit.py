@@ -290,7 +290,7 @@ def _sensors_agree(form: WeakForm, theta: Array, shift: float) -> bool:
     wide: WeakForm | None = form
     while wide is not None and wide.starts[-1] >= FEWEST_ROWS:
         left = np.sqrt(np.mean(wide.residual(theta, shift) ** 2, axis=0))
-        if np.all(inertia * wide.apart <= MOST_NOISE * left):
+        if np.all(inertia * wide.acceleration_disagreement <= MOST_NOISE * left):
             return True
         wide = weak_form(form.engine, form.data, _wider(wide.width))
     return False

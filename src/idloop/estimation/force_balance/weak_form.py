@@ -74,7 +74,7 @@ class WindowedRecord:
     conditions : Conditions or None
     disagreement : float
         Relative rms difference of two sensors' velocities, the largest of all bodies; 0 within their noise.
-    apart : array, shape (bodies,)
+    acceleration_disagreement : array, shape (bodies,)
         Rms difference of two sensors' weak accelerations; 0 within their noise.
     left_out : array, shape (2, bodies)
         Energy of the measured motion outside the band, and of the sensor noise, summed over samples.
@@ -86,7 +86,7 @@ class WindowedRecord:
     rows: NDArray[np.int64]
     held: HeldCommand
     disagreement: float
-    apart: Array
+    acceleration_disagreement: Array
     left_out: Array
     conditions: Conditions | None = None
 
@@ -358,9 +358,9 @@ class WeakForm:
         return self._pooled([track.noise for track in self.tracks])
 
     @property
-    def apart(self) -> Array:
+    def acceleration_disagreement(self) -> Array:
         """Rms difference of two sensors' weak accelerations by body, over all rows; 0 within their noise."""
-        return self._pooled([track.apart for track in self.tracks])
+        return self._pooled([track.acceleration_disagreement for track in self.tracks])
 
     def _pooled(self, rms: Sequence[Array]) -> Array:
         squares = [len(track.rows) * value**2 for track, value in zip(self.tracks, rms, strict=True)]
