@@ -562,3 +562,65 @@ def test_a_sign_before_a_unit_is_answered_with_the_formula_that_turns_it(column,
     assert str(refused.value).endswith(f"--command '{turned}=A'")
     roles, _ = _roles(columns, given={"command": Given(turned, "A")})
     assert roles["command"] == (turned, "A")
+
+
+def _with_sign_bit(signed, bit):
+    whole = np.round(signed)
+    return np.where(whole < 0, 2.0**bit - whole, whole)
+
+
+def _servo():
+    """Telemetry of a servo as it sends it: position in counts, speed and load with a sign bit, current in counts."""
+    place = np.round(2048 + ANGLE * 4096 / 2 / pi)
+    speed, load = _with_sign_bit(SPEED * 4096 / 2 / pi, 15), _with_sign_bit(30 * U + 40 * SPEED, 10)
+    current = np.round(np.abs(20 * SPEED))
+    return {"target": place, "pos": place, "speed": speed, "load": load, "current": current}
+
+
+def test_telemetry_with_sign_bits_is_read_with_its_signs():
+    roles, found = _roles({"t": T, **_servo()})
+    assert (roles["velocity"][0], found.of("velocity").options) == ("speed", {"decode": {"sign_bit": 15}})
+    assert "it is the slope of the position" in found.of("velocity").reason
+    assert found.of("command").options == {"decode": {"sign_bit": 10}}
+    doubts = " | ".join(found.all_doubts())
+    for said in ("bit 15 is the sign", "bit 10 is the sign", "no name says that 'load' was commanded"):
+        assert said in doubts
+
+
+def test_a_column_that_the_user_names_keeps_the_signs_of_its_log():
+    _, found = _roles({"t": T, **_servo()}, given={"velocity": Given("speed", "counts/4096"), "command": Given("load")})
+    assert found.of("velocity").options == {"decode": {"sign_bit": 15}, "scale": 2 * pi / 4096}
+    assert found.of("command").options == {"decode": {"sign_bit": 10}}
+
+
+def test_whole_numbers_of_a_current_are_no_amperes():
+    roles, found = _roles({"t": T, **_servo()})
+    assert roles["effort"] == ("current", "-")
+    assert any("counts of a converter: --effort 'current=UNIT'" in one for one in found.all_doubts())
+    roles, found = _roles({"t": T, "u [V]": U, "q": ANGLE, "measured current": 0.7 * SPEED})
+    assert roles["effort"] == ("measured current", "A")
+    assert any("taken as A: --effort 'measured current=UNIT'" in one for one in found.all_doubts())
+
+
+def test_a_column_of_a_known_drive_that_the_user_names_keeps_its_unit():
+    names = {
+        "pos": "Present_Position",
+        "speed": "Present_Velocity",
+        "load": "Present_Load",
+        "current": "Present_Current",
+    }
+    columns = {"t": T, **{names[name]: value for name, value in _servo().items() if name in names}}
+    _, plain = _roles(columns)
+    _, named = _roles(columns, given={"velocity": Given("Present_Velocity")})
+    assert (
+        named.of("velocity").options
+        == plain.of("velocity").options
+        == {
+            "decode": {"sign_bit": 15},
+            "scale": 1 / 4096,
+        }
+    )
+    assert named.of("velocity").unit == "rev/s"
+    assert (
+        "scale" not in _roles(columns, given={"velocity": Given("Present_Velocity", "rpm")})[1].of("velocity").options
+    )

@@ -7,7 +7,8 @@ from math import pi
 import numpy as np
 import pytest
 
-from idloop.records.recognition.signal_units import find_decoding, find_wrap, motion_units, slope_of
+from idloop.records.recognition.signal_units import decoded, find_decoding, find_wrap, motion_units, slope_of
+from idloop.records.tables.mapping import SignBit
 
 T = np.arange(4000) * 0.005
 ANGLE = 3.0 * np.sin(2.0 * T) + np.sin(7.0 * T)
@@ -52,9 +53,37 @@ def test_unsigned_numbers():
     signed = np.round(300 * np.sin(T))
     assert find_decoding(np.mod(signed, 65536)) == "int16"
     assert find_decoding(np.mod(signed, 2.0**32)) == "int32"
-    assert find_decoding(signed) == ""
-    assert find_decoding(np.abs(signed)) == ""
-    assert find_decoding(np.abs(signed) * 200.0) == "", "a signal that takes all values is no unsigned one"
+    assert find_decoding(signed) is None
+    assert find_decoding(np.abs(signed)) is None
+    assert find_decoding(np.abs(signed) * 200.0) is None, "a signal that takes all values is no unsigned one"
+
+
+@pytest.mark.parametrize("bit", [10, 11, 15])
+def test_a_sign_bit_above_the_magnitude(bit):
+    """As servos send their speed and load."""
+    signed = np.round(450 * np.sin(T) + np.random.default_rng(bit).normal(size=T.size) * 8)
+    raw = np.where(signed < 0, 2**bit - signed, signed)
+    found = find_decoding(raw)
+    assert found == SignBit(sign_bit=bit)
+    np.testing.assert_array_equal(decoded(raw, found), signed)
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        pytest.param(np.round(2048 + 900 * np.sin(T)), id="a position that passes a power of two"),
+        pytest.param(np.mod(np.round(3000 * T), 4096.0), id="an encoder that starts again"),
+        pytest.param(np.where(np.sin(T) > 0, 1100.0, 100.0), id="a command of two levels"),
+        pytest.param(100.0 + 200 * np.floor(4 + 4 * np.sin(T)), id="a command of several levels"),
+        pytest.param(np.random.default_rng(1).integers(0, 4096, T.size).astype(float), id="noise over the range"),
+        pytest.param(
+            np.where(np.sin(T) > 0, 1100.0, 100.0) + np.random.default_rng(2).integers(0, 40, T.size),
+            id="a measured current that is switched",
+        ),
+    ],
+)
+def test_what_was_unsigned_has_no_sign_bit(value):
+    assert find_decoding(value) is None
 
 
 def test_the_slope_is_found_over_runs_of_which_some_show_nothing():

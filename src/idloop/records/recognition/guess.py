@@ -39,8 +39,6 @@ class Guess:
         Whether the name says that a force, torque, current or voltage was measured.
     written : str
         What the log writes as its unit, where that is none that is known.
-    factor : float
-        Number of the unit in which the log counts, as it stands in `options`.
     """
 
     role: str
@@ -51,7 +49,6 @@ class Guess:
     options: dict[str, Any] = field(default_factory=dict)
     measured: bool = False
     written: str = ""
-    factor: float = 1.0
 
     def with_doubt(self, doubt: str) -> Guess:
         """Return it with a further doubt."""
@@ -86,10 +83,9 @@ def with_unit(guess: Guess, unit: str) -> Guess:
     """Return the guess with the unit that the user gives; ``counts/4096`` are counts of which a turn has 4096."""
     if not unit:
         return guess
-    if guess.factor != 1.0:
-        # What the header says of the unit no longer holds.
-        kept = {key: value for key, value in guess.options.items() if key != "scale"}
-        guess = replace(guess, options=kept, factor=1.0)
+    # What the header or the manual of the drive says of the unit no longer holds.
+    kept = {key: value for key, value in guess.options.items() if key not in ("scale", "offset", "wrap")}
+    guess = replace(guess, options=kept)
     head, slash, counts = unit.partition("/")
     if slash and known_unit(head) == "counts" and is_number(counts) and float(counts) > 0.0:
         options = {**guess.options, "scale": 2.0 * pi / float(counts)}
@@ -102,7 +98,7 @@ def with_unit(guess: Guess, unit: str) -> Guess:
     known, factor = read_unit(unit)
     if known in ("", *COUNTS, *SECONDS):
         raise InputError(f"{guess.role}: unknown unit {unit!r}; of an encoder give =counts/N with N counts per turn")
-    options = guess.options if factor == 1.0 else guess.options | {"scale": factor * guess.options.get("scale", 1.0)}
+    options = guess.options if factor == 1.0 else guess.options | {"scale": factor}
     return replace(guess, unit=known, options=options, written="")
 
 

@@ -18,8 +18,15 @@ from idloop.records.formats.known_columns import recognise as known_drive
 from idloop.records.recognition.column_name import ColumnName, parse_column_name
 from idloop.records.recognition.guess import MOTION, NONE, ROLES, Given, Guess, quoted, with_unit
 from idloop.records.recognition.joint_choice import joints_by_name, one_joint
-from idloop.records.recognition.role_units import LINEAR_UNITS, set_decoding, set_units, unit_by_words
-from idloop.records.recognition.roles import BY_UNIT, RoleByName, may_be_measured, may_be_supply, role_by_name
+from idloop.records.recognition.role_units import LINEAR_UNITS, set_units, set_wraps, unit_by_words
+from idloop.records.recognition.roles import (
+    BY_UNIT,
+    RoleByName,
+    may_be_measured,
+    may_be_supply,
+    role_by_name,
+    says_no_command,
+)
 from idloop.records.recognition.table_column import TableColumn, numbers_of, runs_of
 from idloop.records.recognition.time_base import TimeBase, base_of_clock, doubt_of_decimation, find_time_base
 from idloop.records.recognition.unnamed_columns import fill_by_values, find_set_point, follows
@@ -144,7 +151,7 @@ def recognise_table(
         )
     base = set_units(base, chosen, columns, given)
     doubts += [doubt] if (doubt := doubt_of_decimation(table, base)) else []
-    set_decoding(chosen, columns, given)
+    set_wraps(chosen, columns)
     _set_point_command(table, base, chosen, given)
     guesses = tuple(chosen[role] for role in ROLES if role in chosen)
     used = {one.column for one in guesses} | {str(base.time.column)}
@@ -227,6 +234,7 @@ def _by_names(
         columns[name] = replace(one, by_name=RoleByName("other", 0.0, "")) if further else one
     _currents(columns)
     _of_known_drive(columns, sources)
+    columns = {name: one.with_sign() for name, one in columns.items()}
     _supplies(columns)
     named = {one.column for one in given.values()}
     columns = one_joint(columns, named, doubts, by_path=paths is not None)
@@ -235,7 +243,7 @@ def _by_names(
         said = given.get(role, Given())
         if said.column == NONE:
             continue
-        guess = _given(table, role, said, numbers) if said.column else _by_name(role, columns, chosen, given)
+        guess = _given(table, role, said, numbers, columns) if said.column else _by_name(role, columns, chosen, given)
         if guess is not None:
             chosen[role] = guess
             columns |= _columns_of(guess, columns, numbers, base)
@@ -328,11 +336,13 @@ def _supplies(columns: dict[str, TableColumn]) -> None:
             columns[one.name] = replace(one, by_name=RoleByName("supply", 1.0, "a voltage that hardly varies"))
 
 
-def _given(table: Table, role: str, said: Given, numbers: dict[str, Floats]) -> Guess:
+def _given(table: Table, role: str, said: Given, numbers: dict[str, Floats], columns: Map[str, TableColumn]) -> Guess:
     unit = said.unit
     if said.column in numbers:
-        parsed = parse_column_name(said.column, table.units.get(said.column, ""))
-        column = TableColumn(said.column, parsed, role_by_name(parsed), numbers[said.column])
+        column = columns.get(said.column)
+        if column is None:
+            parsed = parse_column_name(said.column, table.units.get(said.column, ""))
+            column = TableColumn(said.column, parsed, role_by_name(parsed), numbers[said.column])
         return with_unit(column.as_guess(role, "as given"), unit)
     if said.column in table.columns:
         raise InputError(f"{table.path}: column {said.column!r} holds no numbers; it cannot be the {role}")
@@ -388,7 +398,7 @@ def _by_name(
         )
     elif role == "command" and not np.nan_to_num(best.value).any():
         guess = guess.with_doubt(f"command: {best.name!r} is zero throughout: if another is meant, --command COLUMN")
-    elif role == "command" and may_be_measured(best.parsed):
+    elif role == "command" and best.by_name.rank < _KNOWN_RANK - 1.0 and says_no_command(best.parsed):
         guess = guess.with_doubt(
             f"command: no name says that {best.name!r} was commanded: if it was measured, set"
             " `input: {kind: measured}` in the model file"

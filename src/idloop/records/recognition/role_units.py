@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from idloop.records.recognition.column_name import WANTED, ColumnName, parse_column_name
 from idloop.records.recognition.guess import MOTION, Given, Guess, quoted
 from idloop.records.recognition.roles import CURRENTS, role_by_name
-from idloop.records.recognition.signal_units import find_decoding, motion_units, near_unit, slope_of, usual_resolution
+from idloop.records.recognition.signal_units import motion_units, near_unit, slope_of, usual_resolution
 from idloop.records.recognition.table_column import TableColumn
 from idloop.records.recognition.time_base import TimeBase
 from idloop.records.recognition.unnamed_columns import longest_way
@@ -47,11 +47,10 @@ def set_units(
     if command is not None and command.unit in SECONDS:
         chosen["command"] = command = _pulse_width(command)
     elif command is not None and not command.unit:
-        chosen["command"] = command = _command_unit(command)
+        chosen["command"] = command = _force_unit(command, columns)
     effort = chosen.get("effort")
     if effort is not None and not effort.unit:
-        unit = _command_unit(effort).unit
-        chosen["effort"] = replace(effort, unit=unit if unit != "-" or command is None else command.unit)
+        chosen["effort"] = _force_unit(effort, columns)
     place, speed = chosen.get("position"), chosen.get("velocity")
     words = {word for one in (place, speed) if one for word in parse_column_name(one.column).words}
     linear = (
@@ -97,24 +96,16 @@ def set_units(
     return base
 
 
-def set_decoding(chosen: dict[str, Guess], columns: dict[str, TableColumn], given: Map[str, Given]) -> None:
-    """Unwrap positions, and read negative numbers that were logged as unsigned ones."""
-    for role, guess in list(chosen.items()):
-        column = columns.get(guess.column)
-        if column is None or "decode" in guess.options or "wrap" in guess.options:
+def set_wraps(chosen: dict[str, Guess], columns: dict[str, TableColumn]) -> None:
+    """Find the ranges after which positions start again."""
+    for role in chosen.keys() & {"position", "reference"}:
+        guess = chosen[role]
+        column, scale = columns.get(guess.column), guess.options.get("scale", 1.0)
+        if column is None or "wrap" in guess.options:
             continue
-        options = dict(guess.options)
-        if role in ("position", "reference"):
-            scale = options.get("scale", 1.0)
-            if whole := column.wrap(guess.unit if scale == 1.0 else "counts"):
-                options["wrap"] = whole * scale
-                reason = f"{guess.reason}; starts again after {whole:g}"
-                chosen[role] = replace(guess, options=options, reason=reason)
-        elif role in ("command", "velocity", "effort") and (kind := find_decoding(column.value)):
-            options["decode"] = kind
-            chosen[role] = replace(guess, options=options).with_doubt(
-                f"{role}: values near {column.value.max():g} are read as negative ({kind})"
-            )
+        if whole := column.wrap(guess.unit if scale == 1.0 else "counts"):
+            reason = f"{guess.reason}; starts again after {whole:g}"
+            chosen[role] = replace(guess, options=guess.options | {"wrap": whole * scale}, reason=reason)
 
 
 def unit_by_words(name: ColumnName) -> str:
@@ -123,20 +114,27 @@ def unit_by_words(name: ColumnName) -> str:
     return {"V": "V", "U": "V", "I": "A", "F": "N", "T": "N·m", "M": "N·m"}.get(name.letter, unit)
 
 
-def _command_unit(command: Guess) -> Guess:
-    parsed = parse_column_name(command.column)
+def _force_unit(one: Guess, columns: Map[str, TableColumn]) -> Guess:
+    """Set the unit of a command or a measured force by the words of its name."""
+    parsed = parse_column_name(one.column)
     words, unit = set(parsed.words), unit_by_words(parsed)
+    column = columns.get(one.column)
+    if unit == "A" and column is not None and column.counts:
+        return replace(one, unit="-").with_doubt(
+            f"{one.column!r} holds whole numbers, probably counts of a converter: --{one.role} '{one.column}=UNIT' if"
+            " they are in a unit"
+        )
     if unit:
-        return replace(command, unit=unit).with_doubt(
-            f"{_without_unit(command)} and taken as {unit}: --command '{command.column}=UNIT'"
+        return replace(one, unit=unit).with_doubt(
+            f"{_without_unit(one)} and taken as {unit}: --{one.role} '{one.column}=UNIT'"
         )
     # A duty cycle has no unit, and of an unknown one only ratios of the parameters matter.
     duty = bool(words & {"pwm", "duty", "dutycycle", "throttle"})
-    what = f"the unit {command.written!r}" if command.written else "the unit"
+    what = f"the unit {one.written!r}" if one.written else "the unit"
     text = (
-        "" if duty and not command.written else f"{what} of the command is not known: --command '{command.column}=UNIT'"
+        "" if duty and not one.written else f"{what} of the {one.role} is not known: --{one.role} '{one.column}=UNIT'"
     )
-    found = replace(command, unit="-")
+    found = replace(one, unit="-")
     return found.with_doubt(text) if text else found
 
 

@@ -162,6 +162,11 @@ def may_be_measured(name: ColumnName) -> bool:
     return current and not words & (WANTED | _ORDER[0] | {"output", "out", "pid"})
 
 
+def says_no_command(name: ColumnName) -> bool:
+    """Whether no word says that it was commanded, and what it names is measured as often as not: a current, a load."""
+    return may_be_measured(name) or ("load" in name.words and not set(name.words) & (WANTED | _ORDER[0] | _ORDER[1]))
+
+
 def _axes_joined(words: set[str]) -> set[str]:
     """Words of a name with the axis of a current or voltage joined to it: i_q, q-axis current and Iq are iq."""
     said = next((letter for word, letter in _FIELD_AXES.items() if word in words), "")

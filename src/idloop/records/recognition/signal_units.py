@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import pi
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,10 @@ from numpy.typing import NDArray
 from idloop.records.inspection.motion import white_noise
 from idloop.records.inspection.velocity_check import velocity_slope
 from idloop.records.tables.base_units import SECONDS, base_unit
+from idloop.records.tables.mapping import SignBit
+from idloop.records.tables.signals import sign_magnitude, twos_complement
 
+Decoding = Literal["int8", "int16", "int32"] | SignBit
 Floats = NDArray[np.float64]
 
 # Units of unwritten ones, the most usual first.
@@ -31,6 +35,10 @@ _LARGEST_STEP = 0.25  # of the range, but for a wrap
 # An axis that goes round passes all of its range, by less than this part of it between two samples; without its wraps
 # its steps scatter by so much less, and so many of them show it.
 _MIDDLE, _NEXT, _SMOOTHER, _FEWEST_WRAPS = 0.25, 0.45, 0.3, 3
+# A register with a sign has ten bits or more. Where the sign changes, the signal with it jumps by less than this share
+# of what it does without, and is within this share of its largest value.
+_FEWEST_BITS, _FEWEST_LEVELS, _FEWEST_PASSES = 10, 4, 3
+_RUNS_ON, _NEAR_ZERO = 0.6, 0.8
 
 
 @dataclass(frozen=True)
@@ -230,12 +238,17 @@ def _goes_round(value: Floats, whole: float) -> bool:
     )
 
 
-def find_decoding(value: Floats) -> str:
-    """Return ``int16`` or ``int32`` where negative numbers were logged as large positive ones; else nothing."""
+def find_decoding(value: Floats) -> Decoding | None:
+    """Return how negative numbers were logged as large positive ones, by values (n,); None where they were not.
+
+    In two's complement they lie at the upper end of 16 or 32 bits, with nothing between. With a sign bit they begin at
+    a power of two, and the signal jumps by as much wherever it passes zero: with the sign it runs on.
+    """
     known = value[np.isfinite(value)]
-    if not known.size or known.min() < 0 or (known != np.round(known)).any():
-        return ""
-    for name, bits in (("int16", 16), ("int32", 32)):
+    if not known.size or known.min() < 0 or known.max() < 2.0**_FEWEST_BITS or (known != np.round(known)).any():
+        return None
+    two: tuple[tuple[Literal["int16", "int32"], int], ...] = (("int16", 16), ("int32", 32))
+    for name, bits in two:
         whole = 2.0**bits
         if known.max() >= whole:
             continue
@@ -243,4 +256,23 @@ def find_decoding(value: Floats) -> str:
         low = known < 0.25 * whole
         if high.any() and low.any() and bool((high | low).all()):
             return name
-    return ""
+    return _sign_bit(known)
+
+
+def _sign_bit(known: Floats) -> SignBit | None:
+    bit = int(known.max()).bit_length() - 1
+    signed = sign_magnitude(known, bit)
+    high = known >= 2.0**bit
+    levels = min(np.unique(known[high]).size, np.unique(known[~high]).size)
+    passes = np.flatnonzero(high[1:] != high[:-1])
+    if levels < _FEWEST_LEVELS or passes.size < _FEWEST_PASSES:
+        return None
+    size = np.abs(signed)
+    near = float(np.median(np.maximum(size[passes], size[passes + 1])))
+    jump, passed = (float(np.abs(np.diff(one))[passes].sum()) for one in (known, signed))
+    return SignBit(sign_bit=bit) if passed < _RUNS_ON * jump and near < _NEAR_ZERO * size.max() else None
+
+
+def decoded(value: Floats, kind: Decoding) -> Floats:
+    """Return values (n,) with the sign that `find_decoding` has found."""
+    return sign_magnitude(value, kind.sign_bit) if isinstance(kind, SignBit) else twos_complement(value, kind)

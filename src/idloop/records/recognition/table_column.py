@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -12,9 +12,10 @@ from idloop.errors import InputError
 from idloop.records.recognition.column_name import ColumnName, parse_column_name
 from idloop.records.recognition.guess import MOTION, Guess
 from idloop.records.recognition.roles import RoleByName, role_by_name
-from idloop.records.recognition.signal_units import find_wrap
+from idloop.records.recognition.signal_units import decoded, find_decoding, find_wrap
 from idloop.records.recognition.time_base import TimeBase, counts_rows
 from idloop.records.tables.base_units import COUNTS, SECONDS
+from idloop.records.tables.mapping import SignBit
 from idloop.records.tables.table import Table
 
 Floats = NDArray[np.float64]
@@ -23,6 +24,7 @@ Floats = NDArray[np.float64]
 _PER_SECOND = {unit: f"{unit}/s" for unit in ("rad", "mrad", "deg", "rev", "m", "cm", "mm", "um", "in")}
 _FEWEST_STAMPS = 10  # a motion may have the values of a few stamps
 _STEADY = 0.1  # of its mean, for a supply
+_MOST_LEVELS = 8  # of a command in whole amperes
 _LINE = 1e-3  # of the spread of a column, by which one that runs with the time or the rows leaves a straight line
 
 
@@ -59,14 +61,37 @@ class TableColumn:
             options,
             self.by_name.role == "effort",
             written,
-            factor,
         )
+
+    def with_sign(self) -> TableColumn:
+        """Return it with the sign of negative numbers that were logged as large positive ones."""
+        if known := self.options.get("decode"):
+            kind = SignBit.model_validate(known) if isinstance(known, dict) else known
+            try:
+                return replace(self, value=decoded(self.value, kind))
+            except InputError:  # values that are not logged so
+                return replace(self, options={key: one for key, one in self.options.items() if key != "decode"})
+        found = find_decoding(self.value)
+        # A position in two's complement starts again, as that of an encoder does.
+        if found is None or (isinstance(found, str) and self.by_name.role in ("position", "reference")):
+            return self
+        bit = found.sign_bit if isinstance(found, SignBit) else None
+        option, how = (found, found) if bit is None else ({"sign_bit": bit}, f"bit {bit} is the sign")
+        doubt = f"{self.name!r}: values near {np.nanmax(self.value):g} are read as negative ({how})"
+        said = f"{self.doubt}; {doubt}" if self.doubt else doubt
+        return replace(self, value=decoded(self.value, found), options={**self.options, "decode": option}, doubt=said)
 
     @property
     def moves(self) -> bool:
         """Whether it is not constant."""
         known = self.value[np.isfinite(self.value)]
         return bool(known.size > 1 and float(np.ptp(known)) > 0.0)
+
+    @property
+    def counts(self) -> bool:
+        """Whether it holds whole numbers only, and more of them than a command has levels."""
+        known = self.value[np.isfinite(self.value)]
+        return bool((known == np.round(known)).all()) and np.unique(known).size > _MOST_LEVELS
 
     @property
     def steady(self) -> bool:
