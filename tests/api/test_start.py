@@ -61,6 +61,16 @@ def test_a_log_becomes_a_folder_with_everything_in_it(record, tmp_path):
     assert len(begun.plot().axes) == 3
 
 
+def test_a_velocity_in_no_unit_is_left_out_and_said(record, tmp_path):
+    """It may be the time that is wrong: nothing is scaled until both agree."""
+    c = _columns(record)
+    log = _write(tmp_path / "log.csv", "t [s],u [Nm],angle [rad],speed", c["t"], c["u"], c["q"], 1.989 * c["w"])
+    begun = idloop.start(log, tmp_path / "begun")
+    assert begun.inspections[0].grade == "usable with care"
+    assert any("a sample time that is 1.989 times too long" in line for line in begun.said())
+    assert "wrong by this factor" in begun.summary()
+
+
 def test_files_with_the_same_columns_are_records_of_one_axis(record, tmp_path):
     c = _columns(record)
     half = c["t"].size // 2

@@ -272,10 +272,24 @@ def test_a_velocity_without_a_name_is_found_by_the_slope_of_the_position():
         assert found.of("velocity").options == ({"scale": -1.0} if factor < 0 else {})
         assert any("no name says what 'c' is" in one for one in found.all_doubts())
     _, found = _roles({"t": T, "u": U, "angle [rad]": ANGLE, "c": 23.4 * SPEED})
-    assert found.of("velocity").options["scale"] == pytest.approx(1 / 23.4, rel=1e-3)
+    assert found.of("velocity").options == {}
+    assert any(
+        "it is 23.4 times the slope of the position, which is no usual unit" in one for one in found.all_doubts()
+    )
     roles, _ = _roles({"0": T, "1": U, "2": ANGLE, "3": SPEED})
     assert {role: one[0] for role, one in roles.items()} == {"command": "1", "position": "2", "velocity": "3"}
     assert "velocity" not in _roles({"t": T, "u": U, "angle": ANGLE, "c": U + NOISE[1]})[0]
+
+
+@pytest.mark.parametrize("unit", ["rad", "deg"])
+def test_a_velocity_that_is_left_out_still_doubts_the_sample_time(unit):
+    angle = ANGLE if unit == "rad" else np.degrees(ANGLE)
+    for factor, said in ((1.989, True), (1.0, False), (30 / pi, False), (180 / pi, False)):
+        columns = {"t": T, "u": U, f"angle [{unit}]": angle, "speed": factor * SPEED}
+        for left_out in ({}, {"velocity": Given("none")}):
+            doubts = " | ".join(_roles(columns, given=left_out)[1].all_doubts())
+            assert ("1.989 times the slope" in doubts) is said, (factor, left_out)
+            assert ("the sample time is wrong by this factor" in doubts) is said
 
 
 def test_what_is_given_counts_before_any_guess():

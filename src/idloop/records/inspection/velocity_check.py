@@ -323,9 +323,10 @@ def _explanation(name: str, slope: Slope, columns: Mapping[str, Floats], unit: s
             f"{times}, its delay not counted: a wrong scale, or a driver that divides by another sample time",
             f"multiply its `scale:` in the mapping by {1.0 / value:.4g}",
         )
+    clock = f", a sample time that is {max(value, 1.0 / value):.4g} times too {'long' if value > 1.0 else 'short'}"
     return (
-        f"{times}: a wrong scale, the other side of a gear, or another signal",
-        "set its `unit:` or `scale:` in the mapping",
+        f"{times}: a wrong scale{clock if value > 0.0 else ''}, the other side of a gear, or another signal",
+        "correct `time:`, or its `unit:` or `scale:`, in the mapping",
     )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.records.recognition.column_name import WANTED, ColumnName, parse_column_name
-from idloop.records.recognition.guess import MOTION, Given, Guess, quoted
+from idloop.records.recognition.guess import MOTION, NONE, Given, Guess, quoted
 from idloop.records.recognition.roles import CURRENTS, role_by_name
 from idloop.records.recognition.signal_units import motion_units, near_unit, slope_of, usual_resolution
 from idloop.records.recognition.table_column import TableColumn
@@ -230,7 +230,8 @@ def _related(
         _unrelated(base, chosen, linear=linear)
         slope = slope_of(base.seconds, value, rate, column.runs)
         if slope is not None and not speed_unit:
-            chosen["velocity"] = _scaled_by_slope(chosen["velocity"], speed, chosen["position"].unit, slope.value)
+            said = _no_unit(slope.value, chosen["position"])
+            chosen["velocity"] = chosen["velocity"].with_doubt(said) if said else chosen["velocity"]
         elif slope is not None and counted:
             factor = base_unit(speed.unit, "velocity", speed.column)[1]
             # Over long windows the slope is exact, where it can be told there.
@@ -270,15 +271,32 @@ def _related(
     return base
 
 
-def _scaled_by_slope(taken: Guess, speed: Guess, place: str, slope: float) -> Guess:
-    """Scale a velocity to the slope of the position where the factor is no unit's; else return what it is taken for."""
-    unit, factor = base_unit(place, "position", "")
-    if near_unit(slope * factor):
-        return taken
-    options = speed.options | {"scale": speed.options.get("scale", 1.0) * float(f"{factor / slope:.4g}")}
-    return replace(speed, unit=f"{unit}/s", options=options).with_doubt(
-        f"the unit of the velocity is not known; it is {slope:.4g} times the slope of the position and scaled so:"
-        f" --velocity '{speed.column}=UNIT'"
+def doubt_of_left_out(
+    base: TimeBase, chosen: Map[str, Guess], columns: Map[str, TableColumn], given: Map[str, Given]
+) -> str:
+    """Say what stays unknown where the user leaves out a velocity that is the slope of the position in no unit."""
+    place = chosen.get("position")
+    if place is None or given.get("velocity", Given()).column != NONE:
+        return ""
+    column = columns[place.column]
+    value = column.unwrapped("counts" if "scale" in place.options else place.unit) * place.options.get("scale", 1.0)
+    for one in columns.values():
+        if one.by_name.role != "velocity" or not one.value.size == value.size == base.seconds.size:
+            continue
+        slope = slope_of(base.seconds, value, one.value, column.runs)
+        if slope is not None and (said := _no_unit(slope.value, place)):
+            return f"{one.name!r} is left out; {said}"
+    return ""
+
+
+def _no_unit(slope: float, place: Guess) -> str:
+    """What a velocity may be that is so many times the slope of a position; empty where a unit says it."""
+    times = slope / base_unit(place.unit, "position", "")[1]
+    if near_unit(times):
+        return ""
+    return (
+        f"it is {times:.4g} times the slope of the position, which is no usual unit: its scale or that of the position"
+        " is another, or the sample time is wrong by this factor, and with it every time constant"
     )
 
 

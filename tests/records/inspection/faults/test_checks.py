@@ -48,7 +48,14 @@ def test_friction_cogging_and_play_are_no_faults(make_axis, seed):
 
 @pytest.mark.parametrize(
     ("factor", "words"),
-    [(30 / np.pi, "in rpm"), (-1.0, "wrong sign"), (0.0, "stays at 0"), (7.0, "other side of a gear")],
+    [
+        (30 / np.pi, "in rpm"),
+        (-1.0, "wrong sign"),
+        (0.0, "stays at 0"),
+        (7.0, "other side of a gear"),
+        (1.989, "a sample time that is 1.989 times too long"),
+        (0.4, "a sample time that is 2.5 times too short"),
+    ],
 )
 def test_a_velocity_that_is_no_derivative(make_axis, factor, words):
     axis = make_axis()
