@@ -18,6 +18,7 @@ from idloop.records.formats.known_columns import recognise as known_drive
 from idloop.records.recognition.column_name import ColumnName, parse_column_name
 from idloop.records.recognition.guess import MOTION, NONE, ROLES, Given, Guess, quoted, with_unit
 from idloop.records.recognition.joint_choice import joints_by_name, one_joint
+from idloop.records.recognition.names_against_values import doubt_of_names
 from idloop.records.recognition.role_units import LINEAR_UNITS, doubt_of_left_out, set_units, set_wraps, unit_by_words
 from idloop.records.recognition.roles import (
     BY_UNIT,
@@ -150,8 +151,8 @@ def recognise_table(
             f" {listed(numbers, 20)}){_of_a_sensor(columns.values())}"
         )
     base = set_units(base, chosen, columns, given)
-    of_time = (doubt_of_decimation(table, base), doubt_of_left_out(base, chosen, columns, given))
-    doubts += [doubt for doubt in of_time if doubt]
+    of_values = (doubt_of_left_out(base, chosen, columns, given), doubt_of_names(base, chosen, columns, given))
+    doubts += [doubt for doubt in (doubt_of_decimation(table, base), *of_values) if doubt]
     set_wraps(chosen, columns)
     _set_point_command(table, base, chosen, given)
     guesses = tuple(chosen[role] for role in ROLES if role in chosen)

@@ -215,14 +215,18 @@ def _related(
         return _unrelated(base, chosen, linear=linear)
     scale = place.options.get("scale", 1.0)
     value = column.unwrapped(place.unit if scale == 1.0 else "counts") * scale
+    speed_unit = "" if speed.unit == "counts" else speed.unit
+    if speed.unit == "counts" and scale != 1.0:
+        # The counts of the position, in a second.
+        speed = replace(speed, unit=f"{place.unit}/s", options=speed.options | {"scale": scale})
+        chosen["velocity"] = speed
     rate = rate * speed.options.get("scale", 1.0)
     run = longest_way(value, column.runs)
-    speed_unit = "" if speed.unit == "counts" else speed.unit
     found = motion_units(
         base.seconds[run],
         value[run],
         rate[run],
-        (place.unit, speed_unit),
+        (place.unit, "" if speed.unit == "counts" else speed.unit),
         base.units,
         linear=linear,
     )

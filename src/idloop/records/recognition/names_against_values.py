@@ -1,0 +1,69 @@
+"""Names of columns that contradict their values: another column is the slope of another."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping as Map
+
+from idloop.records.recognition.guess import MOTION, Given, Guess
+from idloop.records.recognition.signal_units import slope_of
+from idloop.records.recognition.smoothness import smoothest_first
+from idloop.records.recognition.table_column import TableColumn
+from idloop.records.recognition.time_base import TimeBase
+
+# What a swapped name may stand at: not at a set-point, whose slope is often logged beside it.
+_MAY_BE = ("command", "effort", *MOTION, "other", "")
+_MOST_COMPARED = 8
+
+
+def doubt_of_names(
+    base: TimeBase, chosen: Map[str, Guess], columns: Map[str, TableColumn], given: Map[str, Given]
+) -> str:
+    """Name the options of the signals whose values have to do with each other what their names say of others.
+
+    A velocity is the slope of its position. Where that of the header is not, and one other column is that of another,
+    which is smoother than all of them as a position is, the names are probably exchanged. A velocity exchanged with the
+    command shows nothing: in friction a force runs with the speed as well.
+
+    Returns
+    -------
+    str
+        Empty where the names hold, or nothing shows more.
+    """
+    place, speed = (columns.get(chosen[role].column) if role in chosen else None for role in MOTION)
+    if place is None or speed is None or given.keys() & {*MOTION, "command"} or _slope(base, place, speed):
+        return ""
+    command = columns.get(chosen["command"].column) if "command" in chosen else None
+    free = [one for one in columns.values() if one.by_name.role in _MAY_BE and one.moves]
+    named = [one for one in (place, speed, command) if one is not None]
+    free = [*named, *(one for one in free if one not in named)][:_MOST_COMPARED]
+    free = [one for one in free if one.value.size == base.seconds.size]
+    pairs = [
+        (correlation, one, other)
+        for one in free
+        for other in free
+        if one is not other and not (one is place and other.by_name.role in ("command", "effort"))
+        if (correlation := _slope(base, one, other))
+    ]
+    if not pairs:
+        return ""
+    _, first, second = max(pairs, key=lambda pair: pair[0])
+    four = list({one.name: one for one in (first, second, place, speed)}.values())
+    if smoothest_first([(one.value, one.runs) for one in four])[0] != 0:
+        return ""
+    taken = {"position": first, "velocity": second}
+    left = [one for one in named if one is not first and one is not second]
+    if command is not None and command not in left and left:
+        taken["command"] = left[0]
+    flags = " ".join(f"--{role} '{one.name}'" for role, one in taken.items())
+    return (
+        f"{speed.name!r} is not the slope of {place.name!r}, but {second.name!r} is that of {first.name!r}: the names"
+        f" may be exchanged; if they are, {flags}"
+    )
+
+
+def _slope(base: TimeBase, place: TableColumn, rate: TableColumn) -> float:
+    """Correlation of a column with the slope of another; 0 where it runs otherwise."""
+    if not place.value.size == rate.value.size == base.seconds.size:
+        return 0.0
+    found = slope_of(base.seconds, place.unwrapped(place.parsed.unit or "counts"), rate.value, place.runs)
+    return 0.0 if found is None else found.correlation

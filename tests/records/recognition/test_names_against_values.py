@@ -1,0 +1,69 @@
+"""A header whose names are exchanged is doubted, and one whose names hold is not."""
+
+from __future__ import annotations
+
+from itertools import permutations
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from idloop.records.recognition.guess import Given
+from idloop.records.recognition.recognise import recognise_table
+from idloop.records.tables.table import Table
+
+T = np.arange(3000) * 0.005
+NAMES = {"command": "u", "position": "position", "velocity": "velocity"}
+
+
+def _signals(seed):
+    """Command, position and velocity of an axis with inertia and friction, with the noise of sensors."""
+    rng = np.random.default_rng(seed)
+    command = np.repeat(rng.normal(size=100), 30)
+    speed = lfilter([0.0, 0.02], [1.0, -0.98], command)
+    noise = rng.normal(size=(2, T.size))
+    place = np.cumsum(speed) * 0.005
+    return {"command": command, "position": place + 1e-4 * noise[0], "velocity": speed + 1e-2 * noise[1]}
+
+
+def _doubt(columns, **given):
+    found = recognise_table(Table(Path("log.csv"), {"t [s]": T, **columns}), given)
+    return next((one for one in found.all_doubts() if "the names may be exchanged" in one), "")
+
+
+@pytest.mark.parametrize("order", [one for one in permutations(NAMES) if one[1] != "position"])
+def test_exchanged_names_are_doubted_with_the_options_that_mend_it(order):
+    for seed in range(5):
+        signals = _signals(seed)
+        columns = {name: signals[one] for name, one in zip(NAMES.values(), order, strict=True)}
+        doubt = _doubt(columns)
+        right = dict(zip(order, NAMES.values(), strict=True))
+        for role in ("position", "velocity"):
+            assert f"--{role} '{right[role]}'" in doubt
+        assert ("--command" in doubt) is (right["command"] != "u")
+        assert not _doubt(columns, **{role: Given(name) for role, name in right.items()})
+
+
+WRONG = {
+    "right": lambda v, rng: v,
+    "of another joint": lambda v, rng: lfilter([0.02], [1.0, -0.98], rng.normal(size=v.size)),
+    "noise": lambda v, rng: v + 2.0 * rng.normal(size=v.size),
+    "late": lambda v, rng: np.roll(v, 60),
+    "filtered": lambda v, rng: lfilter([0.01], [1.0, -0.99], v),
+    "without a sign": lambda v, rng: np.abs(v),
+}
+
+
+@pytest.mark.parametrize("kind", WRONG)
+@pytest.mark.parametrize("seed", range(5))
+def test_a_wrong_velocity_beside_forces_and_an_acceleration_is_no_exchange(kind, seed):
+    signals, rng = _signals(seed), np.random.default_rng(100 + seed)
+    further = {
+        "acc": np.gradient(signals["velocity"], T),
+        "measured current": signals["command"] - 0.3 * signals["velocity"],
+        "target position": signals["position"] + 0.01,
+        "target velocity": np.gradient(signals["position"] + 0.01, T),
+    }
+    columns = {NAMES[role]: value for role, value in signals.items()} | further
+    assert not _doubt(columns | {"velocity": WRONG[kind](signals["velocity"], rng)})
