@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from math import pi
 from pathlib import Path
 
@@ -379,6 +380,15 @@ def test_a_velocity_in_hertz_is_in_turns_per_second():
     roles, found = _roles({"t": T, "u": U, "velocity measured [Hz]": SPEED})
     assert roles["velocity"] == ("velocity measured [Hz]", "rev/s")
     assert any("turns per second" in doubt for doubt in found.all_doubts())
+
+
+@pytest.mark.parametrize("formula", ["0/1023 * 2", "0/1023 * 2 + u", "2 * a b"])
+def test_a_name_in_a_formula_that_needs_backquotes_is_shown_with_them(formula):
+    columns = {"t": T, "u": U, "0/1023": U, "a b": U, "angle [rad]": ANGLE}
+    right = formula.replace("0/1023", "`0/1023`").replace("a b", "`a b`")
+    with pytest.raises(InputError, match=f"backquotes: --command '{re.escape(right)}=V'"):
+        _roles(columns, given={"command": Given(formula, "V")})
+    assert _roles(columns, given={"command": Given(right, "V")})[0]["command"] == (right, "V")
 
 
 def test_a_log_without_a_command_lists_its_columns_but_the_time():

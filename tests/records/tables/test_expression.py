@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from idloop.errors import InputError
-from idloop.records.tables.expression import Expression
+from idloop.records.tables.expression import Expression, in_backquotes
 
 COLUMNS = {
     "arm.q": np.array([3.0, 4.0]),
@@ -36,6 +36,22 @@ def test_values(text):
 
 def test_its_columns_are_named_once():
     assert Expression("theta * `speed [rpm]` + theta - pi").columns == ["theta", "speed [rpm]"]
+
+
+@pytest.mark.parametrize(
+    ("text", "right"),
+    [
+        ("0/1023 * 2", "`0/1023` * 2"),
+        ("speed [rpm] / 30", "`speed [rpm]` / 30"),
+        ("`speed [rpm]` / 30", "`speed [rpm]` / 30"),
+        ("a-b + a - b", "`a-b` + a - b"),
+        ("10/1023 + theta", "10/1023 + theta"),
+        ("arm.q * 1", "arm.q * 1"),
+        ("-speed [rpm] - speed", "-`speed [rpm]` - speed"),
+    ],
+)
+def test_names_that_need_backquotes_get_them(text, right):
+    assert in_backquotes(text, [*COLUMNS, "0/1023", "a-b", "a", "b", "speed", "1"]) == right
 
 
 BAD = {

@@ -32,7 +32,7 @@ from idloop.records.recognition.table_column import TableColumn, numbers_of, run
 from idloop.records.recognition.time_base import TimeBase, base_of_clock, doubt_of_decimation, find_time_base
 from idloop.records.recognition.unnamed_columns import fill_by_values, find_set_point, follows
 from idloop.records.tables.csv_layout import is_number
-from idloop.records.tables.expression import Expression
+from idloop.records.tables.expression import Expression, in_backquotes
 from idloop.records.tables.mapping import Time
 from idloop.records.tables.stamps import bad_stamps, in_order, note_bad_stamps
 from idloop.records.tables.table import Table
@@ -350,6 +350,12 @@ def _given(table: Table, role: str, said: Given, numbers: dict[str, Floats], col
         raise InputError(f"{table.path}: column {said.column!r} holds no numbers; it cannot be the {role}")
     if is_number(said.column) and role not in MOTION:
         return with_unit(Guess(role, "", "", "as given", options={"value": float(said.column)}), unit)
+    if (formula_text := in_backquotes(said.column, numbers)) != said.column:
+        right = f"{formula_text}={unit}" if unit else formula_text
+        raise InputError(
+            f"{table.path}: in a formula the name of a column that is no plain word stands in backquotes:"
+            f" --{role} '{right}'"
+        )
     formula = Expression(said.column)
     missing = next((name for name in formula.columns if name not in numbers), None)
     if missing is not None or not formula.columns:

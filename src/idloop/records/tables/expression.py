@@ -9,13 +9,14 @@ from __future__ import annotations
 import ast
 import operator
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
+from idloop.records.tables.csv_layout import is_number
 from idloop.spelling import did_you_mean, listed
 
 Floats = NDArray[np.float64]
@@ -45,6 +46,24 @@ _LONGEST = 1000
 _PLACE = "column_{}_"
 
 
+def in_backquotes(text: str, names: Iterable[str]) -> str:
+    """Return a formula with backquotes around those of the names that need them and have none.
+
+    Examples
+    --------
+    >>> in_backquotes("2 * 0/1023 + `a b`", ["0/1023", "a b", "u"])
+    '2 * `0/1023` + `a b`'
+    """
+    needed = [one for one in names if one and not is_number(one) and not one.replace(".", "").isidentifier()]
+    if not needed:
+        return text
+    # The longest counts; no letter or digit may go on with it.
+    any_name = "|".join(re.escape(one) for one in sorted(needed, key=len, reverse=True))
+    pieces = re.split(r"(`[^`]*`)", text)
+    pieces[::2] = [re.sub(rf"(?<!\w)(?:{any_name})(?!\w)", r"`\g<0>`", piece) for piece in pieces[::2]]
+    return "".join(pieces)
+
+
 class Expression:
     """A formula over columns.
 
@@ -70,7 +89,8 @@ class Expression:
             self._tree = ast.parse(plain.strip(), mode="eval").body
         except (SyntaxError, ValueError, RecursionError, MemoryError):
             raise InputError(
-                f"{text!r} is no formula; write columns, numbers and + - * / ( ), names with blanks in `backquotes`"
+                f"{text!r} is no formula; write columns, numbers and + - * / ( ), names that are no plain"
+                " words in `backquotes`"
             ) from None
         self.columns: list[str] = []
         self._collect(self._tree, 0)
