@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from dataclasses import replace
 from types import SimpleNamespace
@@ -541,8 +542,28 @@ def test_a_command_without_its_sign_is_answered_with_the_formula_that_gives_it(r
     log = _write(tmp_path / "log.csv", "t,torque,q,high", c["t"], np.abs(c["u"]), c["q"], np.sign(c["u"]))
     begun = idloop.start(log, tmp_path / "begun", {"command": "torque"})
     assert "run again with --command 'torque * sign(COLUMN)=N·m'" in begun.summary()
+    assert "where it had the sign of the control error" not in begun.summary()
     again = idloop.start(log, tmp_path / "again", {"command": "torque * sign(high)=N·m"})
     assert again.fit is not None
+
+
+def test_a_command_without_its_sign_in_a_loop_has_that_of_the_control_error(tmp_path):
+    """The size of the command of a proportional loop; the axis stands still where it is zero."""
+    rng = np.random.default_rng(4)
+    wanted, place, speed, rows = 0.0, 0.0, 0.0, []
+    for k in range(3000):
+        wanted = rng.uniform(-3.0, 3.0) if k % 150 == 0 else wanted
+        command = np.clip(2.0 * (wanted - place), -1.0, 1.0) * (abs(wanted - place) > 0.02)
+        rows.append((0.01 * k, wanted, abs(command), place))
+        before, speed = speed, 0.9 * speed + 0.2 * command
+        place += 0.005 * (before + speed)
+    log = _write(tmp_path / "log.csv", "t [s],Target,MotorPWM,angle [rad]", *np.array(rows).T)
+    begun = idloop.start(log, tmp_path / "begun", {"reference": "Target=rad"})
+    (flag,) = re.findall(r"sign of the control error, run again with --command '(.*?)' and", begun.summary())
+    assert flag == "MotorPWM * sign(Target - `angle [rad]`)=-"
+    again = idloop.start(log, tmp_path / "again", {"reference": "Target=rad", "command": flag})
+    assert again.inspections[0].faults == ()
+    assert again.fit.values["drive.gain"] == pytest.approx(20.0, rel=0.1)
 
 
 def test_a_doubt_that_is_answered_in_the_mapping_names_it(record, tmp_path):

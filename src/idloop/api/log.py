@@ -139,7 +139,23 @@ class Log:
     @property
     def signed_command(self) -> str:
         """The option that gives the command the sign of a column; empty where there is none."""
-        return self._command(f"{self.turned_column.removeprefix('-')} * sign(COLUMN)") if self.turned_column else ""
+        return self._command_with_sign_of("COLUMN")
+
+    @property
+    def command_with_sign_of_error(self) -> str:
+        """The option that gives the command the sign of the control error; empty where no set-point was recorded."""
+        from idloop.records.recognition.guess import quoted
+
+        for wanted, measured in (("reference", "position"), ("reference velocity", "velocity")):
+            one, other = self.recognition.of(wanted), self.recognition.of(measured)
+            if one is None or other is None or (one.unit, one.options) != (other.unit, other.options):
+                continue
+            if not one.options.keys() & {"wrap", "decode", "compute"}:
+                return self._command_with_sign_of(f"{quoted(one.column)} - {quoted(other.column)}")
+        return ""
+
+    def _command_with_sign_of(self, formula: str) -> str:
+        return self._command(f"{self.turned_column.removeprefix('-')} * sign({formula})") if self.turned_column else ""
 
     def command_in(self, unit: str) -> str:
         """The option that gives the command a unit."""

@@ -150,6 +150,8 @@ class Start(Result):
                 " loop in the drive; if it is a force, a torque, a current or a voltage, give its unit"
             )
         lost = any(fault.kind == _SIGN_LOST for one in self.inspections for fault in one.faults)
+        if lost and (flag := self.log.command_with_sign_of_error):
+            yield f"where it had the sign of the control error, run again with {flag} and another --output"
         if lost and (flag := self.log.signed_command):
             yield f"where a column has the sign, such as that of a direction pin, run again with {flag}"
         yield ""
