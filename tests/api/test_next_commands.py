@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from tests.records.formats.corpus import FORMS
 
-from idloop.api.next_commands import diagnosing, held_out
+from idloop.api.next_commands import diagnosing, held_out, with_purpose
 from idloop.cli import main
 
 FITTED = Path("out/fitted.yaml")
@@ -65,3 +65,15 @@ def test_two_commands_lead_from_a_log_to_a_named_effect(name, tmp_path, capsys):
     assert main.run([*following[1], "--json", "--quiet"]) == 0
     ladder = json.loads(capsys.readouterr().out)["ladder"]
     assert ladder[1]["added"]["effect"] == "coulomb_friction"
+
+
+def test_each_command_says_what_it_is_for_and_can_be_copied_with_it():
+    lines = list(with_purpose(diagnosing(FITTED, [Path("bags/a")], None, Path("out/refined"))))
+    assert [line for line in lines if not line.startswith("  #")] == [
+        "  idloop diagnose out/fitted.yaml bags/a",
+        "  idloop refine out/fitted.yaml bags/a --output out/refined",
+        "  idloop workbench out/fitted.yaml bags/a",
+    ]
+    assert lines[0] == "  # which physical effect does the model lack?"
+    fits = list(with_purpose(["idloop fit m.yaml a", "idloop fit m.yaml b"]))
+    assert fits == ["  # fit the model to these records", "  idloop fit m.yaml a", "  idloop fit m.yaml b"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,6 +13,13 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from idloop.records import Inspection
 
+_PURPOSE = {
+    "diagnose": "which physical effect does the model lack?",
+    "refine": "add it, fit again, and look for the next one, until nothing is missing",
+    "workbench": "the same as a page in the browser",
+    "inspect": "what the recording holds, in full",
+    "fit": "fit the model to these records",
+}
 _BEYOND = 0.1  # of the range of the commands that a fit sees, by which those that it does not see may go beyond it
 
 
@@ -55,6 +62,17 @@ def held_out(inspections: Sequence[Inspection]) -> Path | None:
         if high > low and own.min() >= low - margin and own.max() <= high + margin:
             return one.path
     return None
+
+
+def with_purpose(lines: Sequence[str]) -> Iterator[str]:
+    """Yield commands, each below a comment that says what it is for where that is another one than before."""
+    before = ""
+    for line in lines:
+        purpose = _PURPOSE.get(line.split()[1], "")
+        if purpose != before:
+            yield f"  # {purpose}"
+        yield f"  {line}"
+        before = purpose
 
 
 def commands(lines: Sequence[Sequence[str]]) -> list[str]:

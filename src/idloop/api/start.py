@@ -14,7 +14,7 @@ import numpy as np
 from idloop.api.first_fit import FirstFit, FirstModel, first_fit, left_out
 from idloop.api.inspection import inspect_bag, without_modelled_faults
 from idloop.api.log import Log, recognise
-from idloop.api.next_commands import commands, diagnosing, held_out
+from idloop.api.next_commands import commands, diagnosing, held_out, with_purpose
 from idloop.api.result import Progress, Result, ignore_progress, part
 from idloop.errors import InputError
 from idloop.reporting.text.blocks import Block
@@ -157,10 +157,14 @@ class Start(Result):
         yield ""
         if any(word in line for word in _OF_MAPPING for line in (*said, *self.log.doubts)):
             yield f"the mapping is {self.folder / MAPPING}: change it there, then {self._import_again()}"
-        yield f"written: {self.folder}/ ({MAPPING}, {MODEL}, {BAGS}, {PICTURE}{', ' + FITTED if self.fit else ''})"
+        fitted = f" {FITTED} (with the fitted values)," if self.fit is not None else ""
+        yield (
+            f"written to {self.folder}/: {MAPPING} (what the columns are), {MODEL} (the model),{fitted} {BAGS} (the"
+            f" records), {PICTURE} (a picture of the signals)"
+        )
         if commands := self.commands:
             yield "next:"
-            yield from (f"  {command}" for command in commands)
+            yield from with_purpose(commands)
         if self.fit is not None and len(self.bags) == 1:
             yield (
                 "a further record, with another command, would show whether the model holds on data that no fit has"

@@ -31,8 +31,8 @@ class Guess:
         As a mapping file writes it.
     reason : str
         Why this column, and why this unit.
-    doubt : str
-        What is uncertain and how to say otherwise; empty where nothing is.
+    doubts : tuple of str
+        What is uncertain and how to say otherwise.
     options : dict
         Further keys of the channel in the mapping: ``scale``, ``wrap``, ``decode``, ...
     measured : bool
@@ -45,14 +45,14 @@ class Guess:
     column: str
     unit: str
     reason: str
-    doubt: str = ""
+    doubts: tuple[str, ...] = ()
     options: dict[str, Any] = field(default_factory=dict)
     measured: bool = False
     written: str = ""
 
     def with_doubt(self, doubt: str) -> Guess:
         """Return it with a further doubt."""
-        return replace(self, doubt=f"{self.doubt}; {doubt}" if self.doubt else doubt)
+        return replace(self, doubts=(*self.doubts, doubt))
 
 
 @dataclass(frozen=True)

@@ -101,7 +101,8 @@ class Recognition:
 
     def all_doubts(self) -> list[str]:
         """Everything uncertain."""
-        return [one for one in (self.base.doubt, *(guess.doubt for guess in self.guesses), *self.doubts) if one]
+        of_signals = (doubt for guess in self.guesses for doubt in guess.doubts)
+        return [one for one in (self.base.doubt, *of_signals, *self.doubts) if one]
 
 
 def recognise_table(
@@ -316,7 +317,7 @@ def _of_known_drive(columns: dict[str, TableColumn], sources: Map[str, Map[str, 
             # What stands first in the list of a drive's columns is meant before what has the same role.
             by_name=RoleByName(entry.role, _KNOWN_RANK - 0.01 * order.index(entry), f"a column of {device.device}"),
             options=options,
-            doubt="; ".join(doubts),
+            doubts=tuple(doubts),
         )
 
 
@@ -444,7 +445,7 @@ def _command_without_column(table: Table, chosen: dict[str, Guess], given: Map[s
             "",
             unit,
             f"{number:g} in the name of the file",
-            "the command is taken from the name of the file: --command VALUE=UNIT, or --command COLUMN",
+            ("the command is taken from the name of the file: --command VALUE=UNIT, or --command COLUMN",),
             {"file_name": pattern},
         )
     elif effort is not None:

@@ -38,18 +38,17 @@ class TableColumn:
     value: Floats
     runs: tuple[slice, ...] = (slice(None),)
     options: dict[str, Any] = field(default_factory=dict)
-    doubt: str = ""
+    doubts: tuple[str, ...] = ()
 
     def as_guess(self, role: str, reason: str = "") -> Guess:
         """What it is in this role: by its name, by the drive whose log it is of, or for another reason."""
-        unit, factor, written, doubt = self.parsed.unit, self.parsed.factor, self.parsed.written, self.doubt
+        unit, factor, written, doubts = self.parsed.unit, self.parsed.factor, self.parsed.written, self.doubts
         options = dict(self.options)
         if unit in ("%", "-") and role in (*MOTION, "reference", "reference velocity"):
             unit, factor, written = "", 1.0, unit  # of what, nothing says
         elif "velocity" in role and unit in _PER_SECOND:
             unit = _PER_SECOND[unit]
-            doubt = f"the unit of the {role} is written as {self.parsed.unit!r}, which is taken per second: {doubt}"
-            doubt = doubt.removesuffix(": ")
+            doubts = (f"the unit of the {role} is written as {self.parsed.unit!r}, which is taken per second", *doubts)
         if factor != 1.0:
             options["scale"] = factor * options.get("scale", 1.0)
         return Guess(
@@ -57,7 +56,7 @@ class TableColumn:
             self.name,
             unit.removesuffix("/s") if unit in COUNTS else unit,
             reason or self.by_name.reason,
-            doubt,
+            doubts,
             options,
             self.by_name.role == "effort",
             written,
@@ -78,8 +77,8 @@ class TableColumn:
         bit = found.sign_bit if isinstance(found, SignBit) else None
         option, how = (found, found) if bit is None else ({"sign_bit": bit}, f"bit {bit} is the sign")
         doubt = f"{self.name!r}: values near {np.nanmax(self.value):g} are read as negative ({how})"
-        said = f"{self.doubt}; {doubt}" if self.doubt else doubt
-        return replace(self, value=decoded(self.value, found), options={**self.options, "decode": option}, doubt=said)
+        options = {**self.options, "decode": option}
+        return replace(self, value=decoded(self.value, found), options=options, doubts=(*self.doubts, doubt))
 
     @property
     def moves(self) -> bool:
