@@ -74,6 +74,6 @@ def test_each_command_says_what_it_is_for_and_can_be_copied_with_it():
         "  idloop refine out/fitted.yaml bags/a --output out/refined",
         "  idloop workbench out/fitted.yaml bags/a",
     ]
-    assert lines[0] == "  # which physical effect does the model lack?"
+    assert lines[0] == "  # does the model lack a physical effect, and which one?"
     fits = list(with_purpose(["idloop fit m.yaml a", "idloop fit m.yaml b"]))
     assert fits == ["  # fit the model to these records", "  idloop fit m.yaml a", "  idloop fit m.yaml b"]

@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from idloop.records import Inspection
 
 _PURPOSE = {
-    "diagnose": "which physical effect does the model lack?",
-    "refine": "add it, fit again, and look for the next one, until nothing is missing",
-    "workbench": "the same as a page in the browser",
+    "diagnose": "does the model lack a physical effect, and which one?",
+    "refine": "add effects one at a time, until nothing is missing, with a report",
+    "workbench": "see the same in a browser",
     "inspect": "what the recording holds, in full",
     "fit": "fit the model to these records",
 }

@@ -118,7 +118,8 @@ class Axis:
     def unit(self, signal: str) -> str:
         """Unit of a signal of this joint, or of the command; those of the topics where none is given."""
         if signal == "command":
-            return self.units.get(self.command_name) or "command units"
+            unit = self.units.get(self.command_name)
+            return unit if unit and unit != "-" else "command units"
         return self.units.get(self.name(signal)) or {"position": "rad", "velocity": "rad/s"}[signal]
 
     @property

@@ -193,7 +193,10 @@ def test_a_command_that_is_cut_off(make_axis):
     wave = 1.5 * np.sin(np.arange(3000) / 60) + 0.7 * np.sin(np.arange(3000) / 23)
     found = the(make_axis(command=np.clip(wave, -1.0, 1.0)), "saturated_command")
     assert found.evidence["limit"] == 1.0
+    assert "limit (1 V)" in found.text
     assert "saturated_command" not in kinds(make_axis(command=wave))
+    unitless = make_axis(command=np.clip(wave, -1.0, 1.0), units={"j.effort": "-"})
+    assert "limit (1 command units)" in the(unitless, "saturated_command").text
 
 
 def test_a_command_that_the_drive_does_not_follow(make_axis):
