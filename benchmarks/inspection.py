@@ -337,6 +337,13 @@ def pulses(random: Random, recorded: Recorded) -> Recorded:
     return _with(recorded, position=axis.position + np.cumsum(shift))
 
 
+def spliced(random: Random, recorded: Recorded) -> Recorded:
+    """The second half of the record comes from elsewhere: a fifth of the range away."""
+    position = recorded.axis.position.copy()
+    position[position.size // 2 :] += 0.2 * np.ptp(position) * random.choice([1.0, -1.0])
+    return _with(recorded, position=position)
+
+
 def spikes(random: Random, recorded: Recorded) -> Recorded:
     """Five positions off by 5 % of the range."""
     position = recorded.axis.position.copy()
@@ -437,6 +444,7 @@ CASES = (
     Case("log three times as fast as the sensor", ("repeated_samples",), fast_log, {}),
     Case("position wraps", ("wrapped_position",), wrapped, {}),
     Case("10 times encoder pulses of 1 % missed", ("missed_pulses",), pulses, {}),
+    Case("two records joined, a fifth of a range apart", ("spliced",), spliced, {}),
     Case("5 single bad readings of 5 %", ("spikes",), spikes, {}),
     Case("one reading of 65535", ("spikes",), overflow, {}),
     Case("40 steps over the range", ("coarse",), coarse, {}),

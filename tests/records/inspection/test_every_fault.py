@@ -151,6 +151,11 @@ FAULTS = {
         "steps",
         lambda x: replace(x, position=jumps(x, [400, 900, 1700, 2500], -0.02 * np.ptp(x.position))),
     ),
+    "two recordings joined": (
+        "spliced",
+        "steps",
+        lambda x: replace(x, position=jumps(x, [COUNT // 2], 0.2 * np.ptp(x.position))),
+    ),
     "single bad readings": (
         "spikes",
         "steps",

@@ -19,13 +19,16 @@ def check(axis: Axis) -> list[Finding]:
     if wraps is None:
         return []
     name, unit = axis.name("position"), axis.unit("position")
-    span = next((one for one in _RANGES if abs(wraps.span / one - 1.0) < _NEAR), wraps.span)
+    usual = next((one for one in _RANGES if abs(wraps.span / one - 1.0) < _NEAR), None)
+    span = usual or wraps.span
     many = "once" if wraps.rows.size == 1 else f"{wraps.rows.size} times"
+    or_else = ", or two recordings were joined" if wraps.rows.size == 1 and usual is None else ""
     return [
         fault(
             "wrapped_position",
             name,
-            f"{name} jumps {many} by {span:.4g} {unit} from one end of its range to the other: the encoder wraps",
+            f"{name} jumps {many} by {span:.4g} {unit} from one end of its range to the other: the encoder wraps"
+            f"{or_else}",
             f"set `wrap: {span:.7g}` for it in the mapping, or use `Record.unwrapped`",
             evidence={"span": wraps.span, "jumps": float(wraps.rows.size)},
             spoils=("identification",),
