@@ -1027,19 +1027,85 @@ def dynamixel_registers(folder):
 
 
 @form
+def pid_library(folder):
+    """The controller's words: its input is what was measured."""
+    reference, loop = simulate_loop(64)
+    columns = {
+        "millis": np.round(loop.t * 1000).astype(int),
+        "Setpoint": reference,
+        "Input": loop.q,
+        "Output": np.round(loop.u * 100, 2),
+    }
+    truth = _motor("millis", "Output", "Input", "", unit="-", time="ms") | {"reference": Truth("Setpoint", "rad")}
+    return Log(_write(folder / "pid.csv", _text(columns)), "csv", (), truth, gain=0.01)
+
+
+@form
+def simplefoc_monitor(folder):
+    """Target, voltage, velocity and angle, without names and without a time."""
+    reference, loop = simulate_loop(63)
+    columns = {"target": reference, "voltage": loop.u, "velocity": loop.w, "angle": loop.q}
+    text = "Monitor enabled!\n" + _text(columns, sep="\t", digits=4, header=False)
+    return Log(_write(folder / "foc.txt", text), "csv", ("--rate", "100"), _motor("", "1", "3", "2", unit="-"))
+
+
+@form
+def franka_log_of_seven_joints(folder):
+    run = levels(77)
+    still, noise = np.zeros(run.t.size), run.noise
+    joints = {"q": run.q, "dq": run.w, "tau_J": run.u + noise.normal(0, 0.01, run.t.size), "tau_J_d": run.u}
+    columns = {"time": run.t}
+    for name, moving in joints.items():
+        columns |= {f"{name}[{k}]": moving if k == 3 else still + 0.1 * k for k in range(7)}
+    truth = _motor("time", "tau_J_d[3]", "q[3]", "dq[3]")
+    return Log(_write(folder / "franka.csv", _text(columns)), "csv", (), truth)
+
+
+@form
+def epos_torque_in_per_mille(folder):
+    run = levels(65)
+    names = ("Time [ms]", "Torque demand value [‰]", "Position actual value [deg]", "Velocity actual value [rpm]")
+    columns = dict(zip(names, (1000 * run.t, 100 * run.u, run.q * DEG, run.w * RPM), strict=True))
+    truth = _motor(*names, unit="%", time="ms", angle="deg", speed="rpm")
+    truth["command"] = Truth(names[1], "%", 0.1)
+    return Log(_write(folder / "epos4.csv", _text(columns, sep=";")), "csv", (), truth, gain=10.0)
+
+
+@form
+def servo_telemetry_with_sign_bits(folder):
+    run, full = multisine(13), 4.0
+    counts = 4096 / (2 * pi)
+    columns = {
+        "timestamp": run.t,
+        "pos (1)": np.round(run.q * counts + 2048).astype(int),
+        "speed (1)": _sign_bit(run.w * counts, 15),
+        "load (1)": _sign_bit(run.u / full * 1000, 10),
+        "current (1)": np.round(np.abs(run.u) * 30).astype(int),
+    }
+    flags = ("--position", "pos (1)=counts/4096", "--command", "load (1)=-")
+    truth = {
+        "time": Truth("timestamp", "s"),
+        "command": Truth("load (1)", "-"),
+        "position": Truth("pos (1)", "rad", 1 / counts),
+        "velocity": Truth("speed (1)", "rad/s", 1 / counts),
+    }
+    return Log(_write(folder / "telemetry.csv", _text(columns)), "csv", flags, truth, gain=full / 1000)
+
+
+def _sign_bit(values, bit):
+    whole = np.round(values).astype(int)
+    return np.where(whole < 0, -whole + (1 << bit), whole)
+
+
+@form
 def feetech_registers(folder):
     run, full = multisine(12), 4.0
-
-    def signed(values, bit):
-        whole = np.round(values).astype(int)
-        return np.where(whole < 0, -whole + (1 << bit), whole)
-
     n = run.t.size
     columns = {
         "timestamp": 1_720_000_000.0 + run.t,
         "Present_Position": np.round(run.q * TURN * 4096 + 2048).astype(int) % 4096,
-        "Present_Velocity": signed(run.w * TURN * 4096, 15),
-        "Present_Load": signed(run.u / full * 1000, 10),
+        "Present_Velocity": _sign_bit(run.w * TURN * 4096, 15),
+        "Present_Load": _sign_bit(run.u / full * 1000, 10),
         "Present_Voltage": np.full(n, 74),
         "Present_Temperature": np.full(n, 30),
         "Present_Current": np.round(np.abs(run.u) * 1000 / 6.5).astype(int),

@@ -620,7 +620,7 @@ def test_a_column_that_the_user_names_keeps_the_signs_of_its_log():
 def test_whole_numbers_of_a_current_are_no_amperes():
     roles, found = _roles({"t": T, **_servo()})
     assert roles["effort"] == ("current", "-")
-    assert any("counts of a converter: --effort 'current=UNIT'" in one for one in found.all_doubts())
+    assert any("counts of the drive: --effort 'current=UNIT'" in one for one in found.all_doubts())
     roles, found = _roles({"t": T, "u [V]": U, "q": ANGLE, "measured current": 0.7 * SPEED})
     assert roles["effort"] == ("measured current", "A")
     assert any("taken as A: --effort 'measured current=UNIT'" in one for one in found.all_doubts())
@@ -648,3 +648,41 @@ def test_a_column_of_a_known_drive_that_the_user_names_keeps_its_unit():
     assert (
         "scale" not in _roles(columns, given={"velocity": Given("Present_Velocity", "rpm")})[1].of("velocity").options
     )
+
+
+def test_states_and_actions_of_a_data_set_for_learning_are_positions_and_set_points():
+    joints = {0: 0.0 * T, 1: ANGLE}
+    columns = {"timestamp": T, "frame_index": np.arange(T.size), "episode_index": 0.0 * T}
+    columns |= {f"observation.state[{k}]": value for k, value in joints.items()}
+    columns |= {f"action[{k}]": value + 0.1 for k, value in joints.items()}
+    roles, found = _roles(columns)
+    assert {role: one[0] for role, one in roles.items()} == {
+        "command": "action[1]",
+        "position": "observation.state[1]",
+    }
+    assert any("loop in the drive" in one for one in found.all_doubts())
+
+
+def test_the_mode_of_a_drive_and_a_current_along_its_field_are_no_command():
+    columns = {"servo_stats.mode": 0 * T + 10, "servo_stats.d_A": 0.0 * T, "servo_stats.torque_Nm": U}
+    columns |= {"servo_stats.position": ANGLE * 0.5 / pi, "servo_stats.velocity": SPEED * 0.5 / pi}
+    roles, _ = _roles({"time": T, **columns, "servo_stats.fault": 0 * T})
+    assert roles["command"] == ("servo_stats.torque_Nm", "N·m")
+
+
+@pytest.mark.parametrize(
+    ("names", "right"), [(("input", "output"), "output"), (("Output", "Setpoint", "Input"), "Input")]
+)
+def test_which_of_an_input_and_an_output_is_measured_is_said_by_a_set_point(names, right):
+    values = {"input": U, "output": ANGLE, "Output": U, "Input": ANGLE, "Setpoint": ANGLE + 0.1 * np.sign(U)}
+    roles, found = _roles({"t": T, **{name: values[name] for name in names}})
+    assert roles["position"][0] == right
+    assert roles["command"][0] == next(name for name in names if values[name] is U)
+    assert any("may be a position or a velocity" in one for one in found.all_doubts())
+
+
+def test_of_two_names_the_one_with_a_d_behind_it_was_desired():
+    roles, _ = _roles({"t": T, "tau_J": U, "tau_J_d": U, "q": ANGLE, "q_d": ANGLE + 0.1})
+    assert (roles["command"][0], roles["position"][0], roles["reference"][0]) == ("tau_J_d", "q", "q_d")
+    # Along the field of a motor it is a direction.
+    assert _roles({"t": T, "i": U, "i_d": 0.1 * U, "q": ANGLE})[0]["command"][0] == "i"

@@ -47,6 +47,8 @@ def test_words_of_units(tmp_path, position, velocity, unit, rate):
     [
         ("Commanded Current (0.01 A)", "A", 0.01),
         ("Target torque [1/1000 rated]", "-", 0.001),
+        ("Torque demand value [‰]", "%", 0.1),
+        ("Torque (‰ of rated torque)", "%", 0.1),
         ("Torque [0.1 %]", "%", 0.1),
         ("phi_mdeg", "deg", 0.001),
         ("w_mdps", "deg/s", 0.001),

@@ -34,6 +34,8 @@ _COUNTERS = frozenset({
     "campioni", "amostra", "amostras", "abtastwert", "abtastwerte", "messpunkt", "messung", "zeile", "punkt",
     "probka", "vzorek",
 })  # fmt: skip
+# What a device says of itself; a structure around it does not change that.
+FLAGS = frozenset({"state", "status", "flag", "flags", "mode", "fault"})
 _NO_COUNTERS = frozenset({"data", "number", "no"})  # by themselves
 # A German compound: its last noun is the quantity, set-point or measured are said before or behind it.
 _COMPOUND = re.compile(
@@ -107,7 +109,9 @@ def parse_column_name(name: str, unit: str = "") -> ColumnName:
         found, text = known_unit(behind[1]), text[: behind.start()]
     # The last words of a topic's path or of a structure name the signal; what counts the rows does so in any of them.
     path = re.split(r"[/.]", text.strip("/. "))
-    text = path[-1] if _counts(path[-1]) else " ".join(path[-2:])
+    # A state with an index is one of several, as of the joints.
+    alone = _counts(path[-1]) or (path[-1].strip().lower() in FLAGS and not index)
+    text = path[-1] if alone else " ".join(path[-2:])
     words = [word for word in _WORD.findall(text) if word]
     if text.rstrip().endswith("*"):
         words.append("setpoint")  # as i_q* in the literature on drives

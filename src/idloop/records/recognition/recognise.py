@@ -22,6 +22,8 @@ from idloop.records.recognition.names_against_values import doubt_of_names
 from idloop.records.recognition.role_units import LINEAR_UNITS, doubt_of_left_out, set_units, set_wraps, unit_by_words
 from idloop.records.recognition.roles import (
     BY_UNIT,
+    FIELD_WORDS,
+    IN_OR_OUT,
     RoleByName,
     may_be_measured,
     may_be_supply,
@@ -41,6 +43,7 @@ from idloop.spelling import did_you_mean, listed
 Floats = NDArray[np.float64]
 
 _NUMBER_IN_NAME = re.compile(r"(?P<before>[A-Za-z]*)[_\- ]?(?P<number>-?\d+(?:[.,]\d+)?)(?P<unit>[A-Za-z%]*)")
+_DESIRED = re.compile(r"(.+)_d(\W?\d*\W?)")
 _KNOWN_RANK = 10.0  # a known drive says more than a name
 _COMMAND_WORDS = {"V", "mV", "A", "mA", "%"}
 _SET_POINTS = ("reference", "reference velocity")
@@ -227,7 +230,7 @@ def _by_names(
     paths = joints_by_name(numbers) if joints is None else None
     joints = joints if paths is None else paths
     for name, value in numbers.items():
-        parsed = parse_column_name(name, table.units.get(name, ""))
+        parsed = _parsed(table, name)
         if name == base.time.column or name in table.clocks.values() or name in table.stamp_parts:
             continue
         if joints is not None:
@@ -235,6 +238,7 @@ def _by_names(
         one = TableColumn(name, parsed, role_by_name(parsed), value, runs_of(value, base))
         further = one.is_further_clock(base.seconds)
         columns[name] = replace(one, by_name=RoleByName("other", 0.0, "")) if further else one
+    _input_and_output(columns)
     _currents(columns)
     _of_known_drive(columns, sources)
     columns = {name: one.with_sign() for name, one in columns.items()}
@@ -321,6 +325,30 @@ def _of_known_drive(columns: dict[str, TableColumn], sources: Map[str, Map[str, 
         )
 
 
+def _parsed(table: Table, name: str) -> ColumnName:
+    """Take a name apart; of two that differ by a d at the end that one was desired: tau_J_d[3] beside tau_J[3]."""
+    parsed = parse_column_name(name, table.units.get(name, ""))
+    match = _DESIRED.fullmatch(name)
+    # Along the field of a motor d is a direction.
+    if match is None or match[1] + match[2] not in table.columns or set(parsed.words) & FIELD_WORDS:
+        return parsed
+    return replace(parsed, words=("desired", *(word for word in parsed.words if word != "d")))
+
+
+def _input_and_output(columns: dict[str, TableColumn]) -> None:
+    """Take one of an input and an output for measured, where nothing else is a motion.
+
+    The input of a controller, which is logged with a set-point, is measured; that of a plant is the command.
+    """
+    both = {one.parsed.words[0]: one for one in columns.values() if one.parsed.words in IN_OR_OUT}
+    if len(both) < 2 or any(one.by_name.role in MOTION for one in columns.values()):
+        return
+    loop = any(one.by_name.role in _SET_POINTS for one in columns.values())
+    one = both["input" if loop else "output"]
+    reason = "input of a controller" if loop else "output beside an input"
+    columns[one.name] = replace(one, by_name=RoleByName("position", 2.0, reason))
+
+
 def _currents(columns: dict[str, TableColumn]) -> None:
     """Take a current that no name calls a command for measured, where the set-point of a loop was recorded."""
     if not any(one.by_name.role in _SET_POINTS and one.moves for one in columns.values()):
@@ -344,7 +372,7 @@ def _given(table: Table, role: str, said: Given, numbers: dict[str, Floats], col
     if said.column in numbers:
         column = columns.get(said.column)
         if column is None:
-            parsed = parse_column_name(said.column, table.units.get(said.column, ""))
+            parsed = _parsed(table, said.column)
             column = TableColumn(said.column, parsed, role_by_name(parsed), numbers[said.column])
         return with_unit(column.as_guess(role, "as given"), unit)
     if said.column in table.columns:
@@ -419,7 +447,8 @@ def _output(columns: dict[str, TableColumn], chosen: dict[str, Guess], given: Ma
     """Decide whether an output ``y`` is a position or a velocity."""
     place, command = chosen.get("position"), chosen.get("command")
     named = given.keys() & set(MOTION) or "velocity" in chosen
-    if place is None or command is None or named or place.unit or parse_column_name(place.column).words != ("y",):
+    words = () if place is None else parse_column_name(place.column).words
+    if place is None or command is None or named or place.unit or words not in (("y",), *IN_OR_OUT):
         return
     driven = columns.get(command.column)
     if driven is not None and follows(columns[place.column].value, driven.value):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from idloop.records.recognition.column_name import WANTED, ColumnName, parse_column_name
 from idloop.records.recognition.guess import MOTION, NONE, Given, Guess, quoted
 from idloop.records.recognition.roles import CURRENTS, role_by_name
-from idloop.records.recognition.signal_units import motion_units, near_unit, slope_of, usual_resolution
+from idloop.records.recognition.signal_units import MotionUnits, motion_units, near_unit, slope_of, usual_resolution
 from idloop.records.recognition.table_column import TableColumn
 from idloop.records.recognition.time_base import TimeBase
 from idloop.records.recognition.unnamed_columns import longest_way
@@ -119,9 +119,9 @@ def _force_unit(one: Guess, columns: Map[str, TableColumn]) -> Guess:
     parsed = parse_column_name(one.column)
     words, unit = set(parsed.words), unit_by_words(parsed)
     column = columns.get(one.column)
-    if unit == "A" and column is not None and column.counts:
+    if unit in ("A", "N·m") and column is not None and column.counts:
         return replace(one, unit="-").with_doubt(
-            f"{one.column!r} holds whole numbers, probably counts of a converter: --{one.role} '{one.column}=UNIT' if"
+            f"{one.column!r} holds whole numbers, probably counts of the drive: --{one.role} '{one.column}=UNIT' if"
             " they are in a unit"
         )
     if unit:
@@ -216,23 +216,23 @@ def _related(
     scale = place.options.get("scale", 1.0)
     value = column.unwrapped(place.unit if scale == 1.0 else "counts") * scale
     speed_unit = "" if speed.unit == "counts" else speed.unit
-    if speed.unit == "counts" and scale != 1.0:
-        # The counts of the position, in a second.
-        speed = replace(speed, unit=f"{place.unit}/s", options=speed.options | {"scale": scale})
-        chosen["velocity"] = speed
-    rate = rate * speed.options.get("scale", 1.0)
     run = longest_way(value, column.runs)
-    found = motion_units(
-        base.seconds[run],
-        value[run],
-        rate[run],
-        (place.unit, "" if speed.unit == "counts" else speed.unit),
-        base.units,
-        linear=linear,
-    )
+
+    def compared(one: Guess) -> MotionUnits:
+        scaled = rate[run] * one.options.get("scale", 1.0)
+        unit = "" if one.unit == "counts" else one.unit
+        return motion_units(base.seconds[run], value[run], scaled, (place.unit, unit), base.units, linear=linear)
+
+    # The counts of the position, in a second.
+    in_counts = replace(speed, unit=f"{place.unit}/s", options=speed.options | {"scale": scale})
+    if speed.unit == "counts" and scale != 1.0:
+        chosen["velocity"] = speed = in_counts
+    found = compared(speed)
+    if not found.agree and not speed.unit and scale != 1.0 and (counting := compared(in_counts)).agree:
+        speed, found = in_counts, counting
     if not found.agree:
         _unrelated(base, chosen, linear=linear)
-        slope = slope_of(base.seconds, value, rate, column.runs)
+        slope = slope_of(base.seconds, value, rate * speed.options.get("scale", 1.0), column.runs)
         if slope is not None and not speed_unit:
             said = _no_unit(slope.value, chosen["position"])
             chosen["velocity"] = chosen["velocity"].with_doubt(said) if said else chosen["velocity"]

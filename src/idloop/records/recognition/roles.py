@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from idloop.records.formats.clock_names import TIME_WORDS
-from idloop.records.recognition.column_name import MEASURED, WANTED, ColumnName, is_counter
+from idloop.records.recognition.column_name import FLAGS, MEASURED, WANTED, ColumnName, is_counter
 from idloop.records.tables.base_units import SECONDS
 
 Signal = Literal[
@@ -38,9 +38,9 @@ _NEVER = {
     "schleppfehler", "schleppabstand", "enable", "enabled",
 }  # fmt: skip
 _WITHOUT_UNIT = {"acc", "accel", "acceleration", "accelerations", "qdd", "ddq"}
-_OTHER = {
-    "state", "status", "flag", "mode", "seq",
-    "crc", "checksum", "moving", "fault", "frame", "procedure", "result", "index", "sample", "samples", "done", "step",
+_OTHER = FLAGS | {
+    "seq",
+    "crc", "checksum", "moving", "frame", "procedure", "result", "index", "sample", "samples", "done", "step",
     "bus",
 }  # fmt: skip
 _TEMPERATURES = {"temp", "temperature", "temperatur"}
@@ -51,6 +51,9 @@ _FED = {"input", "vin"}
 # Of a synchronous motor the current across its field (q) makes the torque, that along it (d) does not.
 _ALONG_FIELD = {"id", "ud", "vd"}
 _FIELD_AXES = {"i": "i", "current": "i", "u": "u", "voltage": "u", "v": "v"}
+FIELD_WORDS = _FIELD_AXES.keys() | _ALONG_FIELD
+# Names of a plant's signals, and of a controller's, by which the other one is meant.
+IN_OR_OUT = (("input",), ("output",))
 
 _ANGLES = {"rad", "mrad", "deg", "arcmin", "arcsec", "rev", "m", "cm", "mm", "um", "in", "counts"}
 _SPEEDS = {
@@ -123,12 +126,16 @@ def role_by_name(name: ColumnName) -> RoleByName:
         by_word = words & TIME_WORDS
         return RoleByName("time", 1.0 + (len(words) == 1) + bool(by_word), _because(by_word, unit))
     kind = _kind(name, words, unit)
-    none = words & _NEVER or (words & _ALONG_FIELD and not words & (_POSITIONS | _VELOCITIES))
+    along = words & _ALONG_FIELD or ("d" in words and unit in ("A", "mA", "V", "mV"))
+    none = words & _NEVER or (along and not words & (_POSITIONS | _VELOCITIES))
     if none or (words & _WITHOUT_UNIT and not unit):
         return RoleByName("other", 0.0, "")
+    if words == {"observation", "state"} and not unit:
+        return RoleByName("position", 1.0, _because(words, unit))
     if words & _OTHER and not kind:
         return RoleByName("", 0.0, "")
-    if words == {"r"} and not unit:
+    # In data sets for learning an action is the next set-point.
+    if words in ({"r"}, {"action"}) and not unit:
         return RoleByName("reference", 1.0, _because(words, unit))
     if kind == "force":
         order = next((k for k, some in enumerate(_ORDER) if words & some), len(_ORDER) - 1)
@@ -187,6 +194,8 @@ def _kind(name: ColumnName, words: set[str], unit: str) -> str:
         return "velocity" if words & (_VELOCITIES - {"w", "v", "n"}) else "position"
     if name.letter in ("V", "U", "I", "F", "T", "M"):
         return "force"
+    if name.letter == "p":
+        return "position"
     if words & _RATES and words & _POSITIONS:
         return "velocity"
     # Beside the name of a force a coordinate says of what it is one.

@@ -17,6 +17,7 @@ from idloop.records.recognition.time_base import TimeBase
 Floats = NDArray[np.float64]
 
 _MOST_BY_LOOKS = 3  # columns without a name that are recognised by their values alone
+_MOST_PAIRED = 6  # ... of which two are a position and its slope
 _MOST_COMPARED = 20  # columns without a name that are held against the slope of the position
 _FOLLOWS = 0.6  # correlation of a velocity with the command
 
@@ -98,7 +99,7 @@ def _velocity_by_slope(
     place = chosen.get("position")
     if place is not None:
         positions = [columns[place.column]]
-    elif len(free) <= _MOST_BY_LOOKS and given.get("position", Given()).column != NONE:
+    elif len(free) <= _MOST_PAIRED and given.get("position", Given()).column != NONE:
         positions = free
     else:
         return

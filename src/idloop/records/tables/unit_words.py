@@ -109,9 +109,9 @@ def multiple(text: str) -> tuple[float, str]:
     Parameters
     ----------
     text : str
-        ``0.01 A``, ``1/1000 rated``, ``0.1%``, ``mdeg``, ``mdps``.
+        ``0.01 A``, ``1/1000 rated``, ``0.1%``, ``‰``, ``mdeg``, ``mdps``.
     """
-    text = " ".join(text.split())
+    text = " ".join(text.replace("‰", "0.1 %").split())
     if match := _MULTIPLE.fullmatch(text):
         number = match["number"].replace(",", ".").replace(" ", "")
         if "/" in number:
