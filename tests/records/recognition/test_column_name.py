@@ -68,6 +68,16 @@ NAMES = {
     "Posición medida": (("posicion", "medida"), "", ""),
     "Vitesse mesurée [tr/min]": (("vitesse", "mesuree"), "rpm", ""),
     "Führungsgröße": (("führungsgröße",), "", ""),
+    # The number of a joint behind a unit; of a single letter it is a part.
+    "Enc Speed RPM 1": (("enc", "speed"), "rpm", "1"),
+    "torque_Nm_2": (("torque",), "N·m", "2"),
+    "AIPos.A1": (("ai", "pos", "a"), "", "1"),
+    # Feedback and reference, as controllers of motion abbreviate.
+    "FPOS(0)": (("feedback", "pos"), "", "0"),
+    "RVEL(0)": (("reference", "vel"), "", "0"),
+    # What a device says of itself is not what stands around it; one of several states may be of a joint.
+    "servo_stats.mode": (("mode",), "", ""),
+    "observation.state[2]": (("observation", "state"), "", "2"),
 }
 
 

@@ -681,6 +681,28 @@ def test_which_of_an_input_and_an_output_is_measured_is_said_by_a_set_point(name
     assert any("may be a position or a velocity" in one for one in found.all_doubts())
 
 
+def test_what_was_measured_of_a_joint_and_what_was_asked_of_it_may_stand_apart():
+    still = {f"motor_state[0].{name}": 0.0 * T for name in ("q", "dq", "tau_est")} | {"motor_cmd[0].tau": 0.0 * T}
+    still |= {"motor_cmd[0].q": 0.0 * T, "motor_cmd[1].q": 0.0 * T}
+    moving = {"motor_state[1].q": ANGLE, "motor_state[1].dq": SPEED, "motor_state[1].tau_est": U + NOISE[0]}
+    roles, _ = _roles({"t": T, **still, **moving, "motor_cmd[1].tau": U})
+    assert {role: one[0] for role, one in roles.items()} == {
+        "command": "motor_cmd[1].tau",
+        "position": "motor_state[1].q",
+        "velocity": "motor_state[1].dq",
+        "effort": "motor_state[1].tau_est",
+    }
+
+
+@pytest.mark.parametrize(
+    ("command", "effort"),
+    [("dac_code", "adc_current"), ("Axis.Cmd.Trq", "Axis.Act.Trq"), ("motor cmd", "motor amps measured")],
+)
+def test_abbreviations_of_forces(command, effort):
+    roles, _ = _roles({"t": T, effort: 0.9 * U, command: U, "angle": ANGLE})
+    assert (roles["command"][0], roles["effort"][0]) == (command, effort)
+
+
 def test_of_two_names_the_one_with_a_d_behind_it_was_desired():
     roles, _ = _roles({"t": T, "tau_J": U, "tau_J_d": U, "q": ANGLE, "q_d": ANGLE + 0.1})
     assert (roles["command"][0], roles["position"][0], roles["reference"][0]) == ("tau_J_d", "q", "q_d")

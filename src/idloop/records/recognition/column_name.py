@@ -24,7 +24,7 @@ WANTED = frozenset({
 })  # fmt: skip
 MEASURED = frozenset({
     "actual", "act", "meas", "measured", "measurement", "feedback", "fb", "ist", "istwert", "est", "estimate",
-    "estimated", "present", "sensor", "filtered", "filt",
+    "estimated", "present", "sensor", "filtered", "filt", "adc",
     "messwert", "mesure", "mesuree", "medida", "medido", "misurata", "misurato", "ärvärde", "gemeten",
 })  # fmt: skip
 # A number of the row or of the sample; it says neither when it was taken nor what was measured.
@@ -51,6 +51,8 @@ _TOGETHER = re.compile(
     r"(position|pos|angle|velocity|vel|speed|current|torque|voltage|effort|force|pwm)"
     rf"({_SIDES})?"
 )
+
+_FEEDBACK = re.compile(r"([fr])(pos|vel|acc)")  # as controllers of motion abbreviate
 
 
 @dataclass(frozen=True)
@@ -117,6 +119,10 @@ def parse_column_name(name: str, unit: str = "") -> ColumnName:
         words.append("setpoint")  # as i_q* in the literature on drives
     elif not found:
         found, factor, words = _unit_of_last_words(words)
+        # The number of a joint may stand behind it: of a single letter it is a part.
+        if not found and words[-1:] and words[-1].isdigit():
+            own, times, rest = _unit_of_last_words(words[:-1])
+            found, factor, words = (own, times, [*rest, words[-1]]) if len(own) > 1 else (found, factor, words)
     numbers = [word for word in words if word.isdigit()]
     plain = [word for word in words if not word.isdigit()]
     rest = [word for word in plain if word.lower() not in WANTED | MEASURED]
@@ -149,6 +155,8 @@ def _parts(word: str) -> list[str]:
     """Words of a compound in small letters; the word itself where it is none."""
     if match := _TOGETHER.fullmatch(word):
         return [part for part in match.groups() if part]
+    if match := _FEEDBACK.fullmatch(word):
+        return [{"f": "feedback", "r": "reference"}[match[1]], match[2]]
     match = _COMPOUND.fullmatch(word)
     # An s joins the words: versorgungs-spannung.
     return [part.removesuffix("s") for part in match.groups() if part] if match else [word]

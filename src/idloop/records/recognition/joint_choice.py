@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from collections.abc import Iterable
 from collections.abc import Mapping as Map
@@ -18,6 +19,7 @@ from idloop.spelling import listed
 
 Floats = NDArray[np.float64]
 
+_OF_SEVERAL = re.compile(r"(.*)\[\d+\]")
 _BLOCKS, _FEWEST_BLOCKS = 4000, 4  # means along which the path of a joint is measured
 
 
@@ -38,7 +40,12 @@ def joints_by_name(names: Iterable[str]) -> dict[str, str] | None:
     if not alike:
         return None
     joints = {name: name.replace("/", ".").rpartition(".")[0] for name in names}
-    return {name: joint for name, joint in joints.items() if joint in alike}
+    joints = {name: joint for name, joint in joints.items() if joint in alike}
+    # What was measured of a joint and what was asked of it may stand apart: motor_state[1].q and motor_cmd[1].tau.
+    places = [_OF_SEVERAL.fullmatch(joint) for joint in alike]
+    if all(places) and len({one[1] for one in places if one}) > 1:
+        return {name: joint[joint.rindex("[") + 1 : -1] for name, joint in joints.items()}
+    return joints
 
 
 def one_joint(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from idloop.records.recognition.column_name import WANTED, ColumnName, parse_column_name
 from idloop.records.recognition.guess import MOTION, NONE, Given, Guess, quoted
-from idloop.records.recognition.roles import CURRENTS, role_by_name
+from idloop.records.recognition.roles import CURRENTS, TORQUES, role_by_name
 from idloop.records.recognition.signal_units import MotionUnits, motion_units, near_unit, slope_of, usual_resolution
 from idloop.records.recognition.table_column import TableColumn
 from idloop.records.recognition.time_base import TimeBase
@@ -34,7 +34,7 @@ _MANY_COUNTS = 1000  # whole numbers as large as this are no angle in rad
 _UNITS_OF_WORDS = (
     ({"voltage", "volt", "volts", "vin", "spannung"}, "V"),
     (CURRENTS, "A"),
-    ({"torque", "tau", "moment", "drehmoment", "effort", "efforts"}, "N·m"),
+    (TORQUES, "N·m"),
     ({"force", "kraft"}, "N"),
 )
 

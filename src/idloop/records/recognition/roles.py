@@ -19,7 +19,8 @@ _FORCES = {
     "u", "voltage", "volt", "volts", "pwm", "duty", "dutycycle", "throttle", "effort", "efforts", "torque", "tau",
     "force", "current", "i", "iq", "uq", "vq", "vin", "spannung", "strom", "moment", "drehmoment", "kraft",
     "stellgroesse", "stellgröße", "input", "output", "out", "pid", "tension", "corriente", "courant", "corrente",
-    "couple", "drive", "load", "esc", "power", "signal", "servo", "pulse", "pulsewidth",
+    "couple", "drive", "load", "esc", "power", "signal", "servo", "pulse", "pulsewidth", "dac", "trq", "cur", "curr",
+    "amps",
 }  # fmt: skip
 _POSITIONS = {
     "position", "positions", "pos", "angle", "theta", "q", "phi", "enc", "encoder", "count", "counts", "ticks", "tick",
@@ -35,7 +36,7 @@ _RATES = {"dot", "rate", "derivative"}
 # Names that are no signal of an axis whatever else they say, without a unit, and by themselves.
 _NEVER = {
     "error", "errors", "err", "deviation", "lag", "residual", "fehler", "abweichung", "regelabweichung",
-    "schleppfehler", "schleppabstand", "enable", "enabled",
+    "schleppfehler", "schleppabstand", "pe", "enable", "enabled",
 }  # fmt: skip
 _WITHOUT_UNIT = {"acc", "accel", "acceleration", "accelerations", "qdd", "ddq"}
 _OTHER = FLAGS | {
@@ -78,13 +79,14 @@ _COMMANDS = {
     "lbf·ft",
     "ozf·in",
 }
-CURRENTS = {"current", "i", "iq", "strom", "corriente", "courant", "corrente"}
-_FORCE_NAMES = {"torque", "tau", "force", "effort", "efforts", "moment", "drehmoment", "kraft"}
+CURRENTS = {"current", "i", "iq", "strom", "corriente", "courant", "corrente", "cur", "curr", "amps"}
+TORQUES = {"torque", "tau", "effort", "efforts", "moment", "drehmoment", "trq"}
+_FORCE_NAMES = TORQUES | {"force", "kraft"}
 _COORDINATES = {"q", "x", "y", "z", "theta", "phi", "alpha", "beta"}
 # Which of several columns is the command: what says so, then what acts first in the chain from command to force.
 _ORDER = (
     {"u", "input", "cmd", "command", "commands", "stellgroesse", "stellgröße"},
-    {*_VOLTAGES, "v", "uq", "vq", "pwm", "duty", "dutycycle", "throttle", "esc"},
+    {*_VOLTAGES, "v", "uq", "vq", "pwm", "duty", "dutycycle", "throttle", "esc", "dac"},
     _FORCE_NAMES,
     CURRENTS,
 )

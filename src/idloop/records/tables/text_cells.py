@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 _ISO = re.compile(r"\d{4}-\d\d-\d\d")
 _CLOCK = re.compile(
     r"(?:\d{1,4}[./-]\d{1,2}[./-]\d{2,4}[ T]+)?"
-    r"(?:(?P<hour>[01]?\d|2[0-3]):)?(?P<minute>[0-5]?\d):(?P<second>[0-5]\d)(?P<part>[.,]\d+|:\d{3}(?!\d))?"
+    r"(?:(?P<hour>[01]?\d|2[0-3]):)?(?P<minute>[0-5]?\d):(?P<second>[0-5]\d)(?P<part>[.,]\d+|[:;]\d{3}(?!\d))?"
     r"\s*(?P<half>[AaPp])?\.?[Mm]?\.?"
 )
 _DAY, _HOUR = 86_400.0, 3_600.0
