@@ -54,7 +54,9 @@ def test_it_says_so_in_words(hidden, capsys):
 
 def test_what_the_data_cannot_show_is_listed_with_the_reason(hidden, capsys):
     assert main.run(words("diagnose", hidden.model, hidden.two)) == 0
-    out = capsys.readouterr().out
+    out, log = capsys.readouterr()
+    # What an inspection finds wrong with the data is said before.
+    assert f"(idloop inspect {hidden.two})" in log
     assert "this data cannot show everything" in out
     assert "dead_zone@input: " in out.partition("this data cannot show:")[2]
 

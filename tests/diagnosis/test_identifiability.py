@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idloop.diagnosis.evidence.detection_limit import DetectionLimit
+from idloop.diagnosis.evidence.detection_limit import DetectionLimit, needed_power
 from idloop.diagnosis.identifiability import _reversals, excitation_findings, gate, limited_to
 from idloop.diagnosis.screening.proposals import proposals
 from idloop.diagnosis.screening.score_test import Screened, Trace
@@ -90,6 +90,18 @@ def test_no_size_is_named_that_the_machine_cannot_have(
     assert found.testable[name] == "no"
     assert message in found.why[name]
     assert ("this experiment cannot show it" in found.why[name]) == ("≥" not in found.why[name])
+
+
+@pytest.mark.parametrize(("typical", "answer"), [(0.5, "weak"), (2.0, "yes")])
+def test_an_effect_is_testable_whose_typical_size_is_above_the_detection_limit(
+    estimation: EstimationProblem, typical: float, answer: str
+) -> None:
+    chance, (proposal,) = 9.0, proposals(load_model("axis"), ["coulomb_friction"])
+    power = typical**2 * needed_power(chance)
+    trace = Trace([{"level": 1.0}], 0.0, np.zeros(1), power, 1.0, np.zeros((1, 0)), np.zeros(0), power, typical=power)
+    found = gate(load_model("axis"), estimation, [Screened(proposal, [trace])], chance)
+    assert found.testable[proposal.name] == answer
+    assert (found.limits[proposal.name].least < 1.0) is (answer == "yes")
 
 
 def test_of_a_size_that_depends_on_the_shape_only_what_can_be_is_named() -> None:

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
+from idloop.diagnosis import diagnose
 from idloop.diagnosis.refine import _Refinement, refine
-from idloop.physics import Model
+from idloop.physics import Model, load_model
 from idloop.physics.simulation import simulate
 from idloop.records import Record
 
-from .conftest import axis_by_current
+from .conftest import axis_by_current, record_of
 
 NOISE = 1e-3  # of the position [rad]
 
@@ -30,6 +31,24 @@ def test_a_play_that_the_free_run_shows_is_named(criterion: str) -> None:
     found = refine(plain, [record], criterion=criterion, effects=["backlash", "sensor_delay", "coulomb_friction"])
     assert found.added == ("backlash@position[axis]",)
     assert found.model.values["backlash@position[axis].gap"] == pytest.approx(0.3, rel=0.01)
+
+
+def test_a_diagnosis_names_what_the_ladder_adds() -> None:
+    plain = axis_by_current(NOISE)
+    record = recorded(plain.with_effects(["backlash@position[axis](gap=0.3)"]), 500.0, 8.0)
+    found = diagnose(plain, [record], effects=["backlash", "sensor_delay", "coulomb_friction"])
+    assert (found.criterion, found.set) == ("simulation", ("backlash@position[axis]",))
+
+
+@pytest.mark.parametrize("seed", [3, 8])
+def test_a_disturbance_with_a_memory_is_no_effect(seed: int) -> None:
+    """It adds up in a free run to errors as slow as the record, which some effect always fits."""
+    plain = load_model("axis")
+    start = plain.with_values({p.name: 0.7 * p.value for p in plain.parameters if p.free})
+    record = record_of(plain, seed, disturbance=0.03)
+    effects = ["asymmetric_friction", "asymmetric_viscous_friction", "cable_spring"]
+    assert refine(start, [record], effects=effects).added == ()
+    assert diagnose(start, [record], effects=effects).best is None
 
 
 def test_a_free_run_that_is_as_good_as_its_sensor_is_not_asked(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,11 +12,13 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from idloop.cli._places import PLOT
+from idloop.cli._progress import progress
 from idloop.errors import InputError
 from idloop.json_values import to_json
 from idloop.reporting.text.blocks import Block, as_text, format_table
 
 if TYPE_CHECKING:
+    from idloop.api.inspection import BagGrade
     from idloop.physics import Model
     from idloop.records import Record
     from idloop.records.align import ModelSignals
@@ -178,6 +180,18 @@ def read_records(
     from idloop.api.data import read_bags
 
     return [_with_warnings(record) for record in read_bags(bags, model, fitted=fitted, excited=excited)]
+
+
+def log_grades(bags: Sequence[Path], model: Model, records: Iterable[Record]) -> list[BagGrade]:
+    """Say in one line for each bag what an inspection finds wrong with it, beside what was noticed while reading."""
+    from idloop.api.inspection import bag_grades
+
+    with progress("inspecting the bags"):
+        grades = bag_grades(bags, model)
+    said = {finding.text for record in records for finding in record.findings}
+    for line in filter(None, (one.line(said) for one in grades)):
+        log(line)
+    return grades
 
 
 def read_one_record(bag: Path, model: Model) -> Record:

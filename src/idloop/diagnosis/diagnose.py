@@ -10,6 +10,7 @@ import numpy as np
 from idloop.diagnosis.diagnosis import Diagnosis, diagnosis_of, findings_of_model
 from idloop.diagnosis.evidence.deciding_view import UNEXPLAINED, DecidingView, as_predicted, requested_force_fit
 from idloop.diagnosis.evidence.force_view import ForceView
+from idloop.diagnosis.evidence.free_run_view import free_run_view
 from idloop.diagnosis.evidence.prediction_view import PredictionView, delay_or_lag
 from idloop.diagnosis.model_errors import explains_less
 from idloop.diagnosis.options import (
@@ -22,11 +23,12 @@ from idloop.diagnosis.options import (
     errors_of,
     silent,
 )
+from idloop.diagnosis.search.step import NOISE_VERDICTS
 from idloop.estimation.dataset import prepare
 from idloop.estimation.force_balance.weak_fit import WeakFit
 from idloop.estimation.force_balance.weak_form import WeakForm
 from idloop.estimation.likelihood.estimation_problem import EstimationProblem
-from idloop.estimation.likelihood.refit import refit, refit_or_none
+from idloop.estimation.likelihood.refit import Refit, refit, refit_or_none
 from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.estimation.statistics.undetermined import common_scale, effect_scales
 from idloop.physics.model import Model
@@ -81,12 +83,15 @@ def diagnose(
     if scale is not None:
         model = scale.fixed(model)
     found = _by_force(model, records, criterion, options) if criterion in ("auto", FORCE) else None
+    # Without a balance the free run is asked first, and after what leaves nothing else, as by `refine`.
+    asked = criterion == "auto" and found is None
+    if asked:
+        found = _by_free_run(model, records, options)
     if found is None:
         estimation = diagnosis_problem(model, records, kind)
-        view = PredictionView(estimation, model, options)
-        step = view.evaluate(refit(estimation, model))
-        timed = view.with_timing(step) if step.tied else None
-        found = diagnosis_of(step if timed is None else timed[0].evaluate(timed[1]))
+        found = _by_errors(PredictionView(estimation, model, options), refit(estimation, model))
+    if criterion == "auto" and not asked and found.verdict in NOISE_VERDICTS and not found.response.uninformative:
+        found = _by_free_run(found.model, records, options) or found
     options.report(1.0, "done")
     reached = found.model if found.best is None or found.best.model is None else found.best.model
     undetermined = [] if scale is None else [scale]
@@ -95,6 +100,20 @@ def diagnose(
     added = [rung.added.name for rung in found.rungs]
     findings = (*found.gate.findings, *findings_of_model(model, reached, added, found.response, undetermined))
     return replace(found, gate=replace(found.gate, findings=findings))
+
+
+def _by_errors(view: PredictionView, fit: Refit) -> Diagnosis:
+    """By one-step or free-run errors."""
+    step = view.evaluate(fit)
+    timed = view.with_timing(step) if step.tied else None
+    return diagnosis_of(step if timed is None else timed[0].evaluate(timed[1]))
+
+
+def _by_free_run(start: Model, records: Sequence[Record], options: Options) -> Diagnosis | None:
+    """By free-run errors, where a free run is far off and an effect explains most of that; None else."""
+    asked = free_run_view(start, records, (), options)
+    found = None if asked is None else _by_errors(*asked)
+    return None if found is None or found.best is None else found
 
 
 def _by_force(model: Model, records: Sequence[Record], criterion: str, options: Options) -> Diagnosis | None:

@@ -16,7 +16,7 @@ from idloop.diagnosis.residual_curves.unknown_structure import UnknownStructure
 from idloop.diagnosis.screening.command_response import CommandResponse
 from idloop.diagnosis.search.step import MISSING, EvaluatedModel, FitT, SearchStep
 from idloop.estimation.direction import opposite_direction_warning
-from idloop.estimation.statistics.undetermined import Undetermined
+from idloop.estimation.statistics.undetermined import Undetermined, common_factor
 from idloop.physics.layout import lay_out
 from idloop.physics.model import Model
 
@@ -159,6 +159,10 @@ def diagnosis_of(step: SearchStep[FitT]) -> Diagnosis:
 def step_ending(step: SearchStep[FitT]) -> dict[str, Any]:
     """What a diagnosis and a ladder report of their last step."""
     verdict, findings = (MISSING, ()) if step.tied else step.verdict()
+    fit = step.tied[0].fit if step.tied else step.parent
+    factor = common_factor(fit.model, fit.covariance)
+    if factor is not None:
+        findings = (*findings, factor.text)
     unknown = None
     if not step.tied and step.residual_curve is not None:
         unknown = step.residual_curve.unknown(max(step.residual_curve.evidence.p_value(step.count), 1e-300))

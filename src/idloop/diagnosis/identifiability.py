@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from idloop.diagnosis.evidence.detection_limit import DetectionLimit, detection_limit
+from idloop.diagnosis.evidence.detection_limit import DetectionLimit, detection_limit, needed_power
 from idloop.diagnosis.evidence.quantisation import resolution_limits
 from idloop.diagnosis.screening.proposals import Proposal
 from idloop.diagnosis.screening.score_test import Screened
@@ -33,8 +33,8 @@ class Gate:
     findings : tuple of str
         Facts about the excitation, one line each.
     testable : dict
-        ``yes``, ``weak`` or ``no`` by effect and site; ``weak`` also for what begins at a level that the
-        data may not have reached.
+        By effect and site: ``yes`` where its typical size is above the detection limit, ``weak`` between that and what
+        chance does, and for what begins at a level that the data may not have reached; else ``no``.
     why : dict
         One sentence by effect and site.
     from_a_level : tuple of str
@@ -190,8 +190,7 @@ def _testability(
         if reach and not from_where:
             from_where = f"to show it would have to be larger than {reach}, so this experiment cannot show it"
         return "no", "at its typical size it is within chance" + (f"; {from_where}" if from_where else "")
-    # An effect is found or excluded reliably where its typical size reaches 2.5 times the statistic of chance.
-    if typical < 2.5 * chance:
+    if all(t.typical < needed_power(chance) * t.uneven for t in s.traces):
         return "weak", from_where or "only a strong effect would show"
     if effect.from_a_level:
         return "weak", f"a {effect.from_a_level} that this data has reached would show, one beyond it cannot"

@@ -12,10 +12,12 @@ from idloop.diagnosis.candidate import Candidate, effect_parameters
 from idloop.diagnosis.diagnosis import candidate_of, findings_of_model
 from idloop.diagnosis.evidence.deciding_view import UNEXPLAINED, DecidingView, as_predicted, requested_force_fit
 from idloop.diagnosis.evidence.force_view import ForceView, fitted_model
-from idloop.diagnosis.evidence.prediction_view import CERTAIN, PredictionView, delay_or_lag
+from idloop.diagnosis.evidence.free_run_view import free_run_view
+from idloop.diagnosis.evidence.prediction_view import PredictionView, delay_or_lag
 from idloop.diagnosis.evidence.quantisation import quantised_outputs
+from idloop.diagnosis.evidence.undetermined_strength import CERTAIN
 from idloop.diagnosis.ladder import Ladder, Step
-from idloop.diagnosis.model_errors import explains_less, model_errors
+from idloop.diagnosis.model_errors import explains_less
 from idloop.diagnosis.options import (
     FORCE,
     MINIMUM_IMPROVEMENT,
@@ -40,10 +42,6 @@ from idloop.estimation.statistics.undetermined import common_scale, effect_scale
 from idloop.physics.effect_text import parse_effect
 from idloop.physics.model import ActiveEffect, Model
 from idloop.records import Record
-
-# A free run is far off that misses more than this part of an output and more than so many times its noise; there an
-# effect must explain this part of the error.
-_NEAR, _BEYOND_NOISE, _MOST = 0.005, 3.0, 0.7
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
@@ -189,25 +187,13 @@ class _Refinement:
         return found
 
     def by_free_run(self, start: Model, ladder: Ladder | None) -> Ladder | None:
-        """Climb by free-run errors where a free run is far off; the same ladder where they show nothing.
-
-        One-step predictions begin at every sample anew, and hardly see what acts for a moment: a play that only a
-        sensor sees. A free run gathers every model error, so that an effect must explain most of what is left.
-        """
-        options = replace(self.options, minimum_improvement=max(_MOST, self.options.minimum_improvement))
-        estimation = diagnosis_problem(start, self.records, SIMULATION, self.validation)
-        fit = refit_or_none(estimation, start, near=ladder is not None)
-        if fit is None or not self._far_off(fit.model, estimation):
+        """Climb by free-run errors where a free run is far off; the same ladder where they show nothing."""
+        asked = free_run_view(start, self.records, self.validation, self.options, near=ladder is not None)
+        if asked is None:
             return ladder
-        held_out = diagnosis_problem(start, self.validation, SIMULATION, self.records) if self.validation else None
-        found, _ = self._climb(PredictionView(estimation, self.model, options, held_out), SIMULATION)(fit, ladder)
+        view, fit = asked
+        found, _ = self._climb(view, SIMULATION)(fit, ladder)
         return found if found.added != (() if ladder is None else ladder.added) else ladder
-
-    def _far_off(self, model: Model, problem: EstimationProblem) -> bool:
-        """Whether free runs of some seconds miss an output by much more than its noise."""
-        noise = dict(zip(model.output_names, problem.noise / problem.deviation, strict=True))
-        errors = model_errors(model, self.records)["anew"]
-        return any(error > max(_NEAR, _BEYOND_NOISE * noise[name]) for name, error in errors.items())
 
     def _beyond_force(self, view: PredictionView, ladder: Ladder, last: WeakFit) -> Ladder:
         """Climb on by predictions from what the force balance has found."""

@@ -24,11 +24,11 @@ from idloop.estimation.optimisation.jacobian_check import jacobian_unreliable
 from idloop.estimation.optimisation.least_squares import LeastSquaresProblem
 from idloop.estimation.optimisation.levenberg import difference_jacobian
 from idloop.estimation.optimisation.solve import Solution, slopes_agree, solve, typical_size
-from idloop.estimation.result import FitResult, RecordResidual
+from idloop.estimation.result import FitResult, Ratio, RecordResidual
 from idloop.estimation.simulation import SimulationCriterion
 from idloop.estimation.statistics.covariance import estimate_covariance
 from idloop.estimation.statistics.uncertainty import at_bounds, ties, uncertainty_warnings
-from idloop.estimation.statistics.undetermined import common_scale, exactly_tied
+from idloop.estimation.statistics.undetermined import common_factor, common_scale, exactly_tied, standard_errors
 from idloop.records.inspection.checks import excites
 
 if TYPE_CHECKING:
@@ -274,6 +274,15 @@ def _result(
     for tie in tied:
         if tie.exact:
             covariance[list(tie.members), :] = covariance[:, list(tie.members)] = np.nan
+    valued = model.with_theta(theta)
+    factor = common_factor(valued, covariance)
+    ratios: tuple[Ratio, ...] = ()
+    if factor is not None:
+        ratios = factor.ratios_of(valued.with_values({}, standard_errors(valued, covariance)))
+        members = [i for i, name in enumerate(model.free) if name in factor.names]
+        covariance[members, :] = covariance[:, members] = np.nan
+        tied = [tie for tie in tied if not set(tie.members) <= set(members)]
+        notes = [factor.text, *notes]
     stderr = np.sqrt(np.diag(covariance))
     limits = at_bounds(theta, lower, upper, typical_size(theta, lower, upper))
     at_bound = tuple(n for n, hit in zip(model.free, limits, strict=True) if hit)
@@ -282,9 +291,8 @@ def _result(
     warnings += notes
     if not converged:
         warnings.append("the search did not converge; try other starting values")
-    fitted = model.with_values(
-        dict(zip(model.free, (float(v) for v in theta), strict=True)),
-        {n: float(s) for n, s in zip(model.free, stderr, strict=True) if np.isfinite(s)},
+    fitted = valued.with_values(
+        {}, {n: float(s) if np.isfinite(s) else None for n, s in zip(model.free, stderr, strict=True)}
     )
     if fields["criterion"] == "prediction":
         fitted = replace(fitted, disturbance=None if intensity is None else float(np.sqrt(intensity)))
@@ -293,7 +301,7 @@ def _result(
     return FitResult(
         model=fitted, names=tuple(model.free), values=theta, stderr=stderr, covariance=covariance, loss=loss,
         fpe=loss * (1.0 + k / count) / max(1.0 - k / count, 1e-12), disturbance_intensity=intensity, at_bound=at_bound,
-        warnings=tuple(warnings), samples=count, converged=converged, **fields,
+        warnings=tuple(warnings), samples=count, converged=converged, ratios=ratios, **fields,
     )  # fmt: skip
 
 

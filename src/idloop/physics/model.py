@@ -260,7 +260,7 @@ class Model:
     def with_values(
         self,
         values: Mapping[str, float],
-        stderr: Mapping[str, float] | None = None,
+        stderr: Mapping[str, float | None] | None = None,
     ) -> Model:
         """Return the model with other values, and standard errors where given.
 
@@ -269,7 +269,7 @@ class Model:
         values : mapping
             Value by parameter name.
         stderr : mapping, optional
-            Standard error by parameter name.
+            Standard error by parameter name, None where there is none.
 
         Raises
         ------

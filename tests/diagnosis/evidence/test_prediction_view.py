@@ -15,7 +15,6 @@ from idloop.diagnosis.evidence.prediction_view import (
     _may_become_significant,
     bound_reached,
     earlier_command,
-    undetermined_strength,
 )
 from idloop.diagnosis.options import Options
 from idloop.diagnosis.screening.command_response import CommandResponse
@@ -70,31 +69,6 @@ def test_the_strength_of_an_effect_is_what_it_has_beyond_a_simpler_one(ratio: fl
     model = load_model("axis").with_effects(["coulomb_friction@axis(level=0.1)"])
     (proposal,) = proposals(model, ["asymmetric_friction"])
     assert bool(bound_reached(proposal.model({"level": 0.1, "ratio": ratio}), proposal)) is reported
-
-
-COMPLIANCE = {"stiffness": 68.0, "damping": 0.8, "split": 0.04, "viscous_split": 0.5}
-
-
-@pytest.mark.parametrize(
-    ("effect", "values", "errors", "refused"),
-    [
-        ("sensor_offset@position[axis]", {"offset": -3.7}, {"offset": 8.5}, True),
-        ("sensor_offset@position[axis]", {"offset": 0.02}, {"offset": 0.001}, False),
-        ("compliance@axis", COMPLIANCE, {"stiffness": 4e4, "damping": 5e2, "split": 17.0, "viscous_split": 9.0}, True),
-        ("compliance@axis", COMPLIANCE, {"stiffness": 2.0, "damping": 2.0, "split": 17.0, "viscous_split": 1.0}, True),
-        ("compliance@axis", COMPLIANCE, {"stiffness": 2.0, "damping": 2.0, "split": 0.1, "viscous_split": 1.0}, False),
-    ],
-)  # fmt: skip
-def test_what_the_data_do_not_determine_is_not_named(
-    effect: str, values: dict[str, float], errors: dict[str, float], refused: bool
-) -> None:
-    (proposal,) = proposals(load_model("axis"), [effect])
-    named = {f"{proposal.name}.{name}": error for name, error in errors.items()}
-    fit: Any = SimpleNamespace(with_stderr=lambda: proposal.model(values).with_values({}, named))
-    text = undetermined_strength(fit, proposal)
-    assert bool(text) is refused
-    if refused:
-        assert text.startswith("the data do not determine its ")
 
 
 @pytest.mark.parametrize("share", [0.0, 1.0])

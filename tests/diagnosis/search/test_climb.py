@@ -22,6 +22,10 @@ class Fit:
     model: Model
     log_likelihood: float = 0.0
 
+    @property
+    def covariance(self) -> Any:
+        return np.zeros((len(self.model.free), len(self.model.free)))
+
 
 class Answers(SearchStep[Any]):
     """All that was evaluated shows and is worth a name."""

@@ -9,7 +9,7 @@ from idloop.diagnosis import diagnose, refine
 from idloop.estimation import fit
 from idloop.estimation.dataset import prepare
 from idloop.estimation.optimisation.caching_engine import CachingEngine
-from idloop.estimation.statistics.undetermined import common_scale, effect_scales
+from idloop.estimation.statistics.undetermined import common_factor, common_scale, effect_scales, standard_errors
 from idloop.physics import Model, load_model
 from idloop.physics.simulation import simulate
 from idloop.records import Record
@@ -149,3 +149,54 @@ def test_a_held_parameter_without_a_ratio_is_not_reported_as_one() -> None:
     model = load_model("axis").with_effect("presliding_friction", "axis", level=0.05, stiffness=50.0)
     model = model.with_free(free for free in model.free if free != f"{name}.velocity")
     assert effect_scales(model, [moved(model, 2.0)]) == []
+
+
+def _friction_and_gain(relative: list[list[float]]) -> tuple[Model, np.ndarray]:
+    """A model of which friction and gain are estimated, and their covariance as parts of the values."""
+    model = load_model("axis").with_free(BASE[1:])
+    return model, np.array(relative) * np.outer(model.theta, model.theta)
+
+
+def test_a_factor_that_hardly_shows_leaves_the_ratios() -> None:
+    model, covariance = _friction_and_gain([[4.0, 4.0], [4.0, 4.0001]])
+    found = common_factor(model, covariance)
+    assert found is not None
+    assert (found.names, found.held, found.ratios, found.exact) == (BASE[1:], "drive.gain", True, False)
+    errors = standard_errors(model, covariance)
+    assert errors["drive.gain"] is None
+    # Beside a gain that is held, what is left of the friction's uncertainty.
+    assert errors["axis.viscous_friction"] == pytest.approx(0.01 * model.values["axis.viscous_friction"], rel=0.01)
+
+
+@pytest.mark.parametrize(
+    "relative",
+    [
+        pytest.param([[0.01, 0.01], [0.01, 0.0101]], id="certain enough"),
+        pytest.param([[4.0, 0.0], [0.0, 0.01]], id="one of them alone"),
+        pytest.param([[4.0, -3.9], [-3.9, 4.0]], id="a common product"),
+    ],
+)
+def test_other_uncertainties_are_no_common_factor(relative: list[list[float]]) -> None:
+    model, covariance = _friction_and_gain(relative)
+    assert common_factor(model, covariance) is None
+    deviations = np.sqrt(np.diag(covariance))
+    assert list(standard_errors(model, covariance).values()) == pytest.approx(list(deviations))
+
+
+def test_slow_motion_determines_ratios_of_forces_only() -> None:
+    """The inertia is known and does not show; friction over gain does."""
+    true = load_model("axis")
+    time = np.arange(0.0, 400.0, 0.2)
+    command = 0.02 * np.sin(0.03 * time)
+    noise = 2.0 * np.random.default_rng(3).normal(size=(len(time), len(true.outputs)))
+    output = simulate(true, time, command, time, noise=noise).output
+    names, units = tuple(o.name for o in true.outputs), tuple(o.unit for o in true.outputs)
+    slow = Record("slow", time, command, time, output, true.input.name, true.input.unit, names, units)
+    found = fit(true.with_free(BASE[1:]), [slow], "prediction")
+    (ratio,) = found.ratios
+    assert ratio.name == "axis.viscous_friction / drive.gain"
+    assert abs(ratio.value - FRICTION / GAIN) < 4.0 * ratio.stderr
+    assert ratio.stderr < 0.1 * ratio.value
+    assert np.all(np.isnan(found.stderr))
+    (warning,) = (text for text in found.warnings if "ratios" in text)
+    assert "hardly more than" in warning

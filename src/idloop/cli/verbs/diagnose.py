@@ -12,6 +12,7 @@ from idloop.cli._common import (
     MODEL,
     apply_options,
     json_option,
+    log_grades,
     model_options,
     print_blocks,
     print_json,
@@ -59,6 +60,7 @@ def command(
     """
     model = apply_options(model, settings, effects)
     records = read_records(bags, model)
+    log_grades(bags, model, records)
 
     from idloop.api.diagnosis import diagnose
 

@@ -13,7 +13,7 @@ from idloop.cli._common import (
     ListOptionCommand,
     apply_options,
     json_option,
-    log,
+    log_grades,
     log_written,
     model_options,
     plot_option,
@@ -75,13 +75,8 @@ def command(
     train, validation = read_fitted_and_unseen(bags, validate, model)
 
     from idloop.api.fit import fit
-    from idloop.api.inspection import bag_grades
 
-    with progress("inspecting the bags"):
-        grades = bag_grades((*bags, *validate), model)
-    said = {finding.text for record in (*train, *validation) for finding in record.findings}
-    for line in filter(None, (one.line(said) for one in grades)):
-        log(line)
+    grades = log_grades((*bags, *validate), model, (*train, *validation))
     with progress(f"fitting {model.name}") as update:
         found = fit(model, train, validation, criterion=criterion, progress=update)
     if output is not None:

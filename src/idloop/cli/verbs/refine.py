@@ -17,6 +17,7 @@ from idloop.cli._common import (
     apply_options,
     json_option,
     log,
+    log_grades,
     model_options,
     print_blocks,
     print_json,
@@ -138,6 +139,9 @@ def command(
     undecided = criterion == _AUTO and (kept is None or kept.ladder.criterion == _AUTO)
     keep = _Keeper(target, as_kept, undecided=undecided)
     answer: Next | None = None
+    if not undo:
+        with keep.on_interrupt():
+            log_grades((*bags, *unseen), model, (*records, *validation))
     with keep.on_interrupt(), progress(f"refining {model.name}") as update:
         climbing = update if no_suggest else part(update, 0.0, 0.7)
         if undo and add is None and kept is not None:

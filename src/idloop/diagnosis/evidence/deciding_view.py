@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from idloop.diagnosis.candidate import Candidate, effect_parameters
-from idloop.diagnosis.evidence.prediction_view import CERTAIN
+from idloop.diagnosis.evidence.undetermined_strength import CERTAIN
 from idloop.errors import InputError
 from idloop.estimation.force_balance.weak_fit import WeakFit, draft_windows, fit_by_force, fit_from_two_starts
 from idloop.estimation.force_balance.weak_form import WeakForm

@@ -60,6 +60,15 @@ class DetectionLimit:
         return cls(document["parameter"], document["unit"], least, sure, bool(document["at_most"]))
 
 
+def needed_power(chance: float) -> float:
+    """Twice the log-likelihood that an effect must gain by itself to be found in nine of ten experiments.
+
+    The power of a small effect's trace grows with the square of its size; the statistic has a non-central chi-squared
+    distribution (Kay, Fundamentals of Statistical Signal Processing II, section 6.5). Theory misses 5 % at this power.
+    """
+    return _ABSORBED**2 * (math.sqrt(max(chance, 0.0)) + DEVIATIONS) ** 2
+
+
 def detection_limit(screened: Screened, chance: float) -> DetectionLimit | None:
     """The detection limit of an effect, by the traces of its screening.
 
@@ -73,9 +82,7 @@ def detection_limit(screened: Screened, chance: float) -> DetectionLimit | None:
     traces = [t for t in screened.traces if name in t.trials[0]]
     if not traces or name in proposal.held or proposal.replaces is not None:
         return None
-    # The power of a small effect's trace grows with the square of its size; the statistic has a non-central chi-squared
-    # distribution (Kay, Fundamentals of Statistical Signal Processing II, section 6.5). Theory misses 5 % at the limit.
-    needed = _ABSORBED**2 * (math.sqrt(max(chance, 0.0)) + DEVIATIONS) ** 2
+    needed = needed_power(chance)
     unit = effect_parameters(proposal.model(traces[0].trials[0]), proposal.name)[name]["unit"]
     if at_most:
         # Not beyond the stiffest trial.

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.diagnosis.evidence.predictive import Scores, scores_of, scores_without_refit
+from idloop.diagnosis.evidence.undetermined_strength import undetermined_with
 from idloop.diagnosis.identifiability import OWN_PART, Gate, excitation_findings
 from idloop.diagnosis.options import FORCE, Options
 from idloop.diagnosis.residual_curves.force_curves import ForceCurve, force_curves
@@ -42,6 +43,7 @@ from idloop.estimation.force_balance.weak_form import WeakForm, weak_form
 from idloop.estimation.likelihood.estimation_problem import ENOUGH, EstimationProblem
 from idloop.estimation.likelihood.parallel import in_parallel
 from idloop.estimation.optimisation.caching_engine import CachingEngine
+from idloop.estimation.statistics.undetermined import standard_errors
 from idloop.physics.effect import INPUT, OUTPUT
 from idloop.physics.model import Model
 from idloop.physics.trial import Trial
@@ -151,9 +153,7 @@ class ForceStep(SearchStep[WeakFit]):
 
 def fitted_model(fit: WeakFit) -> Model:
     """The model with its fitted values and their standard errors."""
-    model, variance = fit.model, np.diag(fit.covariance)
-    errors = {n: float(np.sqrt(v)) for n, v in zip(model.free, variance, strict=False) if np.isfinite(v) and v >= 0.0}
-    return model.with_values({}, errors)
+    return fit.model.with_values({}, standard_errors(fit.model, fit.covariance))
 
 
 class ForceView(View[WeakFit]):
@@ -193,6 +193,7 @@ class ForceView(View[WeakFit]):
             tuple(proposed), subsampled=parent,
         )  # fmt: skip
         design = min((one.evidence.design_effect for one in evaluated), default=1.0)
+        step = replace(step, undetermined=_undetermined(step))
         testable, why = _testable(proposed, screened, design * step.threshold())
         curves = force_curves(parent)
         beside = _beside(curves, evaluated)
@@ -236,6 +237,26 @@ class ForceView(View[WeakFit]):
         level, least = self.options.level, self.options.minimum_improvement
         needed = evidence.improvement >= least and evidence.log >= math.log(1.0 / level)
         return None if needed else self.refit_thoroughly(smaller)
+
+
+def _undetermined(step: ForceStep) -> dict[str, str]:
+    """Significant effects that the data do not determine, or beside which they do not determine others, and why."""
+    parent, found = fitted_model(step.subsampled), {}
+    determined = False
+    for one in step.significant:
+        fit: WeakFit | None = one.fit
+        if len(one.proposals) > 1 or fit is None:
+            continue
+        if not fit.jacobian.size:
+            # Far behind the best, it keeps its values: it is fitted where it may be named.
+            fit = None if determined else _refitted(fit, step.subsampled.form)
+        if fit is None:
+            continue
+        if why := undetermined_with(parent, fitted_model(fit), one.proposals[0]):
+            found[one.names[0]] = why
+        else:
+            determined = True
+    return found
 
 
 def _pairs(step: SearchStep[WeakFit]) -> list[tuple[EvaluatedModel[WeakFit], EvaluatedModel[WeakFit]]]:

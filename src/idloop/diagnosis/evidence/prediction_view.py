@@ -15,6 +15,7 @@ from idloop.diagnosis.diagnosis import candidate_of
 from idloop.diagnosis.equivalence.same_motion import same_motion, same_motion_from_own_starts, within_quantisation
 from idloop.diagnosis.evidence.force_view import unbalanced
 from idloop.diagnosis.evidence.predictive import Scores
+from idloop.diagnosis.evidence.undetermined_strength import undetermined_with
 from idloop.diagnosis.identifiability import gate
 from idloop.diagnosis.model_errors import model_errors
 from idloop.diagnosis.options import PREDICTION, Options, Progress
@@ -50,8 +51,6 @@ from idloop.validation.measures import NEGLIGIBLE
 
 # Below this part of the deviation the error of a free run counts as this: another integration method changes it.
 _LEAST_FREE_RUN_ERROR = 0.01
-# Standard errors from its neutral value within which the strength of an effect may be none.
-CERTAIN = 2.0
 # Accuracy of the shift of a command [samples], and rounds of the search at each.
 _SHIFT_STEP, _SHIFT_ROUNDS = 0.001, 2
 # Effects, one or two, and the model that has them fitted.
@@ -162,6 +161,8 @@ class PredictionView(View[Refit]):
     held_out: EstimationProblem | None = None
     force_model: Model | None = None
     timed: bool = False  # whether the stamps of the command are corrected
+    promised: float = 0.0  # part of the power of the errors that an effect's trace must promise for it to be fitted
+    support: EstimationProblem | None = None  # in which an effect that is named must gain likelihood as well
 
     def beside(self, model: Model, *, balanced: bool) -> PredictionView:
         """The same view from a model that the force balance has reached; `balanced`: see the class."""
@@ -179,7 +180,8 @@ class PredictionView(View[Refit]):
         A few samples decide on most effects: more are used only where these do not.
         """
         step = self._evaluate_in(FEW, parent)
-        return step if step.decided or step.whole is None else self._evaluate_in(ENOUGH, parent)
+        decided = step.decided or (self.promised > 0.0 and not step.tied)
+        return step if decided or step.whole is None else self._evaluate_in(ENOUGH, parent)
 
     def _evaluate_in(self, most: int, parent: Refit) -> PredictionStep:
         """The same in about so many samples."""
@@ -239,6 +241,8 @@ class PredictionView(View[Refit]):
         chance = 2.0 * math.log(max(len(screened), 1))
         chosen = promising(screened, chance) if absorbed else promising(screened, bar, fewest=0)
         chosen += [s for s in _with_unreliable_score(screened, parent) if s not in chosen]
+        least = self.promised * float(np.sum(parent.residual() ** 2))
+        chosen = [s for s in chosen if s.promised >= least]
         report = self._part(0.55, 0.2, "refitting with")
         found = confirm(
             self.estimation, parent, chosen, report, lambda first: absorbed or _may_become_significant(first, bar)
@@ -272,15 +276,24 @@ class PredictionView(View[Refit]):
         """With the reasons for which significant effects are not named."""
         singles = [one for one in step.significant if len(one.proposals) == 1]
         rejected = {one.names[0]: self._rejection(step, one.proposals[0], one.fit, responds) for one in singles}
-        return replace(step, rejected={name: why for name, why in rejected.items() if why})
+        rejected |= self._unsupported(step, [one for one in singles if not rejected[one.names[0]]])
+        undetermined = {}
+        # Errors of a free run are model errors, beside which a standard error says little.
+        if self.estimation.kind == PREDICTION and singles:
+            parent = step.parent.with_stderr()
+            undetermined = {
+                one.names[0]: undetermined_with(parent, one.fit.with_stderr(), one.proposals[0]) for one in singles
+            }
+        return replace(
+            step,
+            rejected={name: why for name, why in rejected.items() if why},
+            undetermined={name: why for name, why in undetermined.items() if why},
+        )
 
     def _rejection(self, step: PredictionStep, proposal: Proposal, fit: Refit, responds: bool) -> str:
         """Why a significant effect is not named; empty where it is."""
         model, effect = fit.model, proposal.effect
         if why := bound_reached(model, proposal):
-            return why
-        # Errors of a free run are model errors, beside which a standard error says little.
-        if self.estimation.kind == PREDICTION and (why := undetermined_strength(fit, proposal)):
             return why
         if proposal.replaces is None and (effect.site == OUTPUT or effect.hidden_by_start):
             without = model.without_effect(proposal.name)
@@ -296,6 +309,23 @@ class PredictionView(View[Refit]):
         if not responds and not responds_to_command(self.estimation, fit):
             return "the motion does not follow the command with it either"
         return ""
+
+    def _unsupported(self, step: PredictionStep, singles: Sequence[EvaluatedModel[Refit]]) -> dict[str, str]:
+        """Effects that gain no likelihood where they must as well, and why they are not named."""
+        matter = [one for one in singles if step.practically_significant(one)]
+        without = None if self.support is None or not matter else refit_or_none(self.support, step.parent.model)
+        if self.support is None or without is None:
+            return {}
+        found = {}
+        for one in matter:
+            fit = refit_or_none(self.support, one.fit.model, None, without)
+            gain = 0.0 if fit is None else max(fit.log_likelihood - without.log_likelihood, 0.0)
+            if gain < step.threshold():
+                found[one.names[0]] = (
+                    f"by {self.support.kind} it gains {gain:.2g} units of log-likelihood only, and"
+                    f" {step.threshold():.2g} is asked for: a disturbance with a memory explains the same"
+                )
+        return found
 
     def refit_thoroughly(self, fit: Refit) -> Refit:
         """The same model in all samples, with the order of whitening that suits it."""
@@ -462,31 +492,6 @@ def bound_reached(model: Model, proposal: Proposal) -> str:
             # A search stops within a thousandth of the way to the bound.
             if math.isfinite(way) and way > 0.0 and abs(model.values[key] - bound) <= 1e-3 * way:
                 return f"its {spec.name} ended at the bound of what makes sense, {bound:g}"
-    return ""
-
-
-def undetermined_strength(fit: Refit, proposal: Proposal) -> str:
-    """Say that the data do not determine a fitted effect; empty where they do.
-
-    The interval of its strength, or of its first parameter where it has no strength, contains the neutral value; or the
-    interval of a parameter contains its whole range. The evidence is then that of something else, as an offset and the
-    phase of a wave are confounded.
-    """
-    if proposal.replaces is not None:
-        return ""
-    effect, fitted = proposal.effect, {one.name: one for one in fit.with_stderr().parameters}
-    for spec in effect.parameters:
-        found = fitted.get(f"{proposal.name}.{spec.name}")
-        if found is None or not found.free or spec.optional:
-            continue
-        # What the data do not determine at all has no standard error.
-        error = math.inf if found.stderr is None else found.stderr
-        reach = CERTAIN * error
-        # An interval of a stiffness that contains zero contains the rigid coupling as well.
-        neutral = spec.neutral if math.isfinite(spec.neutral) else 0.0
-        none = spec.name == (effect.strength or effect.parameters[0].name) and abs(found.value - neutral) <= reach
-        if none or (found.value - reach <= spec.min and spec.max <= found.value + reach):
-            return f"the data do not determine its {spec.name}: {found.value:.3g} with a standard error of {error:.3g}"
     return ""
 
 

@@ -72,6 +72,11 @@ class Screened:
         return max((t.statistic for t in self.traces), default=0.0)
 
     @property
+    def promised(self) -> float:
+        """Power of the whitened errors that the best alternative would explain."""
+        return max((float(t.scores @ t.scores) for t in self.traces), default=0.0)
+
+    @property
     def own_part(self) -> float:
         """Largest part of a trace that the free parameters cannot produce."""
         return max((t.own_part for t in self.traces), default=0.0)

@@ -9,12 +9,17 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Generic, Protocol, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from idloop.diagnosis.evidence.predictive import Evidence, Scores
 from idloop.diagnosis.identifiability import Gate
 from idloop.diagnosis.residual_curves.unknown_structure import UnknownStructure
 from idloop.diagnosis.screening.command_response import CommandResponse
 from idloop.diagnosis.screening.proposals import Proposal
 from idloop.physics.model import Model
+
+Array = NDArray[np.float64]
 
 # Verdicts of a diagnosis, as in its JSON.
 MISSING, ADEQUATE, UNKNOWN, NOT_EXCITED = "missing", "adequate", "unknown_structure", "not_excited"
@@ -33,6 +38,10 @@ class Fitted(Protocol):
     @property
     def model(self) -> Model:
         """With the values found."""
+
+    @property
+    def covariance(self) -> Array:
+        """Of its free parameters, shape (k, k) or more; not finite where they are not determined."""
 
 
 class ResidualCurve(Protocol):
@@ -131,7 +140,9 @@ class SearchStep(ABC, Generic[FitT]):
     proposed: tuple[Proposal, ...] = ()  # all candidates, fitted or not
     gate: Gate = field(default_factory=lambda: Gate((), {}, {}))  # what the data can show
     residual_curves: Sequence[ResidualCurve] = ()  # curves that the errors follow, best first
-    rejected: Mapping[str, str] = field(default_factory=dict)  # effects not named whatever their evidence, and why
+    # Effects not named whatever their evidence, and why: what the data do not determine, and the others.
+    undetermined: Mapping[str, str] = field(default_factory=dict)
+    rejected: Mapping[str, str] = field(default_factory=dict)
 
     response = CommandResponse.FOLLOWS  # of the motion to the command
 
@@ -193,7 +204,8 @@ class SearchStep(ABC, Generic[FitT]):
         found = [
             one for one in several
             if self._conclusive(one) and not one.contained_part_is_zero
-            and not self.rejected.keys() & set(one.names) and self.practically_significant(one)
+            and not (self.rejected.keys() | self.undetermined.keys()) & set(one.names)
+            and self.practically_significant(one)
         ]  # fmt: skip
         return sorted(found, key=lambda one: -one.lower_evidence)
 
@@ -232,12 +244,17 @@ class SearchStep(ABC, Generic[FitT]):
 
     @cached_property
     def tied(self) -> list[EvaluatedModel[FitT]]:
-        """The best model first, then those that tie with it; of ties the simplest goes first."""
+        """The best model first, then those that tie with it; of ties the simplest goes first.
+
+        None where that is one that the data do not determine: another one would only do as well.
+        """
         if not self.eligible:
             return []
         best = self.eligible[0]
         equal = [one for one in self.eligible if one is best or self._equal(best, one)]
         first = min(equal, key=lambda one: (one.complexity, -one.lower_evidence))
+        if any(self._equal(best, one) and one.complexity < first.complexity for one in self._not_determined):
+            return []
         # A simple effect is added before one that contains it.
         first = next(
             (one for one in self.eligible if first.contains(one) or self._nearly_degenerates_to(first, one)), first
@@ -251,6 +268,16 @@ class SearchStep(ABC, Generic[FitT]):
             and not self._distinguished(first, one)
         ]
         return [first, *others]
+
+    @property
+    def _not_determined(self) -> list[EvaluatedModel[FitT]]:
+        """Models with a significant effect of one parameter that the data do not determine.
+
+        Of several parameters some may be free where the effect is plain: a spring that is soft and far off is a load.
+        """
+        plain = len(self.parent.model.free) + 1
+        found = [one for one in self.significant if len(one.fit.model.free) == plain]
+        return [one for one in found if self.undetermined.keys() & set(one.names)]
 
     def _nearly_degenerates_to(self, rich: EvaluatedModel[FitT], plain: EvaluatedModel[FitT]) -> bool:
         """Whether an effect that degenerates to another one explains nothing beyond chance that the other does not."""
@@ -277,7 +304,7 @@ class SearchStep(ABC, Generic[FitT]):
     def passed_over(self) -> dict[str, str]:
         """Significant effects that are not named, and why."""
         shown = {name for one in self.significant for name in one.names}
-        found = {name: why for name, why in self.rejected.items() if name in shown}
+        found = {name: why for name, why in {**self.rejected, **self.undetermined}.items() if name in shown}
         for one in self.confounded:
             why = f"it is confounded with something that explains far more: {self.residual_curves[0].text}"
             found.setdefault(one.names[-1], why)
@@ -288,6 +315,8 @@ class SearchStep(ABC, Generic[FitT]):
                 found.setdefault(one.names[-1], "the simpler effect that it contains is zero in it")
             elif not self.practically_significant(one):
                 found.setdefault(one.names[-1], self.insignificance(one))
+            elif not self.tied:
+                found.setdefault(one.names[-1], "the data cannot tell it from a simpler one that they do not determine")
         return {name: why for name, why in found.items() if name not in self.names}
 
 

@@ -209,14 +209,15 @@ class WeakFit:
     def covariance(self) -> Array:
         """Covariance of the point, from independent segments; NaN for parameters without influence."""
         base, slopes = (part[self.rows] for part in self.linear)
-        size = np.maximum(np.sqrt(np.sum(slopes**2, axis=(0, 1))), 1e-300)
+        size = np.sqrt(np.sum(slopes**2, axis=(0, 1)))
+        dead = size <= 1e-12 * np.max(size, initial=0.0)
+        size = np.where(dead, 1.0, size)
         scaled = slopes / size
-        flat = scaled.reshape(-1, len(size))
+        flat = scaled.reshape(slopes.shape[0] * slopes.shape[1], len(size))
         bread = np.linalg.pinv(flat.T @ flat, rcond=1e-12, hermitian=True)
         scores = np.sum(base[:, :, None] * scaled, axis=1)
         sums = np.array([block.sum(axis=0) for block in np.array_split(scores, BLOCKS)])
         covariance = bread @ (sums.T @ sums) @ bread * BLOCKS / (BLOCKS - 1.0) / np.outer(size, size)
-        dead = size <= 1e-12 * np.max(size)
         covariance[dead, :] = covariance[:, dead] = np.nan
         return np.asarray(covariance)
 

@@ -33,6 +33,7 @@ from idloop.estimation.optimisation.least_squares import LeastSquaresProblem
 from idloop.estimation.optimisation.levenberg import difference_jacobian, minimise
 from idloop.estimation.simulation import SimulationCriterion
 from idloop.estimation.statistics.covariance import estimate_covariance
+from idloop.estimation.statistics.undetermined import standard_errors
 from idloop.physics.model import Model
 
 Array = NDArray[np.float64]
@@ -145,10 +146,9 @@ class Refit:
 
     def with_stderr(self) -> Model:
         """The fitted model with the standard errors of its free parameters."""
-        deviations = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
         values = {name: float(v) for name, v in zip(self.model.free, self.point, strict=False)}
-        errors = {name: float(s) for name, s in zip(self.model.free, deviations, strict=True) if np.isfinite(s)}
-        return self.model.with_values(values, errors)
+        model = self.model.with_values(values)
+        return model.with_values({}, standard_errors(model, self.covariance))
 
     @property
     def whitening_gain(self) -> float:

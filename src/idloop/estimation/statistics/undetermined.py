@@ -31,6 +31,10 @@ Array = NDArray[np.float64]
 # A power of two: a scaled simulation is equal in all digits unless some force is not scaled.
 _FACTOR = 2.0
 _SAME = 1e-9
+# A common factor is undetermined from this relative standard error on: its interval contains zero.
+_ANY_FACTOR = 0.5
+# Parameters that share a factor move by the same part, within this.
+_ALIKE = 0.2
 
 
 @dataclass(frozen=True)
@@ -42,11 +46,18 @@ class Undetermined:
     value: float  # value of the held one
     unit: str  # its unit
     ratios: bool  # whether a common factor has no influence, so that the ratios are determined
+    exact: bool = True  # or only within the noise of the data
 
     @property
     def text(self) -> str:
         """Warning: what the data cannot tell, and what to do."""
         listed = f"{', '.join(name for name in self.names if name != self.held)} and {self.held}"
+        if not self.exact:
+            return (
+                f"this data determines hardly more than the ratios of {listed}: excite larger accelerations, or fix one"
+                f" of them from the data sheet; here {self.held} is held at {self.value:.6g} {self.unit}, and the"
+                " intervals of the others are those beside it"
+            )
         what, which = f"this data cannot tell {listed} apart", self.held
         if self.ratios:
             what = f"only the ratios of {listed} are determined: any common factor gives the same motion"
@@ -60,6 +71,14 @@ class Undetermined:
         """The model with the held parameter fixed."""
         return model.with_free(name for name in model.free if name != self.held)
 
+    def ratios_of(self, fitted: Model) -> tuple[Ratio, ...]:
+        """Ratios to the held parameter of a model with standard errors of the others."""
+        return tuple(
+            Ratio(f"{p.name} / {self.held}", p.value / self.value, p.stderr / self.value, f"{p.unit} / ({self.unit})")
+            for p in fitted.parameters
+            if p.name in self.names and p.name != self.held and p.stderr is not None
+        )
+
     def extended(self, model: Model, fitted: FitResult) -> FitResult:
         """Result for the whole model from a fit of the fixed one: no standard errors of these, but ratios."""
         names = model.free
@@ -70,12 +89,7 @@ class Undetermined:
         covariance[np.ix_(place, place)] = fitted.covariance
         members = [i for i, name in enumerate(names) if name in self.names]
         covariance[members, :] = covariance[:, members] = np.nan
-        ratios = tuple(
-            Ratio(f"{name} / {self.held}", value / self.value, error / self.value, f"{unit} / ({self.unit})")
-            for name, value, error in zip(fitted.names, fitted.values, fitted.stderr, strict=True)
-            if self.ratios and name in self.names and np.isfinite(error)
-            for unit in [model.parameter(name).unit]
-        )
+        ratios = self.ratios_of(fitted.model) if self.ratios else ()
         freed = fitted.model.with_free(names)
         parameters = tuple(replace(p, stderr=None) if p.name in self.names else p for p in freed.parameters)
         return replace(
@@ -100,6 +114,60 @@ def common_scale(engine: Engine, data: list[Data]) -> Undetermined | None:
         return None
     held = model.parameter(inertias[0])
     return Undetermined(names, held.name, held.value, held.unit, ratios=True)
+
+
+def common_factor(model: Model, covariance: Array) -> Undetermined | None:
+    """The free parameters that a fit determines up to a common factor only, within the noise of its data.
+
+    Where the inertia hardly shows, as in slow motion, forces that are known relative to it share such a factor.
+
+    Parameters
+    ----------
+    model : Model
+        Fitted.
+    covariance : array, shape (k, k) or more
+        Of its free parameters, and of others behind them.
+    """
+    values, (lower, upper) = model.theta, model.bounds
+    covariance = covariance[: len(values), : len(values)]
+    inside = np.flatnonzero(np.isfinite(np.diag(covariance)) & (values > lower) & (values < upper) & (values != 0.0))
+    if len(inside) < 2:
+        return None
+    relative = covariance[np.ix_(inside, inside)] / np.outer(values[inside], values[inside])
+    powers, directions = np.linalg.eigh(relative)
+    direction = directions[:, -1] * np.sign(np.sum(directions[:, -1]))
+    most = float(np.max(direction))
+    share = [int(place) for place, one in zip(inside, direction, strict=True) if one > (1.0 - _ALIKE) * most]
+    if len(share) < 2 or not np.sqrt(powers[-1]) * most > _ANY_FACTOR:
+        return None
+    names = tuple(model.free[place] for place in share)
+    held = model.parameter(next((name for name in names if name.startswith("drive.")), names[0]))
+    return Undetermined(names, held.name, held.value, held.unit, ratios=True, exact=False)
+
+
+def standard_errors(model: Model, covariance: Array) -> dict[str, float | None]:
+    """Standard errors of free parameters, None for what the data do not determine.
+
+    Of parameters of which only the ratios are determined one is held.
+
+    Parameters
+    ----------
+    model : Model
+        Fitted.
+    covariance : array, shape (k, k) or more
+        Of its free parameters, and of others behind them.
+    """
+    covariance = covariance[: len(model.free), : len(model.free)]
+    factor = common_factor(model, covariance)
+    if factor is not None:
+        column = covariance[:, model.free.index(factor.held)]
+        held = model.free.index(factor.held)
+        covariance = covariance - np.outer(column, column) / covariance[held, held]
+        covariance[held, :] = covariance[:, held] = np.nan
+    return {
+        name: float(np.sqrt(max(variance, 0.0))) if np.isfinite(variance) else None
+        for name, variance in zip(model.free, np.diag(covariance), strict=True)
+    }
 
 
 def effect_scales(model: Model, records: Sequence[Record]) -> list[Undetermined]:

@@ -15,7 +15,7 @@ from idloop.reporting.scores import disagreements, judging, step_scores
 from idloop.reporting.terms import DATA_USE
 from idloop.reporting.text.blocks import Block, Table, number
 from idloop.reporting.text.parameters import parameters_text
-from idloop.reporting.verdicts import basis, conclusion, scope_text
+from idloop.reporting.verdicts import CRITERIA, basis, conclusion, scope_text
 from idloop.validation.where import DRIVE_FORCE
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def ladder_blocks(ladder: Ladder, left: Sequence[ResidualFinding] = ()) -> Itera
         )
     measured = [*(f"FIT % {name}" for name in names), *(["force error %"] if forces else [])]
     yield Table.of(("step", "p", *measured, "parameters at that step (95 %)"), rows)
-    yield f"(errors of the {DATA_USE[kind]} data)"
+    yield f"(fitted to {CRITERIA[ladder.criterion]}; errors of the {DATA_USE[kind]} data)"
     for step in ladder.steps:
         others = ladder.rivals(step)
         if step.added is not None:

@@ -1,0 +1,74 @@
+"""Effects whose strength the data do not determine: their evidence is that of something else."""
+
+from __future__ import annotations
+
+import math
+
+from idloop.diagnosis.screening.proposals import Proposal
+from idloop.physics.effect import Effect
+from idloop.physics.model import Model
+from idloop.physics.parameter import Parameter
+
+# Standard errors from its neutral value within which the strength of an effect may be none.
+CERTAIN = 2.0
+
+
+def undetermined_with(parent: Model, model: Model, proposal: Proposal) -> str:
+    """Say that the data do not determine an effect, or another one beside it any more; empty where they do.
+
+    The interval of the other one then contains both none and what it was before. One that is superfluous beside the new
+    effect is none with certainty.
+
+    Parameters
+    ----------
+    parent, model : Model
+        Fitted without the effect and with it, with standard errors.
+    proposal : Proposal
+        The effect.
+    """
+    if proposal.replaces is None and (own := undetermined_strength(model, proposal.name, proposal.effect)):
+        return f"the data do not determine its {own}"
+    for active in parent.effects:
+        strength = active.effect.strength
+        key = f"{active.name}.{strength}"
+        if not strength or active.name not in model.effect_names or key not in model.free:
+            continue
+        before, found = parent.parameter(key), model.parameter(key)
+        reach = CERTAIN * _error(found)
+        neutral = active.effect.spec(strength).neutral
+        if (
+            abs(before.value - neutral) > CERTAIN * _error(before)
+            and abs(found.value - neutral) <= reach
+            and abs(found.value - before.value) <= reach
+        ):
+            return f"beside it the data do not determine {active.name} any more, its {_with_error(strength, found)}"
+    return ""
+
+
+def undetermined_strength(fitted: Model, name: str, effect: Effect) -> str:
+    """The parameter that shows that the data do not determine an effect, with its value; empty where they do.
+
+    The interval of its strength, or of its first parameter where it has no strength, contains the neutral value; or the
+    interval of a parameter contains its whole range. So it is where an offset and the phase of a wave are confounded.
+    """
+    for spec in effect.parameters:
+        key = f"{name}.{spec.name}"
+        if spec.optional or key not in fitted.free:
+            continue
+        found = fitted.parameter(key)
+        reach = CERTAIN * _error(found)
+        # An interval of a stiffness that contains zero contains the rigid coupling as well.
+        neutral = spec.neutral if math.isfinite(spec.neutral) else 0.0
+        none = spec.name == (effect.strength or effect.parameters[0].name) and abs(found.value - neutral) <= reach
+        if none or (found.value - reach <= spec.min and spec.max <= found.value + reach):
+            return _with_error(spec.name, found)
+    return ""
+
+
+def _error(found: Parameter) -> float:
+    """The standard error; infinite for what the data do not determine at all."""
+    return math.inf if found.stderr is None else found.stderr
+
+
+def _with_error(name: str, found: Parameter) -> str:
+    return f"{name}: {found.value:.3g} with a standard error of {_error(found):.3g}"

@@ -1,0 +1,54 @@
+"""Effects that the data do not determine, and effects beside which others are not determined any more."""
+
+import pytest
+
+from idloop.diagnosis.evidence.undetermined_strength import undetermined_with
+from idloop.diagnosis.screening.proposals import proposals
+from idloop.physics import load_model
+
+COMPLIANCE = {"stiffness": 68.0, "damping": 0.8, "split": 0.04, "viscous_split": 0.5}
+
+
+@pytest.mark.parametrize(
+    ("effect", "values", "errors", "refused"),
+    [
+        ("sensor_offset@position[axis]", {"offset": -3.7}, {"offset": 8.5}, True),
+        ("sensor_offset@position[axis]", {"offset": 0.02}, {"offset": 0.001}, False),
+        ("compliance@axis", COMPLIANCE, {"stiffness": 4e4, "damping": 5e2, "split": 17.0, "viscous_split": 9.0}, True),
+        ("compliance@axis", COMPLIANCE, {"stiffness": 2.0, "damping": 2.0, "split": 17.0, "viscous_split": 1.0}, True),
+        ("compliance@axis", COMPLIANCE, {"stiffness": 2.0, "damping": 2.0, "split": 0.1, "viscous_split": 1.0}, False),
+    ],
+)  # fmt: skip
+def test_what_the_data_do_not_determine_is_not_named(
+    effect: str, values: dict[str, float], errors: dict[str, float], refused: bool
+) -> None:
+    (proposal,) = proposals(load_model("axis"), [effect])
+    named = {f"{proposal.name}.{name}": error for name, error in errors.items()}
+    text = undetermined_with(proposal.base, proposal.model(values).with_values({}, named), proposal)
+    assert bool(text) is refused
+    if refused:
+        assert text.startswith("the data do not determine its ")
+
+
+@pytest.mark.parametrize(
+    ("level", "error", "refused"),
+    [
+        pytest.param(0.4, 9.0, True, id="none or what it was"),
+        pytest.param(0.1, 0.01, False, id="as certain as before"),
+        pytest.param(0.01, 0.02, False, id="superfluous: none with certainty"),
+        pytest.param(0.5, 0.2, False, id="less certain, yet not none"),
+    ],
+)
+def test_an_effect_beside_which_another_one_is_not_determined_any_more(
+    level: float, error: float, refused: bool
+) -> None:
+    friction = "coulomb_friction@axis.level"
+    parent = load_model("axis").with_effects(["coulomb_friction@axis(level=0.12)"])
+    parent = parent.with_values({}, {friction: 0.01})
+    (proposal,) = proposals(parent, ["load_torque"])
+    fitted = proposal.model({"torque": 0.1}).with_values(
+        {friction: level}, {friction: error, "load_torque@axis.torque": 0.01}
+    )
+    text = undetermined_with(parent, fitted, proposal)
+    assert ("coulomb_friction@axis any more, its level" in text) is refused
+    assert bool(text) is refused
