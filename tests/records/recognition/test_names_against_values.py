@@ -67,3 +67,9 @@ def test_a_wrong_velocity_beside_forces_and_an_acceleration_is_no_exchange(kind,
     }
     columns = {NAMES[role]: value for role, value in signals.items()} | further
     assert not _doubt(columns | {"velocity": WRONG[kind](signals["velocity"], rng)})
+
+
+def test_a_position_that_stands_still_beside_other_motions_is_no_error():
+    signals = _signals(1)
+    columns = {"u": signals["command"], "position": 0.0 * T, "velocity": np.random.default_rng(1).normal(size=T.size)}
+    assert "--position 'a'" in _doubt(columns | {"a": signals["position"], "b": signals["velocity"]})

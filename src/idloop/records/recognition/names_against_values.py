@@ -47,7 +47,7 @@ def doubt_of_names(
     if not pairs:
         return ""
     _, first, second = max(pairs, key=lambda pair: pair[0])
-    four = list({one.name: one for one in (first, second, place, speed)}.values())
+    four = [one for one in {each.name: each for each in (first, second, place, speed)}.values() if one.moves]
     if smoothest_first([(one.value, one.runs) for one in four])[0] != 0:
         return ""
     taken = {"position": first, "velocity": second}
