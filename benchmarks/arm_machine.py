@@ -101,46 +101,73 @@ def fourier(seed: int, duration: float, *, harmonics: int = 5, base: float = 0.1
     return reference
 
 
+class Simulation:
+    """An arm with its position controller, one control step after the other.
+
+    Parameters
+    ----------
+    machine : Machine
+    position, velocity : array, shape (6,)
+        At the beginning [rad, rad/s].
+    seed : int
+        Of the noise.
+    """
+
+    def __init__(self, machine: Machine, position: Array, velocity: Array, seed: int = 0) -> None:
+        import mujoco
+
+        self._step = mujoco.mj_step
+        self._machine = machine
+        self._model = machine_model(machine)
+        self._data: Any = mujoco.MjData(self._model)
+        self._data.qpos[:], self._data.qvel[:] = position, velocity
+        mujoco.mj_forward(self._model, self._data)
+        mass = np.zeros((6, 6))
+        mujoco.mj_fullM(self._model, self._data, mass)
+        self._gain, self._rate_gain = _BANDWIDTH**2 * np.diag(mass), 1.4 * _BANDWIDTH * np.diag(mass)
+        self._dry = np.array(self._model.dof_frictionloss)
+        self._steps = round(_CONTROL / self._model.opt.timestep)
+        self._random = np.random.default_rng(seed)
+        self._applied = np.zeros(6)
+
+    def follow(self, position: Array, velocity: Array) -> tuple[Array, Array, Array]:
+        """Go one control step towards a set-point (6,).
+
+        Returns
+        -------
+        position, velocity, effort : array, shape (6,)
+            At the beginning of the step, as the drives know them; the effort without noise.
+        """
+        data, model = self._data, self._model
+        measured = np.round(data.qpos / _QUANTUM) * _QUANTUM
+        speed = data.qvel + _VELOCITY_NOISE * self._random.normal(size=6)
+        wanted = self._gain * (position - measured) + self._rate_gain * (velocity - speed) + data.qfrc_bias
+        before, self._applied = self._applied, np.clip(wanted, -EFFORT_LIMIT, EFFORT_LIMIT)
+        data.ctrl[:] = self._applied
+        for _ in range(self._steps):
+            for one in self._machine.hidden:
+                place, pace, dry = (float(of[one.joint]) for of in (data.qpos, data.qvel, self._dry))
+                data.qfrc_applied[one.joint] = one.torque(place, pace, dry)
+                model.dof_frictionloss[one.joint] = one.level(pace, dry)
+            self._step(model, data)
+        return measured, speed, 0.5 * (before + self._applied)
+
+    def sensed(self, effort: Array) -> Array:
+        """Efforts (..., 6) with noise and rounding, as the drives report them."""
+        noisy = effort + _EFFORT_NOISE * EFFORT_LIMIT * self._random.normal(size=effort.shape)
+        quantum = _EFFORT_QUANTUM * EFFORT_LIMIT
+        rounded: Array = np.round(noisy / quantum) * quantum
+        return rounded
+
+
 def run(machine: Machine, reference: Array, *, rate: float = 500.0, seed: int = 0) -> Log:
     """Follow a reference (samples, 2, 6) at the control rate, from its first position and velocity."""
-    import mujoco
-
-    model = machine_model(machine)
-    data: Any = mujoco.MjData(model)
-    data.qpos[:], data.qvel[:] = reference[0, 0], reference[0, 1]
-    mujoco.mj_forward(model, data)
-    mass = np.zeros((6, 6))
-    mujoco.mj_fullM(model, data, mass)
-    gain = _BANDWIDTH**2 * np.diag(mass)
-    rate_gain = 1.4 * _BANDWIDTH * np.diag(mass)
-    dry = np.array(model.dof_frictionloss)
+    simulation = Simulation(machine, reference[0, 0], reference[0, 1], seed)
     each = max(round(1.0 / (rate * _CONTROL)), 1)
-    steps = round(_CONTROL / model.opt.timestep)
-    random = np.random.default_rng(seed)
-    sensed = np.array([reference[0, 0], np.zeros(6)])
-    applied = np.zeros(6)
-    rows: list[Array] = []
-    limit = EFFORT_LIMIT
-    for k in range(len(reference)):
-        measured = np.round(data.qpos / _QUANTUM) * _QUANTUM
-        speed = data.qvel + _VELOCITY_NOISE * random.normal(size=6)
-        sensed[0], sensed[1] = measured, speed
-        wanted = gain * (reference[k, 0] - measured) + rate_gain * (reference[k, 1] - speed) + data.qfrc_bias
-        before, applied = applied, np.clip(wanted, -limit, limit)
-        if k % each == 0:
-            rows.append(np.concatenate([measured, speed, 0.5 * (before + applied)]))
-        data.ctrl[:] = applied
-        for _ in range(steps):
-            for one in machine.hidden:
-                position, velocity = float(data.qpos[one.joint]), float(data.qvel[one.joint])
-                data.qfrc_applied[one.joint] = one.torque(position, velocity, float(dry[one.joint]))
-                model.dof_frictionloss[one.joint] = one.level(velocity, float(dry[one.joint]))
-            mujoco.mj_step(model, data)
-    table = np.array(rows)
-    effort = table[:, 12:] + _EFFORT_NOISE * limit * random.normal(size=(len(table), 6))
-    quantum = _EFFORT_QUANTUM * limit
+    rows = [np.concatenate(simulation.follow(*instant)) for instant in reference]
+    table = np.array(rows[::each])
     time = np.arange(len(table)) * each * _CONTROL
-    return Log(time, table[:, :6], table[:, 6:12], np.round(effort / quantum) * quantum)
+    return Log(time, table[:, :6], table[:, 6:12], simulation.sensed(table[:, 12:]))
 
 
 def machine_model(machine: Machine) -> Any:

@@ -10,16 +10,15 @@ The simulated drives have cogging at the elbow and Stribeck friction at the wris
 from __future__ import annotations
 
 import argparse
-import csv
 from pathlib import Path
 
 import numpy as np
 from arm_machine import JOINTS, Hidden, Log, Machine
 from arm_machine import run as simulate
 from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline
 
 from idloop.records import make_stream, write_bag
+from idloop.robots.joint_path import read_path
 
 Array = NDArray[np.float64]
 
@@ -33,16 +32,10 @@ PLACE = np.array([0.02, 0.1, 0.03])
 
 
 def reference(path: Path) -> Array:
-    """Position and velocity at the control rate (samples, 2, 6), from a CSV of `idloop robot excite`."""
-    with path.open(encoding="utf-8") as file:
-        rows = [{key: float(value) for key, value in row.items()} for row in csv.DictReader(file)]
-    time = np.array([row["time"] for row in rows])
-    position, velocity = (
-        np.array([[row[f"{joint}.{field}"] for joint in JOINTS] for row in rows]) for field in ("position", "velocity")
-    )
-    spline = CubicHermiteSpline(time, position, velocity)
-    at = np.arange(round(time[-1] / CONTROL)) * CONTROL
-    return np.stack([spline(at), spline(at, 1)], axis=1)
+    """Position and velocity at the control rate (samples, 2, 6), from a trajectory of `idloop robot excite`."""
+    planned = read_path(path)
+    at = np.arange(round(planned.duration / CONTROL)) * CONTROL
+    return np.stack(planned.at(at), axis=1)
 
 
 def write(path: Path, log: Log) -> None:

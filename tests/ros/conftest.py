@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 
 # The files of a benchmark are scripts beside each other: they are found where they lie.
-sys.path.append(str(Path(__file__).resolve().parents[2] / "benchmarks" / "graph_faults"))
+BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
+sys.path += [str(BENCHMARKS), str(BENCHMARKS / "graph_faults")]
 
 with warnings.catch_warnings(), contextlib.suppress(ImportError):
     warnings.simplefilter("ignore")

@@ -87,7 +87,9 @@ def test_a_motor_that_the_guardian_stopped_starts_softly_again(guardian, bridge)
     guardian.send(STOPPED, "/guardian")
     guardian.send(WATCHES, "/guardian")
     assert bridge.listen(MS) == "the guardian stopped the motor because the bridge was silent"
+    assert bridge.intervened
     assert bridge.listen(2 * MS) == ""
+    assert not bridge.intervened
 
 
 def test_a_bridge_that_ends_is_known_at_once_and_another_may_come(where, guardian, bridge):

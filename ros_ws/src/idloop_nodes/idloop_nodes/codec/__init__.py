@@ -49,6 +49,7 @@ from idloop_nodes.codec.results import (
     parameters_from_statuses,
     parameters_to_statuses,
 )
+from idloop_nodes.codec.trajectories import TrajectoryPoint, decode_trajectory, encode_trajectory
 from idloop_nodes.codec.wear import WatchSummary, WearSummary, wear_from_statuses, wear_to_statuses
 
 __all__ = [
@@ -69,6 +70,7 @@ __all__ = [
     "RecursionSummary",
     "Status",
     "StepSummary",
+    "TrajectoryPoint",
     "UnknownSummary",
     "WatchSummary",
     "WearSummary",
@@ -78,12 +80,14 @@ __all__ = [
     "decode_header",
     "decode_joint_state",
     "decode_time",
+    "decode_trajectory",
     "encode_diagnostics",
     "encode_float",
     "encode_floats",
     "encode_header",
     "encode_joint_state",
     "encode_time",
+    "encode_trajectory",
     "evidence_from_statuses",
     "evidence_to_statuses",
     "fit_from_statuses",

@@ -9,6 +9,12 @@ from idloop_nodes.parameters import Table, fixed, flag, number, text, texts
 INTERFACES = ("effort", "velocity", "position")
 COMMAND_TYPES = ("float64_multi_array", "float64", "joint_state")
 NEUTRALS = ("auto", "zero", "hold_measured", "hold_command")
+REQUIRE_GUARDIAN = flag(
+    "require_guardian",
+    True,
+    "Drive the motor only while a guardian watches this process: it stops the motor when the bridge dies or hangs.",
+)
+LATCH_WATCHDOG = flag("latch_watchdog", False, "What the watchdog found stays until ~/reset.")
 
 
 PARAMETERS: Table = fixed(
@@ -104,18 +110,14 @@ PARAMETERS: Table = fixed(
         minimum=1e-3,
         maximum=10.0,
     ),
-    flag(
-        "require_guardian",
-        True,
-        "Drive the motor only while a guardian watches this process: it stops the motor when the bridge dies or hangs.",
-    ),
+    REQUIRE_GUARDIAN,
     flag(
         "allow_other_commanders",
         False,
         "Let commands pass although more than one node publishes joint_command; else the motor is stopped until one "
         "is left.",
     ),
-    flag("latch_watchdog", False, "What the watchdog found stays until ~/reset."),
+    LATCH_WATCHDOG,
 )
 
 DESCRIPTION = NodeDescription(

@@ -8,7 +8,7 @@ from typing import Any
 
 from std_srvs.srv import Trigger
 
-STOPPED = "zero command until ~/reset"
+STOPPED = "stopped until ~/reset"
 
 
 class EmergencyStop:

@@ -74,11 +74,12 @@ class BridgeEnd:
 
     `where`: address from `address`; `hello`: what the guardian has to know; `timeout_ns`: silence after which the
     guardian counts as hung [ns]. Attributes: `guardian`: fully qualified name of the guardian's node, empty before its
-    first record.
+    first record; `intervened`: whether it has sent in place of the bridge since the time before `listen`.
     """
 
     def __init__(self, where: str, hello: Hello, timeout_ns: int) -> None:
         self.guardian = ""
+        self.intervened = False
         self._where = where
         self._hello = HELLO + json.dumps(asdict(hello)).encode()
         self._timeout_ns = timeout_ns
@@ -92,12 +93,12 @@ class BridgeEnd:
 
         `now_ns`: steady time [ns]. Returns: why the motor must not be driven; empty while the guardian watches.
         """
-        stopped = self._take(now_ns)
+        self.intervened = self._take(now_ns)
         if self._connection is None or self._heard is None:
             return self._lost or "no guardian watches the bridge (start idloop_nodes guardian)"
         if now_ns - self._heard > self._timeout_ns:
             return "the guardian is silent"
-        if stopped:
+        if self.intervened:
             return "the guardian stopped the motor because the bridge was silent"
         return "" if self._state == WATCHES else "the guardian has not met the robot yet"
 

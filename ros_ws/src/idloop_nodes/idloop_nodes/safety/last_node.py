@@ -7,12 +7,19 @@ import signal
 
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory
 
 from idloop_nodes.deadlines import become_urgent
 
 PRIORITY = 40  # above that of the other nodes' loops, 20
 TICK = 0.005  # seconds between checks of the watchdog, and between two beats
-MESSAGES = {"float64_multi_array": Float64MultiArray, "float64": Float64, "joint_state": JointState}
+TRAJECTORY = "joint_trajectory"
+MESSAGES = {
+    "float64_multi_array": Float64MultiArray,
+    "float64": Float64,
+    "joint_state": JointState,
+    TRAJECTORY: JointTrajectory,
+}
 
 
 def prepare() -> None:

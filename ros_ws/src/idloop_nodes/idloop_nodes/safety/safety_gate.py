@@ -12,30 +12,29 @@ import math
 from idloop.records.bags.cdr import SECOND
 from idloop_nodes.safety.command_limiter import CommandLimiter
 from idloop_nodes.safety.gate_settings import GateSettings
+from idloop_nodes.safety.interlock import Interlock
 from idloop_nodes.safety.velocity_estimator import VelocityEstimator
 from idloop_nodes.streams.stream_watch import Arrival, StreamWatch
 
-CREDIBLE = 1e100  # a larger measurement is none, and its products would overflow
-AFTER_END_NS = SECOND // 2  # time for which the neutral command is repeated after deactivation; then others may send
 
-
-class SafetyGate:
+class SafetyGate(Interlock):
     """Commands and measurements in, what is to be sent out; None where nothing is.
 
     Times are nanoseconds of a steady clock, stamps those of the messages.
 
-    Attributes: `active`: only an active gate lets commands pass; `reason`: why nothing passes, empty while commands do;
-    `faults`: how often commands that passed were stopped; `limited`: commands that were changed by a limit.
+    Attributes beside those of `Interlock`: `limited`: commands that were changed by a limit.
     """
 
     def __init__(self, settings: GateSettings) -> None:
-        self.active = False
-        self.reason = "inactive"
-        self.faults = 0
         self.limited = 0
         self.limiter = CommandLimiter(settings.command)
         self.commands = StreamWatch(round(settings.watchdog * SECOND))
         self.measurements = StreamWatch(round(settings.watchdog * SECOND))
+        super().__init__(
+            {"measurement": self.measurements, "command": self.commands},
+            watchdog=settings.watchdog,
+            latch_watchdog=settings.latch_watchdog,
+        )
         self._settings = settings
         self._follows_position = settings.neutral != "zero"
         self._velocity_estimator = VelocityEstimator()
@@ -43,10 +42,6 @@ class SafetyGate:
         self._held: float | None = None
         self._output: float | None = None
         self._wanted = 0.0
-        self._bad_command = self._bad_measurement = ""
-        self._breach = self._latched = ""
-        self._forbidden: dict[str, str] = {}
-        self._left_at: int | None = None
 
     # what comes in
 
@@ -55,24 +50,23 @@ class SafetyGate:
         arrival = self.measurements.update(now_ns, stamp_ns)
         if arrival is Arrival.STALE:
             return None
-        self._bad_measurement = _unusable(arrival, "measurement", CREDIBLE, position=position, velocity=velocity)
+        usable = self.take("measurement", arrival, position=position, velocity=velocity)
         if arrival is Arrival.JUMP:
             self._velocity_estimator.clear()
-        if not self._bad_measurement:
+        if usable:
             if position is not None and velocity is None:
                 velocity = self._velocity_estimator.take(stamp_ns or now_ns, position)
             self._position = position
             self._watch(now_ns, math.nan if position is None else position, math.nan if velocity is None else velocity)
         passed = not self.reason
-        return self._decide(now_ns) if self._blocked(now_ns) and passed else None
+        return self._decide(now_ns) if self.blocked(now_ns) and passed else None
 
     def command(self, now_ns: int, stamp_ns: int, value: float) -> float | None:
         """Take in a command; return what has to be sent."""
         arrival = self.commands.update(now_ns, stamp_ns)
         if arrival is Arrival.STALE:
             return None
-        self._bad_command = _unusable(arrival, "command", math.inf, command=value)
-        if not self._bad_command:
+        if self.take("command", arrival, command=value):
             self._wanted = value
         return self._decide(now_ns)
 
@@ -84,45 +78,20 @@ class SafetyGate:
 
     # orders
 
-    def forbid(self, source: str, reason: str) -> None:
-        """Let no command pass for a reason that the gate cannot see; an empty reason lets them pass again.
-
-        `source`: origin of the reason: each has one at a time.
-        """
-        self._forbidden[source] = reason
-
-    @property
-    def forbidden(self) -> str:
-        """Why no command may pass although the streams are well; empty when there is no such reason."""
-        return next(filter(None, self._forbidden.values()), "")
-
     def activate(self) -> None:
         """Let commands pass from the next one on, with a soft start."""
-        self.active = True
+        super().activate()
         self._held = None
 
     def deactivate(self, now_ns: int) -> float | None:
         """Let nothing pass any more; return what has to be sent."""
-        self._left_at = now_ns if self.active else self._left_at
-        self.active = False
+        self.leave(now_ns)
         return self._decide(now_ns)
 
     def stop(self, now_ns: int) -> float | None:
         """Stop until reset; return what has to be sent."""
-        self._latched = "emergency stop"
+        self.latch_stop()
         return self._decide(now_ns)
-
-    def reset(self) -> str:
-        """Forget what was latched; return why that cannot be, empty when it could."""
-        if self._breach:
-            return self._breach
-        self._latched = ""
-        return ""
-
-    @property
-    def latched(self) -> str:
-        """What stays until reset, empty when nothing."""
-        return self._latched
 
     # decisions
 
@@ -137,37 +106,9 @@ class SafetyGate:
         if not self._breach and settings.energy is not None and self.limiter.work > settings.energy:
             self._breach = f"work is more than limit.energy {settings.energy:.4g}"
 
-    def _blocked(self, now_ns: int) -> str:
-        """Why nothing may pass; what stays until reset is latched on the way."""
-        if not self.active:
-            return "inactive"
-        self._latched = self._latched or self._breach
-        if self._latched:
-            return self._latched
-        if self.forbidden:
-            return self.forbidden
-        lost = self._lost(now_ns)
-        if lost and self._settings.latch_watchdog:
-            self._latched = lost
-        if lost:
-            return lost
-        missing = [name for name, watch in self._streams() if not watch.begun]
-        return f"no {missing[0]} yet" if missing else ""
-
-    def _lost(self, now_ns: int) -> str:
-        """Return what the watchdog finds of streams that have begun."""
-        for name, watch in self._streams():
-            if watch.begun and watch.silent(now_ns):
-                return f"no {name} for {self._settings.watchdog:g} s"
-        return self._bad_measurement or self._bad_command
-
-    def _streams(self) -> tuple[tuple[str, StreamWatch], ...]:
-        return ("measurement", self.measurements), ("command", self.commands)
-
     def _decide(self, now_ns: int) -> float | None:
-        reason = self._blocked(now_ns)
+        reason = self.blocked(now_ns)
         if reason:
-            self.faults += self.active and not self.reason
             output = self._neutral()
         else:
             if self.reason:
@@ -175,8 +116,8 @@ class SafetyGate:
                 self._held = None
             output = self._inside(self.limiter.limit(now_ns, self._wanted, self._base))
             self.limited += output != self._wanted
-        self.reason = reason
-        if output is None or (not self.active and not self._leaving(now_ns)):
+        self.decided(reason)
+        if output is None or not self.mine(now_ns):
             return None
         self._output = output
         self.limiter.sent(now_ns, output, self._base)
@@ -184,10 +125,7 @@ class SafetyGate:
 
     def neutral_command(self, now_ns: int) -> float | None:
         """Return what has to be sent if no further call comes; None where the motor is not this gate's."""
-        return self._resting() if self.active or self._leaving(now_ns) else None
-
-    def _leaving(self, now_ns: int) -> bool:
-        return self._left_at is not None and now_ns - self._left_at <= AFTER_END_NS
+        return self._resting() if self.mine(now_ns) else None
 
     @property
     def _base(self) -> float:
@@ -214,13 +152,3 @@ class SafetyGate:
         low, high = self._settings.motion.position_min, self._settings.motion.position_max
         value = value if low is None else max(value, low)
         return value if high is None else min(value, high)
-
-
-def _unusable(arrival: Arrival, stream: str, bound: float, **values: float | None) -> str:
-    """Return why a message cannot be used, empty when it can."""
-    if arrival is Arrival.JUMP:
-        return f"the clock of the {stream} jumped"
-    for name, value in values.items():
-        if value is not None and not (math.isfinite(value) and abs(value) <= bound):
-            return f"the {name} is not finite"
-    return ""

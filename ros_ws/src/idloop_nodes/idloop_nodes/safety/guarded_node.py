@@ -1,0 +1,212 @@
+"""What every bridge does beside its own streams: watchdog, guardian, emergency stop, competing publishers, end."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from typing import Any, Generic, Protocol, TypeVar
+
+from rclpy.duration import Duration
+
+from idloop_nodes import qos
+from idloop_nodes.codec import Level, Status
+from idloop_nodes.deadlines import become_urgent
+from idloop_nodes.managed_node import ManagedNode
+from idloop_nodes.safety.bridge_counters import BridgeCounters
+from idloop_nodes.safety.competing_publishers import competing_publishers
+from idloop_nodes.safety.emergency_stop import EmergencyStop
+from idloop_nodes.safety.guardian_link import BridgeEnd, Hello, address
+from idloop_nodes.safety.last_node import MESSAGES, PRIORITY, TICK
+from idloop_nodes.safety.robot_clock import RobotClock
+
+CHECK_PERIOD = 0.05  # seconds between checks for other nodes that command the robot
+ACKNOWLEDGE = Duration(nanoseconds=200_000_000)  # longest wait for the robot to acknowledge the last command
+GUARDIAN_TIMEOUT_NS = 40_000_000  # silence after which the guardian counts as hung; it beats every 5 ms
+LOCK_TIMEOUT = 0.02  # seconds for which the last command waits for a thread that may hang
+
+Command = TypeVar("Command")
+Sent_co = TypeVar("Sent_co", covariant=True)
+
+
+class Gate(Protocol[Sent_co]):
+    """What decides which command may pass; None: nothing has to be sent."""
+
+    active: bool
+    reason: str
+    faults: int
+
+    @property
+    def latched(self) -> str:
+        """What stays until reset, empty when nothing."""
+
+    def forbid(self, source: str, reason: str) -> None:
+        """Let no command pass for a reason that the gate cannot see."""
+
+    def activate(self) -> None:
+        """Let commands pass."""
+
+    def deactivate(self, now_ns: int) -> Sent_co | None:
+        """Let nothing pass any more."""
+
+    def stop(self, now_ns: int) -> Sent_co | None:
+        """Stop until reset."""
+
+    def reset(self) -> str:
+        """Forget what was latched; return why that cannot be."""
+
+    def tick(self, now_ns: int) -> Sent_co | None:
+        """Advance the time."""
+
+    def neutral_command(self, now_ns: int) -> Sent_co | None:
+        """Return what has to be sent if no further call comes."""
+
+    def handed_over(self) -> None:
+        """Take in that the newest neutral command was sent in place of this gate."""
+
+
+class GuardedNode(ManagedNode, Generic[Command]):
+    """The last node before a motor: sends what a gate lets pass.
+
+    A thread checks the watchdog whatever the executor does, and sends the guardian a beat after each check. A subclass
+    takes in the streams, and turns commands into messages.
+    """
+
+    def __init__(self, kind: str) -> None:
+        super().__init__(kind)
+        self.counters = BridgeCounters()
+        self._lock = threading.Lock()
+        self._robot_clock = RobotClock()
+        self._publish_sent = self.publisher("bridge/command")
+        self._stop = threading.Event()
+        self._reported = ""
+        self._next_check = 0.0
+        self._urgent = False
+
+    def guard(self, gate: Gate[Command], command_type: str) -> None:
+        """Begin to drive the motor through a gate; the last call of a subclass's constructor.
+
+        `command_type`: of the robot, among the names of `MESSAGES`.
+        """
+        values = self.parameters
+        self._gate = gate
+        self._to_robot: Any = self.create_publisher(MESSAGES[command_type], values["robot_commands"], qos.newest())
+        self._emergency = EmergencyStop(self, self._lock, self._stop_motor, gate.reset, "soft start")
+        self._guardian = self._guardian_link(command_type) if values["require_guardian"] else None
+        self._thread = self.thread(self._watch, "watchdog")
+        self._thread.start()
+        self.start_by_itself()
+
+    def _guardian_link(self, command_type: str) -> BridgeEnd:
+        topic = self.resolve_topic_name(self.parameters["robot_commands"])
+        where = address(self.context.get_domain_id(), self.get_fully_qualified_name())
+        return BridgeEnd(where, Hello(topic, command_type), GUARDIAN_TIMEOUT_NS)
+
+    # what a subclass fills in
+
+    def message(self, stamp: int, command: Command) -> bytes | None:
+        """Return a command as the robot's message; None where it cannot be told."""
+        raise NotImplementedError
+
+    def applied(self, stamp: int, command: Command) -> bytes:
+        """Return a command as the message that is recorded; `stamp`: in the robot's clock."""
+        raise NotImplementedError
+
+    # what is sent
+
+    def _watch(self) -> None:
+        self._urgent = become_urgent(PRIORITY)
+        guardian = self._guardian
+        while not self._stop.wait(TICK):
+            unguarded = "" if guardian is None else guardian.listen(time.monotonic_ns())
+            with self._lock:
+                now = time.monotonic_ns()
+                if guardian is not None and guardian.intervened:
+                    self._gate.handed_over()
+                self._gate.forbid("guardian", unguarded)
+                self._send(self._gate.tick(now))
+                neutral_afterwards = self._gate.neutral_command(now)
+            # Only now: a beat confirms that this thread, the lock and the middleware all work.
+            if guardian is not None:
+                guardian.beat(self._message(time.time_ns(), neutral_afterwards) or b"")
+
+    def _send(self, command: Command | None) -> None:
+        """Publish to the robot, then to the recorder; the caller holds the lock."""
+        stamp = time.time_ns()
+        message = self._message(stamp, command)
+        if message is not None and command is not None:
+            self._to_robot.publish(message)
+            self._publish_sent(self.applied(self._robot_clock.stamp(stamp), command))
+            self.counters.sent.count += 1
+
+    def _message(self, stamp: int, command: Command | None) -> bytes | None:
+        return None if command is None else self.message(stamp, command)
+
+    def poll(self) -> None:
+        """Check for other nodes that command the robot, and report once why the motor is stopped."""
+        super().poll()
+        self.counters.load.count = time.thread_time()
+        now = time.monotonic()
+        if now >= self._next_check:
+            self._next_check = now + CHECK_PERIOD
+            self.check_publishers()
+        reason = self._gate.reason
+        if reason != self._reported:
+            self._reported = reason
+            if reason:
+                self.get_logger().warning(f"the motor is stopped: {reason}")
+            else:
+                self.get_logger().info("commands pass, with a soft start")
+
+    def check_publishers(self) -> None:
+        """Stop the motor while other nodes command the robot."""
+        known = [self.get_fully_qualified_name(), "" if self._guardian is None else self._guardian.guardian]
+        text = competing_publishers(self, self.parameters["robot_commands"], known)
+        with self._lock:
+            self._gate.forbid("rivals", text)
+
+    # lifecycle, services, health
+
+    def activated(self) -> None:
+        """Let commands pass."""
+        with self._lock:
+            self._gate.activate()
+
+    def deactivated(self) -> None:
+        """Stop the motor at once."""
+        with self._lock:
+            self._send(self._gate.deactivate(time.monotonic_ns()))
+
+    def _stop_motor(self) -> None:
+        self._send(self._gate.stop(time.monotonic_ns()))
+
+    def thread_failed(self) -> None:
+        """Stop the motor at once when a thread of this node has ended with an error."""
+        self._send_neutral()
+
+    def _send_neutral(self) -> None:
+        """Send the neutral command, whatever else hangs."""
+        locked = self._lock.acquire(timeout=LOCK_TIMEOUT)
+        try:
+            self._send(self._gate.deactivate(time.monotonic_ns()))
+        finally:
+            if locked:
+                self._lock.release()
+
+    def close(self) -> None:
+        """Leave a motor behind that stands still."""
+        self._send_neutral()
+        self._stop.set()
+        self._thread.join(timeout=1.0)
+        self._send_neutral()
+        with contextlib.suppress(Exception):  # without a robot nothing is acknowledged
+            self._to_robot.wait_for_all_acked(ACKNOWLEDGE)
+        if self._guardian is not None:
+            self._guardian.close()
+
+    def safety(self, more: dict[str, str]) -> Status:
+        """Return what the gate has done as a health check; `more`: further key values."""
+        gate = self._gate
+        values = {"active": str(self.active).lower(), "latched": gate.latched, "faults": str(gate.faults)}
+        level = Level.ERROR if gate.latched else Level.WARN if gate.reason and self.active else Level.OK
+        return Status("safety", gate.reason or "commands pass", level, values | more)
