@@ -617,10 +617,30 @@ def test_a_column_that_the_user_names_keeps_the_signs_of_its_log():
     assert found.of("command").options == {"decode": {"sign_bit": 10}}
 
 
+def test_whole_numbers_of_a_velocity_are_counts_of_the_position_where_nothing_shows_more():
+    columns = {"t": T, "u [V]": U, "pos": np.round(2048 + 100 * ANGLE), "speed": np.round(100 * NOISE[0] / 1e-3)}
+    _, found = _roles(columns, given={"position": Given("pos", "counts/4096")})
+    assert (found.of("velocity").unit, found.of("velocity").options) == ("rad/s", {"scale": 2 * pi / 4096})
+    assert any("counts of the position in a second: --velocity 'speed=UNIT'" in one for one in found.all_doubts())
+
+
+def test_a_set_point_beside_a_measured_force_is_named_and_has_the_unit_of_the_motion():
+    _, found = _roles({"t": T, **_servo()}, given={"position": Given("pos", "counts/4096")})
+    assert any("model of the loop in the drive, --command 'target'" in one for one in found.all_doubts())
+    _, found = _roles({"t": T, **_servo()}, given={"position": Given("pos", "counts/4096"), "command": Given("target")})
+    command = found.of("command")
+    assert (command.unit, command.options) == ("rad", {"scale": 2 * pi / 4096})
+    assert not any("of the command is not known" in one for one in found.all_doubts())
+    assert found.of("reference") is None
+    _, found = _roles({"t": T, **_servo()}, given={"command": Given("target", "V")})
+    assert found.of("command").unit == "V"
+
+
 def test_whole_numbers_of_a_current_are_no_amperes():
     roles, found = _roles({"t": T, **_servo()})
     assert roles["effort"] == ("current", "-")
     assert any("counts of the drive: --effort 'current=UNIT'" in one for one in found.all_doubts())
+    assert _roles({"t": T, "u [V]": U, "q": ANGLE, "measured current": np.round(SPEED / 4)})[0]["effort"][1] == "-"
     roles, found = _roles({"t": T, "u [V]": U, "q": ANGLE, "measured current": 0.7 * SPEED})
     assert roles["effort"] == ("measured current", "A")
     assert any("taken as A: --effort 'measured current=UNIT'" in one for one in found.all_doubts())

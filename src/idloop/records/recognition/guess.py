@@ -11,6 +11,7 @@ from idloop.records.tables.base_units import COUNTS, SECONDS, known_unit, read_u
 from idloop.records.tables.csv_layout import is_number
 
 MOTION = ("position", "velocity")
+SET_POINTS = ("reference", "reference velocity")
 # Roles that may stand in a mapping file, in its order.
 ROLES = ("command", "position", "velocity", "effort", "reference", "reference velocity", "temperature", "supply")
 NONE = "none"

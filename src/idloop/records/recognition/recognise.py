@@ -16,7 +16,7 @@ from idloop.errors import InputError
 from idloop.records.formats.clock_names import known_clock_unit
 from idloop.records.formats.known_columns import recognise as known_drive
 from idloop.records.recognition.column_name import ColumnName, parse_column_name
-from idloop.records.recognition.guess import MOTION, NONE, ROLES, Given, Guess, quoted, with_unit
+from idloop.records.recognition.guess import MOTION, NONE, ROLES, SET_POINTS, Given, Guess, quoted, with_unit
 from idloop.records.recognition.joint_choice import joints_by_name, one_joint
 from idloop.records.recognition.names_against_values import doubt_of_names
 from idloop.records.recognition.role_units import LINEAR_UNITS, doubt_of_left_out, set_units, set_wraps, unit_by_words
@@ -46,7 +46,6 @@ _NUMBER_IN_NAME = re.compile(r"(?P<before>[A-Za-z]*)[_\- ]?(?P<number>-?\d+(?:[.
 _DESIRED = re.compile(r"(.+)_d(\W?\d*\W?)")
 _KNOWN_RANK = 10.0  # a known drive says more than a name
 _COMMAND_WORDS = {"V", "mV", "A", "mA", "%"}
-_SET_POINTS = ("reference", "reference velocity")
 
 
 @dataclass(frozen=True)
@@ -343,7 +342,7 @@ def _input_and_output(columns: dict[str, TableColumn]) -> None:
     both = {one.parsed.words[0]: one for one in columns.values() if one.parsed.words in IN_OR_OUT}
     if len(both) < 2 or any(one.by_name.role in MOTION for one in columns.values()):
         return
-    loop = any(one.by_name.role in _SET_POINTS for one in columns.values())
+    loop = any(one.by_name.role in SET_POINTS for one in columns.values())
     one = both["input" if loop else "output"]
     reason = "input of a controller" if loop else "output beside an input"
     columns[one.name] = replace(one, by_name=RoleByName("position", 2.0, reason))
@@ -351,7 +350,7 @@ def _input_and_output(columns: dict[str, TableColumn]) -> None:
 
 def _currents(columns: dict[str, TableColumn]) -> None:
     """Take a current that no name calls a command for measured, where the set-point of a loop was recorded."""
-    if not any(one.by_name.role in _SET_POINTS and one.moves for one in columns.values()):
+    if not any(one.by_name.role in SET_POINTS and one.moves for one in columns.values()):
         return
     for one in columns.values():
         if one.by_name.role == "command" and may_be_measured(one.parsed):
@@ -416,7 +415,7 @@ def _by_name(
     moving = [one for one in free if one.moves]
     if role in ("velocity", "effort"):
         free = moving
-    elif role in _SET_POINTS:
+    elif role in SET_POINTS:
         # A set-point may be held; one at zero throughout was not in use.
         free = moving or [one for one in free if np.nan_to_num(one.value).any()]
     if not free:
@@ -485,10 +484,21 @@ def _command_without_column(table: Table, chosen: dict[str, Guess], given: Map[s
 
 
 def _set_point_command(table: Table, base: TimeBase, chosen: dict[str, Guess], given: Map[str, Given]) -> None:
-    """Take a set-point for the command where nothing else is one; refuse where there is none."""
-    if "command" in chosen or given.get("command", Given()).column == NONE:
+    """Take a set-point for the command where nothing else is one; refuse where there is none.
+
+    Beside a force that may be measured it is named.
+    """
+    role = next((role for role in SET_POINTS if role in chosen), None)
+    command = chosen.get("command")
+    if command is not None and role and not given.get("command", Given()).column:
+        if command.measured or says_no_command(parse_column_name(command.column)):
+            chosen["command"] = command.with_doubt(
+                f"command: a set-point was recorded as well: for a model of the loop in the drive,"
+                f" --command '{chosen[role].column}'"
+            )
         return
-    role = next((role for role in _SET_POINTS if role in chosen), None)
+    if command is not None or given.get("command", Given()).column == NONE:
+        return
     if role is None:
         stamps = {base.time.column, *table.clocks.values()}
         free = [name for name in table.columns if name not in stamps]

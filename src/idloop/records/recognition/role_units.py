@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.records.recognition.column_name import WANTED, ColumnName, parse_column_name
-from idloop.records.recognition.guess import MOTION, NONE, Given, Guess, quoted
+from idloop.records.recognition.guess import MOTION, NONE, SET_POINTS, Given, Guess, quoted
 from idloop.records.recognition.roles import CURRENTS, TORQUES, role_by_name
 from idloop.records.recognition.signal_units import MotionUnits, motion_units, near_unit, slope_of, usual_resolution
 from idloop.records.recognition.table_column import TableColumn
@@ -29,6 +29,7 @@ LINEAR_UNITS = {"m", "cm", "mm", "um", "in", "m/s", "cm/s", "mm/s", "um/s", "m/m
 _IN_HERTZ = re.compile(r"[\[(_ ]hz[\])]?$", re.IGNORECASE)
 _ENCODERS = {"enc", "encoder", "count", "counts", "tick", "ticks", "inc"}
 _FEWEST_COUNTS = 200  # of a turn
+_MOST_LEVELS, _FEW_LEVELS = 8, 5  # of a command in whole amperes or newton metres, and of what follows it
 _MANY_COUNTS = 1000  # whole numbers as large as this are no angle in rad
 # Names of units by the word that a column of the command has.
 _UNITS_OF_WORDS = (
@@ -43,9 +44,11 @@ def set_units(
     base: TimeBase, chosen: dict[str, Guess], columns: dict[str, TableColumn], given: Map[str, Given]
 ) -> TimeBase:
     """Set the units that no name says, and note which of them are uncertain."""
-    command = chosen.get("command")
+    command, wanted = chosen.get("command"), ""
     if command is not None and command.unit in SECONDS:
         chosen["command"] = command = _pulse_width(command)
+    elif wanted := _wanted_as(chosen, columns):
+        chosen[wanted] = replace(chosen.pop("command"), role=wanted)
     elif command is not None and not command.unit:
         chosen["command"] = command = _force_unit(command, columns)
     effort = chosen.get("effort")
@@ -89,6 +92,9 @@ def set_units(
             f"the size of a count is not known; one is taken as 1 rad: --velocity '{speed.column}=counts/N'"
         )
     _reference_units(chosen)
+    if wanted and command is not None:
+        set_point = chosen.pop(wanted, None)
+        chosen["command"] = replace(set_point, role="command") if set_point else _force_unit(command, columns)
     for role, one in chosen.items():
         if not one.unit:
             column = one.column or f"{one.options['value']:g}"
@@ -114,12 +120,21 @@ def unit_by_words(name: ColumnName) -> str:
     return {"V": "V", "U": "V", "I": "A", "F": "N", "T": "N·m", "M": "N·m"}.get(name.letter, unit)
 
 
+def _wanted_as(chosen: Map[str, Guess], columns: Map[str, TableColumn]) -> str:
+    """Set-point that a command without a unit is by its name, and so has the unit of the motion; empty otherwise."""
+    command = chosen.get("command")
+    column = columns.get(command.column) if command is not None and not command.unit else None
+    role = column.by_name.role if column is not None else ""
+    return role if role in SET_POINTS and role not in chosen else ""
+
+
 def _force_unit(one: Guess, columns: Map[str, TableColumn]) -> Guess:
     """Set the unit of a command or a measured force by the words of its name."""
     parsed = parse_column_name(one.column)
     words, unit = set(parsed.words), unit_by_words(parsed)
     column = columns.get(one.column)
-    if unit in ("A", "N·m") and column is not None and column.counts:
+    most = _MOST_LEVELS if one.role == "command" else _FEW_LEVELS
+    if unit in ("A", "N·m") and column is not None and column.whole_numbers > most:
         return replace(one, unit="-").with_doubt(
             f"{one.column!r} holds whole numbers, probably counts of the drive: --{one.role} '{one.column}=UNIT' if"
             " they are in a unit"
@@ -231,6 +246,11 @@ def _related(
     if not found.agree and not speed.unit and scale != 1.0 and (counting := compared(in_counts)).agree:
         speed, found = in_counts, counting
     if not found.agree:
+        if not speed.unit and scale != 1.0 and columns[speed.column].whole_numbers:
+            speed = chosen["velocity"] = in_counts.with_doubt(
+                f"{_without_unit(speed)}; its whole numbers are taken as counts of the position in a second:"
+                f" --velocity '{speed.column}=UNIT'"
+            )
         _unrelated(base, chosen, linear=linear)
         slope = slope_of(base.seconds, value, rate * speed.options.get("scale", 1.0), column.runs)
         if slope is not None and not speed_unit:

@@ -24,7 +24,6 @@ Floats = NDArray[np.float64]
 _PER_SECOND = {unit: f"{unit}/s" for unit in ("rad", "mrad", "deg", "rev", "m", "cm", "mm", "um", "in")}
 _FEWEST_STAMPS = 10  # a motion may have the values of a few stamps
 _STEADY = 0.1  # of its mean, for a supply
-_MOST_LEVELS = 8  # of a command in whole amperes
 _LINE = 1e-3  # of the spread of a column, by which one that runs with the time or the rows leaves a straight line
 
 
@@ -87,10 +86,10 @@ class TableColumn:
         return bool(known.size > 1 and float(np.ptp(known)) > 0.0)
 
     @property
-    def counts(self) -> bool:
-        """Whether it holds whole numbers only, and more of them than a command has levels."""
+    def whole_numbers(self) -> int:
+        """How many different whole numbers it holds; 0 where it holds others."""
         known = self.value[np.isfinite(self.value)]
-        return bool((known == np.round(known)).all()) and np.unique(known).size > _MOST_LEVELS
+        return int(np.unique(known).size) if bool((known == np.round(known)).all()) else 0
 
     @property
     def steady(self) -> bool:
