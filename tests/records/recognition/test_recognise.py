@@ -640,7 +640,7 @@ def test_whole_numbers_of_a_current_are_no_amperes():
     roles, found = _roles({"t": T, **_servo()})
     assert roles["effort"] == ("current", "-")
     assert any("counts of the drive: --effort 'current=UNIT'" in one for one in found.all_doubts())
-    assert _roles({"t": T, "u [V]": U, "q": ANGLE, "measured current": np.round(SPEED / 4)})[0]["effort"][1] == "-"
+    assert _roles({"t": T, "u [V]": U, "q": ANGLE, "measured current": np.round(SPEED / 2)})[0]["effort"][1] == "-"
     roles, found = _roles({"t": T, "u [V]": U, "q": ANGLE, "measured current": 0.7 * SPEED})
     assert roles["effort"] == ("measured current", "A")
     assert any("taken as A: --effort 'measured current=UNIT'" in one for one in found.all_doubts())
