@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 import numpy as np
 
+from idloop.diagnosis.evidence.predictive import Course
 from idloop.physics.model import Model, effect_name
 
 
@@ -38,6 +39,8 @@ class Candidate:
         An effect of the model that it contains and replaces.
     number : int
         Which one it is of an effect that may act several times at a site.
+    course : Course or None
+        How the evidence has grown over the data; None when it was only screened.
     """
 
     effect: str
@@ -52,6 +55,7 @@ class Candidate:
     model: Model | None = None
     replaces: str | None = None
     number: int = 1
+    course: Course | None = None
 
     @property
     def name(self) -> str:
@@ -73,13 +77,17 @@ class Candidate:
             "text",
             "why",
         )
-        return {name: getattr(self, name) for name in keys} | ({"gain": None} if np.isnan(self.gain) else {})
+        course = None if self.course is None else asdict(self.course)
+        found = {name: getattr(self, name) for name in keys} | {"course": course}
+        return found | ({"gain": None} if np.isnan(self.gain) else {})
 
     @classmethod
     def from_dict(cls, document: dict[str, Any]) -> Candidate:
         """Read what `to_dict` wrote; the model is not part of it."""
         known = {one.name for one in fields(cls)} - {"model"}
         own = {"testable": "yes", "why": "", "text": ""} | {k: v for k, v in document.items() if k in known}
+        course = own.get("course")
+        own["course"] = None if course is None else Course(tuple(course["samples"]), tuple(course["log_e"]))
         return cls(**own | {"gain": float("nan") if own.get("gain") is None else own["gain"]})
 
 

@@ -82,16 +82,16 @@ def diagnose(
     scale = common_scale(CachingEngine(model), prepare(model, records))
     if scale is not None:
         model = scale.fixed(model)
-    found = _by_force(model, records, criterion, options) if criterion in ("auto", FORCE) else None
+    found = _by_force(model, records, criterion, options.within(0.0, 0.3)) if criterion in ("auto", FORCE) else None
     # Without a balance the free run is asked first, and after what leaves nothing else, as by `refine`.
     asked = criterion == "auto" and found is None
     if asked:
-        found = _by_free_run(model, records, options)
+        found = _by_free_run(model, records, options.within(0.3, 0.5))
     if found is None:
         estimation = diagnosis_problem(model, records, kind)
-        found = _by_errors(PredictionView(estimation, model, options), refit(estimation, model))
+        found = _by_errors(PredictionView(estimation, model, options.within(0.5, 0.9)), refit(estimation, model))
     if criterion == "auto" and not asked and found.verdict in NOISE_VERDICTS and not found.response.uninformative:
-        found = _by_free_run(found.model, records, options) or found
+        found = _by_free_run(found.model, records, options.within(0.9, 1.0)) or found
     options.report(1.0, "done")
     reached = found.model if found.best is None or found.best.model is None else found.best.model
     undetermined = [] if scale is None else [scale]
@@ -124,7 +124,7 @@ def _by_force(model: Model, records: Sequence[Record], criterion: str, options: 
     fit = requested_force_fit(model, estimation, forms) if deciding is None else deciding.balance
     if fit is None:
         return None
-    options.report(0.3, "evaluating effects")
+    options.report(0.5, "evaluating effects")
     step = ForceView(estimation, options, forms=forms).evaluate(fit)
     shown = step.tied[0].fit if step.tied else fit if step.confounded else None
     if deciding is not None:

@@ -54,6 +54,8 @@ class Diagnosis:
         Effects that are significant on the fitted data and not missing physics, and why.
     response : CommandResponse
         How the motion follows the command.
+    threshold : float
+        Log-evidence from which on an effect is named.
     """
 
     model: Model
@@ -69,6 +71,7 @@ class Diagnosis:
     alone: Candidate | None = None
     passed_over: Mapping[str, str] = field(default_factory=dict)
     response: CommandResponse = CommandResponse.FOLLOWS
+    threshold: float = math.inf
 
     @property
     def best(self) -> Candidate | None:
@@ -123,6 +126,7 @@ class Diagnosis:
             "passed_over": dict(self.passed_over),
             "one_equation": [group.to_dict() for group in self.equivalent_effects],
             "response": self.response.value,
+            "threshold": self.threshold if math.isfinite(self.threshold) else None,
         }
 
 
@@ -149,6 +153,7 @@ def diagnosis_of(step: SearchStep[FitT]) -> Diagnosis:
         pair=pair,
         rival_pairs=rival_pairs(step),
         alone=alone,
+        threshold=step.threshold(),
         **ending,
     )
     # An effect that is equivalent to the missing one together with another is not passed over.
@@ -205,6 +210,7 @@ def candidate_of(step: SearchStep[FitT], one: EvaluatedModel[FitT], which: int, 
         model=model,
         replaces=proposal.replaces,
         number=proposal.number,
+        course=evidence.course,
     )
 
 

@@ -45,6 +45,10 @@ class Options:
                 " 0.01"
             )
 
+    def within(self, begin: float, end: float) -> Options:
+        """The same for a part of the work, from one share of the whole to another."""
+        return replace(self, report=lambda share, text: self.report(begin + (end - begin) * share, text))
+
 
 def errors_of(criterion: str) -> str:
     """Errors that models are measured by where no force balance decides: prediction or simulation."""

@@ -166,6 +166,15 @@ def test_every_number_on_the_page_is_one_of_the_command_line(machine, tmp_path, 
         choice = [word for name in machine.choice for word in ("--effects", name)]
         said = [ask(capsys, "diagnose", machine.model, fitted, *choice, "--json", "--quiet")]
         check(site, page, said, unseen, tmp_path, capsys)
+        (document,) = said
+        courses = {f"{one['effect']}@{one['at']}": one["course"] for one in document["candidates"]}
+        hint = page.inner_text("#evidence-hint").replace("\u00a0", " ")
+        assert f"log(m/α) = {document['threshold']:.1f}" in hint
+        rows = page.locator("[data-evidence]")
+        assert rows.count() > 0
+        for row in rows.all():
+            course = courses[row.get_attribute("data-evidence")]
+            assert row.locator("td").nth(0).inner_text() == f"{course['log_e'][-1]:.1f}".replace("-", "−")
 
         source.order("add", effect)
         settled(source, lambda s: s.effects == (effect,))

@@ -99,6 +99,14 @@ def test_the_page_climbs_to_the_hidden_effect_and_back(source):
     card = state["missing"]["candidates"][0]
     assert card["best"]
     assert len(card["picture"]["curve"]) > 5
+    rows = {row["name"]: row for row in state["evidence"]["effects"]}
+    best = shown.missing.candidates[0]
+    assert best.course is not None
+    assert rows[best.name]["log_e"] == f"{best.course.log_e[-1]:.1f}".replace("-", "−")
+    assert rows[best.name]["decided"]
+    assert state["evidence"]["current"]
+    assert "Fits to the other stretches" in state["evidence"]["hint"]
+    assert shown.evidence.seconds[-1] == pytest.approx(DT * 1199)
     assert state["assessment"]["telling"]["variable"] in {"velocity", "direction", "command", "since_reversal"}
 
     # The fit with which a diagnosis begins is said: what it changed is no part of what an effect changes.
@@ -111,6 +119,7 @@ def test_the_page_climbs_to_the_hidden_effect_and_back(source):
     shown = settled(source, lambda b: b.effects == ("quadratic_drag@motor",))
     assert all(one.stderr is not None for one in shown.model.parameters if one.free)
     assert shown.reason.startswith("quadratic drag @ motor was added")
+    assert shown.evidence is None  # of the model before
     assert shown.computing == ""
     source.order("undo")
     shown = settled(source, lambda b: b.effects == ())

@@ -255,7 +255,7 @@ def test_the_evidence_and_what_may_be_trusted_is_said_in_words_and_numbers():
         ("18.4", "10 s, 1000 samples"),
         ("−2.0", ""),
     ]
-    assert found["threshold"] == "7.9"
+    assert "log(m/α) = 7.9; this threshold holds at any time" in found["hint"]
     assert "dead zone @ input" in found["ended"]
     (estimate,) = found["estimates"]
     assert estimate["name"] == "drive gain"

@@ -80,6 +80,20 @@ class Scores:
 
 
 @dataclass(frozen=True)
+class Course:
+    """Log-evidence after each stretch of the data, in the order of time and of the records."""
+
+    samples: tuple[int, ...]  # scored until then
+    log_e: tuple[float, ...]
+
+    def decided(self, threshold: float) -> int | None:
+        """The place from which on the log-evidence stays at a threshold or above; None where it ends below."""
+        below = [place for place, value in enumerate(self.log_e) if value < threshold]
+        place = below[-1] + 1 if below else 0
+        return place if place < len(self.log_e) else None
+
+
+@dataclass(frozen=True)
 class Evidence:
     """For one model against another: the difference of the log-densities of unseen samples."""
 
@@ -91,6 +105,8 @@ class Evidence:
     samples: int
     # Of the log-densities of the initial states.
     start: float = 0.0
+    # How it has grown over the stretches.
+    course: Course = Course((), ())
 
     @property
     def log(self) -> float:
@@ -119,7 +135,9 @@ def evidence_of(sums: Array, lengths: Array, squares: float, start: float = 0.0)
     alone = squares - mean * total
     together = float(np.sum((sums - mean * lengths) ** 2))
     design_effect = max(together / max(alone, 1e-300), 1.0)
-    return Evidence(total, design_effect, float(np.sqrt(together)), int(samples), start)
+    grown = np.cumsum(sums) / design_effect + start
+    course = Course(tuple(np.cumsum(lengths).astype(int).tolist()), tuple(grown.tolist()))
+    return Evidence(total, design_effect, float(np.sqrt(together)), int(samples), start, course)
 
 
 def scores_of(fit: WeakFit) -> Scores:

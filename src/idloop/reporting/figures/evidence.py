@@ -1,4 +1,4 @@
-"""Evidence over the samples that have come in: one line for each effect, the threshold, a mark where one is decided.
+"""Evidence over the samples that were scored: one line for each effect, the threshold, a mark where one is decided.
 
 It has no legend: a table beside it has the key of each line with its newest value. BokehJS builds every entry of a
 legend anew, with a canvas each, for every line that has become longer: 130 canvases a second for six of them.
@@ -51,6 +51,8 @@ def evidence_figure(
     threshold: float,
     decided: Mapping[str, Decided],
     theme: Theme = LIGHT,
+    *,
+    recorded: bool = False,
 ) -> figure:
     """Draw how the evidence grows.
 
@@ -62,13 +64,16 @@ def evidence_figure(
         Log-evidence by effect; NaN before an effect was weighed.
     threshold : float
         Log-evidence that decides.
+    recorded : bool
+        Of a recording, not of new samples.
     """
+    scored = "samples scored" if recorded else "new samples"
     shown = drawn_lines(lines, decided)
     values = [value for name in shown for value in lines[name] if np.isfinite(value)]
     marks = [decided[name] for name in shown if name in decided]
     values += [threshold, 0.0, *(one.log_e for one in marks)]
     plot = new_figure(
-        theme, ("new samples", "s"), ("log E", "-"),
+        theme, (scored, "s"), ("log E", "-"),
         y_range=padded(min(values), max(values)), x_range=padded(0.0, max([1.0, *seconds])),
     )  # fmt: skip
     for name, index in shown.items():
@@ -87,5 +92,5 @@ def evidence_figure(
     plot.add_layout(Span(location=threshold, dimension="width", **look))
     for kind, last in (("looks", ("log E", "@y{0.0}")), ("decided", ("decided after", "@samples samples"))):
         found: Any = [one for one in plot.renderers if one.name == kind]
-        plot.add_tools(HoverTool(renderers=found, tooltips=[("", "@name"), ("new samples", "@x{0.0} s"), last]))
+        plot.add_tools(HoverTool(renderers=found, tooltips=[("", "@name"), (scored, "@x{0.0} s"), last]))
     return plot

@@ -12,6 +12,7 @@ from idloop.reporting.terms import FITTED, UNSEEN, effect_words
 from idloop.reporting.workbench.assessment import assess
 from idloop.reporting.workbench.coordinator import Coordinator
 from idloop.reporting.workbench.files import content
+from idloop.reporting.workbench.recorded_evidence import recorded_evidence
 from idloop.reporting.workbench.signals import Signals
 from idloop.reporting.workbench.state import OK, Missing, Note, Snapshot, State, model_version
 from idloop.reporting.workbench.steps import Found, Study, add, find_missing, fitted_records, suggest
@@ -189,6 +190,7 @@ class OfflineSource:
                 passed_over=diagnosis.passed_over,
                 left=found.left,
             ),
+            "evidence": recorded_evidence(diagnosis, self._study.records),
             "looks": self.state.snapshot.looks + 1,
             "pictures": found.pictures,
             "ladder": found.ladder,
@@ -208,7 +210,7 @@ class OfflineSource:
 
     def _climb(self, ladder: Ladder, why: str) -> None:
         self._show_model(
-            ladder.model, ladder=ladder, missing=None, pictures={}, suggested=None, suggestion=None,
+            ladder.model, ladder=ladder, missing=None, evidence=None, pictures={}, suggested=None, suggestion=None,
             **self._said(ladder.model, why),
         )  # fmt: skip
         self._found = None

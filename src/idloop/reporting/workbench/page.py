@@ -236,7 +236,11 @@ class Page:
         found = snapshot.evidence
         if found is None or not found.lines:
             return []
-        return [evidence_figure(found.seconds, found.lines, found.threshold, found.decided, self._theme)]
+        return [
+            evidence_figure(
+                found.seconds, found.lines, found.threshold, found.decided, self._theme, recorded=found.recorded
+            )
+        ]
 
     def _ladder(self, snapshot: Snapshot) -> list[Any]:
         ladder = snapshot.ladder

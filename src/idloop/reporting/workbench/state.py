@@ -140,7 +140,7 @@ class TrustedEstimate:
 
 @dataclass(frozen=True)
 class Evidence:
-    """How the evidence for missing effects has grown on a live graph.
+    """How the evidence for missing effects has grown, on a live graph or over a recording.
 
     Attributes
     ----------
@@ -156,6 +156,8 @@ class Evidence:
         Log-evidence that decides.
     ended : str
         Why the experiment has been ended; empty where it has not.
+    recorded : bool
+        Of a recording: every stretch is scored by fits to the others.
     """
 
     line: str = ""
@@ -166,6 +168,7 @@ class Evidence:
     decided: Mapping[str, Decided] = field(default_factory=dict)
     estimates: tuple[TrustedEstimate, ...] = ()
     ended: str = ""
+    recorded: bool = False
 
 
 @dataclass(frozen=True)

@@ -259,7 +259,7 @@ def _evidence(found: Evidence, effects: Sequence[str]) -> dict[str, Any]:
     ]
     return {
         "line": capitalised(in_words(found.line)),
-        "threshold": f"{found.threshold:.1f}" if math.isfinite(found.threshold) else "",
+        "hint": _evidence_hint(found),
         "current": found.effects == tuple(effects),
         "effects": rows,
         "ended": in_words(found.ended),
@@ -273,6 +273,19 @@ def _evidence(found: Evidence, effects: Sequence[str]) -> dict[str, Any]:
             for one in found.estimates
         ],
     }
+
+
+def _evidence_hint(found: Evidence) -> str:
+    """How the evidence is scored, and where it decides; empty without a threshold."""
+    if not math.isfinite(found.threshold):
+        return ""
+    line = f"An effect is decided where log E reaches the dashed line, log(m/α) = {found.threshold:.1f}"
+    if found.recorded:
+        return f"Fits to the other stretches of the records score each stretch. {line} and stays there."
+    return (
+        f"Fits to earlier samples score each stretch of new ones. {line}; this threshold holds at any time. Where"
+        " several are decided, a diagnosis compares them with one another."
+    )
 
 
 def _remainders(snapshot: Snapshot) -> Sequence[ResidualFinding]:

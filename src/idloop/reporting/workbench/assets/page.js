@@ -494,7 +494,7 @@
     $("evidence-panel").setAttribute("aria-busy", String(!e.current));
     say("evidence-before", e.current ? "" : `Weighed beside the model before this step; new samples for the present one are ${COMPUTING}.`);
     say("evidence-line", [e.ended ? `The experiment was ended: ${e.ended}.` : "", `${e.line}.`].filter(Boolean).join(" "));
-    say("evidence-hint", e.threshold ? `Fits to earlier samples score each stretch of new ones. An effect is decided where log E reaches the dashed line, log(m/α) = ${e.threshold}; this threshold holds at any time. Where several are decided, a diagnosis compares them with one another.` : "");
+    say("evidence-hint", e.hint);
     $("evidence-numbers").hidden = !e.effects.length;
     render("evidence-effects", e.effects, () => e.effects.map((one) => make("tr", { "data-evidence": one.name },
       make("th", { scope: "row" }, lineKey(one.line), one.words), make("td", {}, one.log_e), make("td", {}, one.decided || "open"))));

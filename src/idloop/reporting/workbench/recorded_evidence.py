@@ -1,0 +1,49 @@
+"""How the evidence for missing effects grows over the recordings of a diagnosis."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from idloop.reporting.figures.evidence import Decided
+from idloop.reporting.terms import effect_words
+from idloop.reporting.workbench.state import Evidence
+
+if TYPE_CHECKING:
+    from idloop.diagnosis import Diagnosis
+    from idloop.records import Record
+
+
+def recorded_evidence(found: Diagnosis, records: Sequence[Record]) -> Evidence | None:
+    """Return a line for each effect that was evaluated; None where none was.
+
+    Parameters
+    ----------
+    found : Diagnosis
+    records : sequence of Record
+        What it was made of: the samples that it scored, of all or some, are spread over their time.
+    """
+    courses = {
+        one.name: one.course
+        for one in found.candidates
+        if one.course is not None and one.course.log_e and all(map(math.isfinite, one.course.log_e))
+    }
+    if not courses:
+        return None
+    # Two effects that show only together have courses of their own where one was evaluated alone.
+    samples = next(iter(courses.values())).samples
+    courses = {name: course for name, course in courses.items() if course.samples == samples}
+    duration = sum(float(record.time[-1] - record.time[0]) for record in records)
+    seconds = tuple(duration * one / samples[-1] for one in samples)
+    decided = {}
+    for name, course in courses.items():
+        place = course.decided(found.threshold)
+        if place is not None:
+            decided[name] = Decided(seconds[place], samples[place], course.log_e[place])
+    first = min(decided, key=lambda name: decided[name].seconds, default=None)
+    line = f"no effect is decided in {duration:.3g} s"
+    if first is not None:
+        line = f"{effect_words(first)} is decided after {decided[first].seconds:.3g} of {duration:.3g} s"
+    lines = {name: course.log_e for name, course in courses.items()}
+    return Evidence(line, found.model.effect_names, seconds, lines, found.threshold, decided, recorded=True)
