@@ -104,7 +104,7 @@ def main() -> None:
         while not ended.is_set():
             executor.spin_once(timeout_sec=EACH * CONTROL)
             due = time.time_ns() // step
-            arm.advance(due * step, min(due - done, 50))
+            arm.advance(due * step, due - done)
             done = due
 
 

@@ -21,7 +21,7 @@ from idloop.robots.joint_limits import JointLimits
 from idloop.robots.joint_path import JointPath
 from idloop_nodes.codec import TrajectoryPoint
 from idloop_nodes.safety.interlock import AFTER_END_NS
-from idloop_nodes.safety.trajectory_gate import REST, STEP, TrajectoryGate, TrajectorySettings
+from idloop_nodes.safety.trajectory_gate import REST, STEP, UNNOTICED, TrajectoryGate, TrajectorySettings
 from idloop_nodes.streams.stream_watch import JUMP_NS
 
 MS = 1_000_000
@@ -51,14 +51,14 @@ class Run:
         if active:
             self.gate.activate()
 
-    def give(self, piece):
+    def give(self, piece, stamp=None):
         """Take a piece to the arm."""
         if piece is None:
             return
         self.sent.append(self.now)
         rows = zip(piece.time, piece.position, piece.velocity, strict=True)
         points = tuple(TrajectoryPoint(round(float(t) * SECOND), tuple(q), tuple(v)) for t, q, v in rows)
-        self.arm.take(self.now, self.now, JOINTS, points)
+        self.arm.take(self.now, self.now if stamp is None else stamp, JOINTS, points)
 
     def measure(self, *, off=(0.0, 0.0), velocity=None, effort=(0.0, 0.0), stamp=None):
         place, speed = self.arm.at(self.now)
@@ -139,10 +139,14 @@ def test_when_the_gate_is_gone_the_arm_rests_on_its_path_after_horizon_and_stop_
     assert one.within_acceleration()
 
 
-def test_what_the_guardian_sends_stops_it_in_the_stop_time():
+@pytest.mark.parametrize("silence", [0.01, 0.03, UNNOTICED])
+def test_what_the_guardian_sends_stops_it_without_a_jump(silence):
     one = Run().moving()
-    one.give(one.gate.neutral_command(one.now))
-    one.go(STOP_TIME, alive=False)
+    beat = one.now
+    piece = one.gate.neutral_command(beat)
+    one.go(silence, alive=False)
+    one.give(piece, stamp=beat)
+    one.go(UNNOTICED + STOP_TIME - silence, alive=False)
     assert one.speed == 0.0
     assert one.within_acceleration()
     assert one.on_path() < 1e-5

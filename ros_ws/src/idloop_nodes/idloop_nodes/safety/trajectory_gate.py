@@ -25,6 +25,9 @@ Array = NDArray[np.float64]
 
 STEP = 0.02  # distance of two points of a piece, and of two pieces [s]
 REST = 0.1  # for which a piece stays at rest, so that one that comes late does not end in the past [s]
+# Time for which a neutral piece goes on: the guardian sends it when no beat has come for 0.03 s. The arm is where the
+# piece is then, so that its speed does not jump [s].
+UNNOTICED = 0.05
 APPROACH_SHARE = 0.2  # of the limits of velocity and acceleration that a line to the beginning of the path uses
 
 
@@ -117,7 +120,8 @@ class TrajectoryGate(Interlock):
 
     def neutral_command(self, now_ns: int) -> Piece | None:
         """Return what has to be sent if no further call comes; None where the arm does not move by this gate."""
-        self._neutral = self._from_now(now_ns, 0.0), now_ns
+        go = 0.0 if self.reason else min(UNNOTICED, self._settings.horizon)
+        self._neutral = self._from_now(now_ns, go), now_ns
         return self._halt(self._neutral[0]) if self.mine(now_ns) else None
 
     def handed_over(self) -> None:
@@ -193,7 +197,7 @@ class TrajectoryGate(Interlock):
 
     def _halt(self, timing: PathTiming) -> Piece | None:
         """Return the way to rest; None at rest: the arm holds what it was sent last, wherever others move it."""
-        rests = timing.pace == 0.0 or self._path is None or timing.place >= self._path.duration
+        rests = timing.until_rest == 0.0 or self._path is None or timing.place >= self._path.duration
         return None if rests else self._piece(timing)
 
     def _slow(self, place: float, pace: float, go: float) -> PathTiming:
