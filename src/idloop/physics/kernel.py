@@ -1,7 +1,8 @@
 """The compiled simulator of an axis: one integrator for every model and every effect.
 
 Everything that runs per sample is in this file, because numba's cache notices changes only in the file
-of the cached function.
+of the cached function. `advance` is compiled once and called by its address: numba would optimise it
+again in each function that it is linked into, for most of the time that the simulator takes to compile.
 
 The motion between two events is integrated by the classical Runge-Kutta method of fourth order. The
 instants of events are located: a new command, the end of a delay, a stop or breakaway under dry
@@ -15,12 +16,16 @@ its motion is computed by matrix exponentials, and only the other forces are int
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
-from numba.extending import intrinsic
+from numba import cfunc, njit, types
+from numba.core import cgutils, config
+from numba.core.imputils import impl_ret_borrowed
+from numba.core.typing.templates import AttributeTemplate
+from numba.extending import infer_getattr, intrinsic, lower_getattr_generic, models, register_model
 
 # State vector: [time, command index, history head, history count, disturbance force,
 # positions, velocities, accelerations, effect states]
@@ -69,7 +74,9 @@ class Axis(NamedTuple):
     stiffness: Any  # (n-1,)
     damping: Any  # (n-1,)
     chain: Any  # (2n, 2n) d(positions, velocities)/dt of the bare chain
-    constants: Any  # gain, input delay [s], steps per second that the model needs, at most, and without its chain; HOLD
+    constants: (
+        Any  # gain, input delay [s], steps per second that the model needs, at most, and without its chain; below
+    )
     spatial_rate: Any  # (n,) fastest change along the position [1/position unit]
     parameters: Any  # (k,) of all active equations
     input_hooks: Any  # (i, 7)
@@ -89,6 +96,8 @@ class Axis(NamedTuple):
 GAIN, DELAY, RATE, MOST, BEYOND = 0, 1, 2, 3, 4
 # Longest time over which conditions are constant, at the value in its middle [s].
 HOLD = 5
+# Address of `advance`, which a float represents exactly.
+ADVANCE = 6
 
 
 class Flow(NamedTuple):
@@ -104,11 +113,112 @@ class Flow(NamedTuple):
     force: Any  # (4, n)
 
 
+class Machine(NamedTuple):
+    """A model, its motion, and buffers."""
+
+    axis: Axis
+    state: Any
+    history: Any
+    work: Any  # (9, n) buffer for trial steps
+    flow: Flow
+
+
+def _arrays(number: Any, *dimensions: int) -> list[Any]:
+    return [types.Array(number, one, "C") for one in dimensions]
+
+
+_AXIS = types.NamedTuple(
+    [
+        *_arrays(types.float64, 1, 1, 1, 1, 2, 1, 1, 1), *_arrays(types.int64, 2, 2, 2, 2, 2, 2),
+        *_arrays(types.float64, 1, 1), *_arrays(types.int64, 1, 2), *_arrays(types.float64, 1, 2),
+    ],
+    Axis,
+)  # fmt: skip
+_FLOW = types.NamedTuple(_arrays(types.float64, 1, 4, 2, 2), Flow)
+_MACHINE = types.NamedTuple([_AXIS, *_arrays(types.float64, 1, 2, 2), _FLOW], Machine)
+
+
+class View(types.Type):  # type: ignore[misc]
+    """Numba's type of a pointer to a named tuple, whose fields are loaded where they are used.
+
+    A tuple by value is some two hundred numbers, which each call would pass one by one.
+    """
+
+    def __init__(self, whole: Any) -> None:
+        self.whole = whole
+        super().__init__(name=f"View({whole})")
+
+    def of(self, field: str) -> Any:
+        """Type of a field."""
+        kind = self.whole[self.whole.fields.index(field)]
+        return View(kind) if isinstance(kind, types.NamedTuple) else kind
+
+
+@register_model(View)
+class _ViewModel(models.PrimitiveModel):  # type: ignore[misc]
+    def __init__(self, manager: Any, view: View) -> None:
+        super().__init__(manager, view, ir.IntType(8).as_pointer())
+
+
+@infer_getattr
+class _ViewFields(AttributeTemplate):  # type: ignore[misc]
+    key = View
+
+    def generic_resolve(self, view: View, field: str) -> Any:
+        return view.of(field)
+
+
+@lower_getattr_generic(View)
+def _load_field(context: Any, builder: Any, view: View, pointer: Any, field: str) -> Any:
+    pointer = builder.bitcast(pointer, context.get_value_type(view.whole).as_pointer())
+    place = cgutils.gep_inbounds(builder, pointer, 0, view.whole.fields.index(field))
+    if isinstance(view.of(field), View):
+        return builder.bitcast(place, context.get_value_type(view.of(field)))
+    return impl_ret_borrowed(context, builder, view.of(field), builder.load(place))
+
+
+@intrinsic
+def view_of(typingctx: Any, axis: Any) -> Any:
+    """View of a model. It is valid in the function that calls, and does not keep the arrays alive."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.bitcast(cgutils.alloca_once_value(builder, *arguments), context.get_value_type(View(_AXIS)))
+
+    return View(_AXIS)(_AXIS), codegen
+
+
+@intrinsic
+def view_of_machine(typingctx: Any, axis: Any, state: Any, history: Any, work: Any, flow: Any) -> Any:
+    """View of a machine, as of `view_of`."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        machine = context.make_tuple(builder, _MACHINE, arguments)
+        return builder.bitcast(cgutils.alloca_once_value(builder, machine), context.get_value_type(View(_MACHINE)))
+
+    return View(_MACHINE)(*_MACHINE), codegen
+
+
+# Only entries are called from Python: the others have no wrappers for that.
 # Inner functions do not allocate, so that they need no reference counts: twenty times as fast.
-inner = njit(_nrt=False, error_model="numpy", forceinline=True)
+inner = njit(_nrt=False, error_model="numpy", forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 # Called rarely and from several places: not inlined, to save compilation time.
-seldom = njit(_nrt=False, error_model="numpy")
-entry = njit(cache=True, error_model="numpy", nogil=True)
+seldom = njit(_nrt=False, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+# Called once in a run, and allocates.
+once = njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+entry = njit(cache=True, error_model="numpy", nogil=True, no_cfunc_wrapper=True)
+
+
+@intrinsic
+def call_advance(typingctx: Any, address: float, machine: Any, command: float, duration: float) -> Any:
+    """Call `advance` by its address."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        address, *given = arguments
+        kind = ir.FunctionType(ir.VoidType(), [one.type for one in given])
+        builder.call(builder.inttoptr(builder.fptosi(address, ir.IntType(64)), kind.as_pointer()), given)
+        return context.get_dummy_value()
+
+    return types.none(types.float64, View(_MACHINE), types.float64, types.float64), codegen
 
 
 @intrinsic
@@ -471,15 +581,16 @@ def event_bound(axis: Axis, command: float, body: int, step: float, state: Any, 
 
 
 @seldom
-def repeat_step(axis: Axis, command: float, step: float, state: Any, work: Any) -> None:
+def repeat_step(machine: Machine, command: float, step: float) -> None:
     """Another trial step."""
-    runge_kutta(axis, command, step, state, work)
+    runge_kutta(machine.axis, command, step, machine.state, machine.work)
 
 
 @seldom
-def event_function(axis: Axis, command: float, body: int, step: float, state: Any, work: Any) -> float:
+def event_function(machine: Machine, command: float, body: int, step: float) -> float:
     """Speed of a moving body, or static margin of one at rest, after a trial step; negative after the event."""
-    repeat_step(axis, command, step, state, work)
+    repeat_step(machine, command, step)
+    axis, state, work = machine.axis, machine.state, machine.work
     if work[2, body] != 0.0:
         return work[1, body] * work[2, body]
     smooth_forces(axis, command, work[0], work[1], step, state, work[4], work[5])
@@ -504,30 +615,31 @@ def narrowed(
 
 
 @seldom
-def event_time(axis: Axis, command: float, body: int, step: float, state: Any, work: Any) -> float:
+def event_time(machine: Machine, command: float, body: int, step: float) -> float:
     """Time at which a body stops or breaks away within a step (Illinois method); 0 without such an event."""
-    low, low_value = 0.0, event_function(axis, command, body, 0.0, state, work)
-    high, high_value = step, event_function(axis, command, body, step, state, work)
+    low, low_value = 0.0, event_function(machine, command, body, 0.0)
+    high, high_value = step, event_function(machine, command, body, step)
     if high_value > 0.0:
         return 0.0
     if low_value <= 0.0:  # breakaway and stop within the step
         low = 1e-6 * step
-        low_value = event_function(axis, command, body, low, state, work)
+        low_value = event_function(machine, command, body, low)
         if low_value <= 0.0:
             return low
     side = 0
     for _ in range(40):
         middle = secant(low, low_value, high, high_value)
-        value = event_function(axis, command, body, middle, state, work)
+        value = event_function(machine, command, body, middle)
         low, low_value, high, high_value, side = narrowed(low, low_value, high, high_value, middle, value, side)
         if value == 0.0 or high - low <= 1e-10 * step or abs(value) < 1e-14:
             break
     return high
 
 
-@inner
-def contact_time(axis: Axis, command: float, row: int, step: float, state: Any, work: Any) -> float:
+@seldom
+def contact_time(machine: Machine, command: float, row: int, step: float) -> float:
     """Time at which the two sides of a gap touch or separate within a step; its motion goes to ``work``."""
+    axis, state, work = machine.axis, machine.state, machine.work
     n = axis.inertia.shape[0]
     near = CONTACT_TOLERANCE * edge_of(axis, row, state)
     low, low_value = 0.0, side_margin(axis, row, state[FIRST : FIRST + n], state)
@@ -535,13 +647,13 @@ def contact_time(axis: Axis, command: float, row: int, step: float, state: Any, 
     middle, side = step, 0
     if low_value <= 0.0:  # an event at the start: the shortest step
         middle = 1e-6 * step
-        runge_kutta(axis, command, middle, state, work)
+        repeat_step(machine, command, middle)
         low, low_value = middle, side_margin(axis, row, work[0], state)
         if low_value <= 0.0:
             return middle
     for _ in range(40):
         middle = secant(low, low_value, high, high_value)
-        runge_kutta(axis, command, middle, state, work)
+        repeat_step(machine, command, middle)
         value = side_margin(axis, row, work[0], state)
         if abs(value) <= near or high - low <= 1e-10 * step:
             break
@@ -640,13 +752,16 @@ def remember(axis: Axis, state: Any, history: Any) -> None:
         history[head, 1 + 3 * n + output] = stateful_reading(axis, output, state)
 
 
-@inner
-def forces_beyond(
-    axis: Axis, command: float, motion: Any, elapsed: float, state: Any, work: Any, force: Any
-) -> None:  # fmt: skip
-    """Forces on the bodies beyond those of the bare chain, with the directions of dry friction in ``work``."""
+@seldom
+def forces_beyond(machine: Machine, command: float, stage: int, elapsed: float, row: int) -> None:
+    """Forces on the bodies beyond those of the bare chain, with the directions of dry friction in ``work``.
+
+    From a stage of the flow (-1: the state) to a row of its forces.
+    """
+    axis, state, work, flow = machine.axis, machine.state, machine.work, machine.flow
     n = axis.inertia.shape[0]
-    mode, transmitted = work[2], work[5]
+    mode, transmitted, force = work[2], work[5], flow.force[row]
+    motion = state[FIRST : FIRST + 2 * n] if stage < 0 else flow.stage[stage]
     smooth_forces(axis, command, motion[:n], motion[n:], elapsed, state, force, transmitted, 0.0)
     for body in range(n):
         if axis.has_friction[body]:
@@ -673,13 +788,14 @@ def has_no_effects(axis: Axis) -> bool:
 
 
 @inner
-def exact_step(axis: Axis, command: float, step: float, state: Any, work: Any, flow: Flow, matrix: Any) -> bool:
+def exact_step(machine: Machine, command: float, step: float, matrix: Any) -> bool:
     """One step of the chain's exact flow; the end goes to ``work`` as in `runge_kutta`. False at a discontinuity."""
+    axis, state, work, flow = machine.axis, machine.state, machine.work, machine.flow
     n = axis.inertia.shape[0]
     start = state[FIRST : FIRST + 2 * n]
     whole, half, first, second, end = flow.stage[0], flow.stage[1], flow.stage[2], flow.stage[3], flow.stage[4]
     f0, f1, f2, f3 = flow.force[0], flow.force[1], flow.force[2], flow.force[3]
-    forces_beyond(axis, command, start, 0.0, state, work, f0)
+    forces_beyond(machine, command, -1, 0.0, 0)
     for i in range(2 * n):
         whole[i] = 0.0
         half[i] = 0.0
@@ -692,8 +808,8 @@ def exact_step(axis: Axis, command: float, step: float, state: Any, work: Any, f
         for i in range(2 * n):
             first[i] = half[i]
         add_rows(matrix, 4 * n, f0, first)
-        forces_beyond(axis, command, first, 0.5 * step, state, work, f1)
-        forces_beyond(axis, command, end, step, state, work, f3)
+        forces_beyond(machine, command, 2, 0.5 * step, 1)
+        forces_beyond(machine, command, 4, step, 3)
         held = True
         for i in range(n):
             held = held and f1[i] == f0[i] and f3[i] == f0[i]
@@ -703,12 +819,12 @@ def exact_step(axis: Axis, command: float, step: float, state: Any, work: Any, f
                 half[i] = 0.0
                 end[i] = whole[i]
             add_rows(matrix, 4 * n, f1, second)
-            forces_beyond(axis, command, second, 0.5 * step, state, work, f2)
+            forces_beyond(machine, command, 3, 0.5 * step, 2)
             add_rows(matrix, 2 * n, first, half)
             for i in range(n):
                 f3[i] = 2.0 * f2[i] - f0[i]
             add_rows(matrix, 4 * n, f3, half)
-            forces_beyond(axis, command, half, step, state, work, f3)
+            forces_beyond(machine, command, 1, step, 3)
             size = 0.0
             for i in range(n):
                 size += abs(f0[i]) + abs(f3[i])
@@ -776,10 +892,9 @@ def keeps_direction(axis: Axis, step: float, state: Any, work: Any, flow: Flow) 
 
 
 @inner
-def advance_exactly(
-    axis: Axis, command: float, duration: float, state: Any, work: Any, flow: Flow, gaps: bool
-) -> float:  # fmt: skip
+def advance_exactly(machine: Machine, command: float, duration: float, gaps: bool) -> float:
     """Take exact steps while there is no event; return the time that they cover."""
+    axis, state, work, flow = machine.axis, machine.state, machine.work, machine.flow
     slot, levels, longest = -1, LEVELS, duration
     for i in range(2):
         if abs(duration - flow.duration[i]) < SAME_STEP * flow.duration[i]:
@@ -812,7 +927,7 @@ def advance_exactly(
             for i in range(n):
                 if axis.has_friction[i] and work[2, i] == 0.0:
                     return covered
-        if not exact_step(axis, command, step, state, work, flow, flow.matrices[slot, level]):
+        if not exact_step(machine, command, step, flow.matrices[slot, level]):
             return covered
         if dry and not keeps_direction(axis, step, state, work, flow):
             level += 1
@@ -847,16 +962,13 @@ def advance_single_body(axis: Axis, command: float, duration: float, state: Any)
     return True
 
 
-@inner
-def advance(axis: Axis, command: float, duration: float, state: Any, history: Any, work: Any, flow: Flow) -> None:
-    """Integrate over a stretch of constant command."""
+def advance(machine: Machine, command: float, duration: float) -> None:
+    """Integrate over a stretch of constant command; of the machine, `call_advance` gives a view."""
+    axis, state, history, work = machine.axis, machine.state, machine.history, machine.work
     n = axis.inertia.shape[0]
-    followed = history.shape[0] > 0 or axis.output_hooks.shape[0] > 0
-    if n == 1 and not followed and advance_single_body(axis, command, duration, state):
-        return
     end = state[TIME] + duration
     gaps = note_sides(axis, state)
-    remaining = duration - advance_exactly(axis, command, duration, state, work, flow, gaps)
+    remaining = duration - advance_exactly(machine, command, duration, gaps)
     events = touches = 0
     dry = False
     for i in range(n):
@@ -894,17 +1006,17 @@ def advance(axis: Axis, command: float, duration: float, state: Any, history: An
                     late = event_bound(axis, command, i, step, state, work)
                     if late > 0.0:
                         events += 1
-                        late = event_time(axis, command, i, late, state, work)
+                        late = event_time(machine, command, i, late)
                         if late > 0.0:
                             stopped, step = i, late
-                        repeat_step(axis, command, step, state, work)
+                        repeat_step(machine, command, step)
         touched = -1
         if gaps:
             for row in range(axis.coupling_hooks.shape[0]):
                 if axis.coupling_hooks[row, EDGE] != 0 and side_margin(axis, row, work[0], state) < 0.0:
                     touches += 1
                     if touches < EVENTS_PER_STEP + pieces:
-                        step = contact_time(axis, command, row, step, state, work)
+                        step = contact_time(machine, command, row, step)
                         stopped = -1
                     touched = row
         accept(axis, command, step, stopped, state, work)
@@ -1012,9 +1124,14 @@ def recall(axis: Axis, output: int, time: float, state: Any, history: Any) -> An
 
 @inner
 def run_to(
-    axis: Axis, command_time: Any, command: Any, target: float, state: Any, history: Any, work: Any, flow: Flow
+    axis: Axis, command_time: Any, command: Any, target: float, state: Any, history: Any, work: Any, flow: Flow,
+    machine: Machine,
 ) -> None:  # fmt: skip
-    """Integrate to ``target``, switching commands when they take effect; before the first it is 0."""
+    """Integrate to ``target``, switching commands when they take effect; before the first it is 0.
+
+    ``machine`` is the view of the arguments before it, for `advance`.
+    """
+    alone = axis.inertia.shape[0] == 1 and history.shape[0] == 0 and axis.output_hooks.shape[0] == 0
     delay = axis.constants[DELAY]
     index = int(state[COMMAND])
     last = command_time.shape[0] - 1
@@ -1032,33 +1149,38 @@ def run_to(
         if axis.condition_hooks.shape[0] > 0:
             until = min(until, now + axis.constants[HOLD])
             hold_conditions(axis, 0.5 * (now + until), state)
-        advance(axis, held, until - now, state, history, work, flow)
+        if not (alone and advance_single_body(axis, held, until - now, state)):
+            call_advance(axis.constants[ADVANCE], machine, held, until - now)
         if until < target:
             state[TIME] = until
     state[COMMAND] = index
 
 
-@entry
+@once
 def no_flow(bodies: int) -> Flow:
     """Flow without exact steps: all steps are Runge-Kutta steps."""
     n = bodies
     return Flow(np.zeros(2), np.zeros((0, 0, 0, 0)), np.zeros((5, 2 * n)), np.zeros((4, n)))
 
 
-@entry
+@once
 def chain_flow(axis: Axis, command_time: Any, time: Any) -> Flow:
     """Flow over the steps of a record and their parts, where the chain is faster than they are."""
     n = axis.inertia.shape[0]
     none = no_flow(n)
-    if time.shape[0] < LEAST_SAMPLES or np.max(axis.output_delay) > 0.0:
+    if time.shape[0] < LEAST_SAMPLES:
         return none
+    for output in range(axis.output_delay.shape[0]):
+        if axis.output_delay[output] > 0.0:
+            return none
     for row in range(axis.output_hooks.shape[0]):
         if axis.output_hooks[row, SETTLE] != 0:  # a play or filter follows the motion between samples
             return none
     even = (time[-1] - time[0]) / (time.shape[0] - 1)
     if not 2.0 <= even * axis.constants[RATE] < np.inf:
         return none
-    duration = np.array([even, 0.0])
+    duration = np.zeros(2)
+    duration[0] = even
     if command_time.shape[0] > 0:
         late = (command_time[0] + axis.constants[DELAY] - time[0]) % even
         if SAME_STEP * even < late < (1.0 - SAME_STEP) * even:
@@ -1070,45 +1192,78 @@ def chain_flow(axis: Axis, command_time: Any, time: Any) -> Flow:
     return Flow(duration, matrices, none.stage, none.force)
 
 
-@entry
+@once
 def exponentials(axis: Axis, duration: float, matrices: Any) -> None:
-    """Matrices of all levels: phi functions of the chain, by Taylor series of a small step and doubling."""
-    n = axis.inertia.shape[0]
-    unit, chain = np.eye(2 * n), axis.chain
-    halvings = PARTS
-    largest = np.max(np.abs(chain).sum(axis=1))
+    """Matrices of all levels: phi functions of the chain, by Taylor series of a small step and doubling.
+
+    Loops, because for an expression of arrays numba compiles the words of its errors about shapes.
+    """
+    n, size = axis.inertia.shape[0], axis.chain.shape[0]
+    halvings, largest = PARTS, 0.0
+    for i in range(size):
+        row = 0.0
+        for j in range(size):
+            row += abs(axis.chain[i, j])
+        largest = max(largest, row)
     while largest * duration > 0.5 * 2.0**halvings and halvings < 40:
         halvings += 1
-    small = chain * (duration / 2.0**halvings)
-    phi = np.zeros((4, 2 * n, 2 * n))
+    small, phi = np.zeros((size, size)), np.zeros((4, size, size))
+    term, before, third = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, size))
+    for i in range(size):
+        for j in range(size):
+            small[i, j] = axis.chain[i, j] * (duration / 2.0**halvings)
     for k in range(4):
-        term = unit.copy()
-        for i in range(1, k + 1):
-            term /= i
-        for i in range(1, 14):
-            phi[k] += term
-            term = term @ small / (k + i)
+        for i in range(size):
+            for j in range(size):
+                term[i, j] = 1.0 if i == j else 0.0
+                for divisor in range(1, k + 1):
+                    term[i, j] /= divisor
+        for power in range(1, 14):
+            for i in range(size):
+                for j in range(size):
+                    phi[k, i, j] += term[i, j]
+                    before[i, j] = term[i, j]
+            np.dot(before, small, term)
+            for i in range(size):
+                for j in range(size):
+                    term[i, j] /= k + power
     for halving in range(halvings, -1, -1):
         # phi is that of duration / 2^halving
         step = duration / 2.0**halving
-        if halving < PARTS:
-            to = matrices[halving]
-            to[: 2 * n] = phi[0].T
-            for weight, place in ((phi[1] - 3.0 * phi[2] + 4.0 * phi[3], 5), (2.0 * phi[2] - 4.0 * phi[3], 6),
-                                  (4.0 * phi[3] - phi[2], 7), (phi[1], 8)):  # fmt: skip
-                for i in range(n):
-                    to[place * n + i] = step * weight[:, n + i] / axis.inertia[i]
-        if 1 <= halving <= PARTS:
-            to = matrices[halving - 1]
-            to[2 * n : 4 * n] = phi[0].T
+        p0, p1, p2, p3 = phi[0], phi[1], phi[2], phi[3]
+        for j in range(size):
             for i in range(n):
-                to[4 * n + i] = step * phi[1][:, n + i] / axis.inertia[i]
-        whole = phi[0].copy()
-        third = (whole @ phi[3] + 0.5 * phi[1] + phi[2] + phi[3]) / 8.0
-        phi[2] = (whole @ phi[2] + phi[1] + phi[2]) / 4.0
-        phi[1] = (whole @ phi[1] + phi[1]) / 2.0
-        phi[3] = third
-        phi[0] = whole @ whole
+                one, two, three = p1[j, n + i], p2[j, n + i], p3[j, n + i]
+                if halving < PARTS:
+                    to = matrices[halving]
+                    to[5 * n + i, j] = step * (one - 3.0 * two + 4.0 * three) / axis.inertia[i]
+                    to[6 * n + i, j] = step * (2.0 * two - 4.0 * three) / axis.inertia[i]
+                    to[7 * n + i, j] = step * (4.0 * three - two) / axis.inertia[i]
+                    to[8 * n + i, j] = step * one / axis.inertia[i]
+                if 1 <= halving <= PARTS:
+                    matrices[halving - 1, 4 * n + i, j] = step * one / axis.inertia[i]
+            for i in range(size):
+                if halving < PARTS:
+                    matrices[halving, i, j] = p0[j, i]
+                if 1 <= halving <= PARTS:
+                    matrices[halving - 1, 2 * n + i, j] = p0[j, i]
+        for k in range(3, 0, -1):
+            np.dot(p0, phi[k], third if k == 3 else before)
+            for i in range(size):
+                for j in range(size):
+                    if k == 3:
+                        third[i, j] = (third[i, j] + 0.5 * p1[i, j] + p2[i, j] + p3[i, j]) / 8.0
+                    elif k == 2:
+                        p2[i, j] = (before[i, j] + p1[i, j] + p2[i, j]) / 4.0
+                    else:
+                        p1[i, j] = (before[i, j] + p1[i, j]) / 2.0
+        for i in range(size):
+            for j in range(size):
+                p3[i, j] = third[i, j]
+        np.dot(p0, p0, before)
+        for i in range(size):
+            for j in range(size):
+                p0[i, j] = before[i, j]
 
 
 @entry
@@ -1118,9 +1273,25 @@ def simulate(
     """Free run: read the sensors at each time; a measurement comes before the command of its stamp."""
     work = np.zeros((9, axis.inertia.shape[0]))
     flow = chain_flow(axis, command_time, time)
+    machine, model = view_of_machine(axis, state, history, work, flow), view_of(axis)
     for k in range(time.shape[0]):
-        run_to(axis, command_time, command, time[k], state, history, work, flow)
-        measure(axis, state, history, noise[k], output[k])
+        run_to(model, command_time, command, time[k], state, history, work, flow, machine)
+        measure(model, state, history, noise[k], output[k])
+
+
+@inner
+def correct(axis: Axis, measured: Any, gain: Any, first: int, reading: Any, state: Any, innovation: Any) -> bool:
+    """Correct the motion by the rows of ``gain`` from the first on; False if it has diverged."""
+    n = axis.inertia.shape[0]
+    for j in range(axis.outputs.shape[0]):
+        error = measured[j] - reading[j]
+        innovation[j] = error
+        if np.isnan(error):
+            continue
+        for i in range(2 * n):
+            state[FIRST + i] += gain[first + i, j] * error
+        state[DISTURBANCE] += gain[first + 2 * n, j] * error
+    return abs(state[FIRST + n]) < RUN_AWAY
 
 
 @entry
@@ -1139,25 +1310,17 @@ def predict(
     outputs = axis.outputs.shape[0]
     rows = 2 * n + 1
     last = place.shape[0] - 1
-    work = np.zeros((9, n))
     noise = np.zeros(outputs)
     reading = np.zeros(outputs)
+    work = np.zeros((9, n))
     flow = chain_flow(axis, command_time, time)
+    machine, model = view_of_machine(axis, state, history, work, flow), view_of(axis)
     for k in range(time.shape[0]):
-        run_to(axis, command_time, command, time[k], state, history, work, flow)
+        run_to(model, command_time, command, time[k], state, history, work, flow, machine)
         state[DISTURBANCE] *= decay
-        measure(axis, state, history, noise, reading)
-        first = rows * place[min(k, last)]
-        for j in range(outputs):
-            error = measured[k, j] - reading[j]
-            innovation[k, j] = error
-            if np.isnan(error):
-                continue
-            for i in range(2 * n):
-                state[FIRST + i] += gain[first + i, j] * error
-            state[DISTURBANCE] += gain[first + 2 * n, j] * error
+        measure(model, state, history, noise, reading)
         # A diverged predictor does not recover, and each of its steps takes long.
-        if not abs(state[FIRST + n]) < RUN_AWAY:
+        if not correct(model, measured[k], gain, rows * place[min(k, last)], reading, state, innovation[k]):
             innovation[k:] = np.inf
             return
 
@@ -1171,22 +1334,24 @@ def predict_ahead(
 
     The first ``steps`` rows of ``prediction`` are left as they are.
     """
-    work = np.zeros((9, axis.inertia.shape[0]))
-    noise = np.zeros(axis.outputs.shape[0])
-    innovation = np.zeros((1, axis.outputs.shape[0]))
+    n, outputs = axis.inertia.shape[0], axis.outputs.shape[0]
+    noise, reading, innovation = np.zeros(outputs), np.zeros(outputs), np.zeros(outputs)
     last = place.shape[0] - 1
     ahead, past = np.empty_like(state), np.empty_like(history)
-    flow = chain_flow(axis, command_time, time)
+    work, flow, far_flow = np.zeros((9, n)), no_flow(n), chain_flow(axis, command_time, time)
+    machine, model = view_of_machine(axis, state, history, work, flow), view_of(axis)
+    far = view_of_machine(axis, ahead, past, work, far_flow)
     for k in range(time.shape[0] - steps):
-        now = min(k, last)
-        predict(
-            axis, command_time, command, time[k : k + 1], measured[k : k + 1], gain, place[now : now + 1], 1.0, state,
-            history, innovation,
-        )  # fmt: skip
-        ahead[:] = state
-        past[:] = history
-        run_to(axis, command_time, command, time[k + steps], ahead, past, work, flow)
-        measure(axis, ahead, past, noise, prediction[k + steps])
+        run_to(model, command_time, command, time[k], state, history, work, flow, machine)
+        measure(model, state, history, noise, reading)
+        correct(model, measured[k], gain, (2 * n + 1) * place[min(k, last)], reading, state, innovation)
+        for i in range(state.shape[0]):
+            ahead[i] = state[i]
+        for i in range(history.shape[0]):
+            for j in range(history.shape[1]):
+                past[i, j] = history[i, j]
+        run_to(model, command_time, command, time[k + steps], ahead, past, work, far_flow, far)
+        measure(model, ahead, past, noise, prediction[k + steps])
 
 
 @entry
@@ -1200,6 +1365,7 @@ def balance(
     as standing: its dry friction balances the other forces up to the breakaway level.
     ``required`` (m,) is the force of the drive on body 0 for the measured motion.
     """
+    model = view_of(axis)
     n = axis.inertia.shape[0]
     net = np.zeros(n)
     transmitted = np.zeros(n)
@@ -1211,7 +1377,7 @@ def balance(
         while index < last and command_time[index + 1] + delay <= time[k] + SAME_TIME:
             held = command[index] if index >= 0 else 0.0
             step = max(command_time[index + 1] + delay - state[TIME], 0.0)
-            settle_effects(axis, held, step, state)
+            settle_effects(model, held, step, state)
             state[TIME] += step
             index += 1
         held = command[index] if index >= 0 else 0.0
@@ -1219,46 +1385,48 @@ def balance(
         for i in range(n):
             state[FIRST + i] = position[k, i]
             state[FIRST + n + i] = velocity[k, i]
-        note_sides(axis, state)
-        settle_effects(axis, held, step, state)
+        note_sides(model, state)
+        settle_effects(model, held, step, state)
         state[TIME] = time[k]
         if axis.condition_hooks.shape[0] > 0:
-            hold_conditions(axis, time[k], state)
-        smooth_forces(axis, held, position[k], velocity[k], 0.0, state, net, transmitted)
+            hold_conditions(model, time[k], state)
+        smooth_forces(model, held, position[k], velocity[k], 0.0, state, net, transmitted)
         for i in range(n):
             left = axis.inertia[i] * acceleration[k, i] - net[i]
             if axis.has_friction[i]:
                 direction = 1.0 if velocity[k, i] > 0.0 else -1.0
                 speed = abs(velocity[k, i])
                 if speed > rest:
-                    left += direction * friction_level(axis, i, direction, speed, transmitted[i], state)
+                    left += direction * friction_level(model, i, direction, speed, transmitted[i], state)
                 else:
                     push = -1.0 if left > 0.0 else 1.0
-                    level = friction_level(axis, i, push, 0.0, transmitted[i], state)
+                    level = friction_level(model, i, push, 0.0, transmitted[i], state)
                     left = -push * max(abs(left) - level, 0.0)
             residual[k, i] = left
-        required[k] = drive_force(axis, held, position[k, 0], velocity[k, 0], 0.0, state) + residual[k, 0]
+        required[k] = drive_force(model, held, position[k, 0], velocity[k, 0], 0.0, state) + residual[k, 0]
 
 
 @entry
 def breakaway_levels(axis: Axis, time: Any, position: Any, body: int, state: Any, levels: Any) -> None:
     """Breakaway levels (m, 2) of a body forwards and backwards, without transmitted torque."""
+    model = view_of(axis)
     for k in range(time.shape[0]):
         if axis.condition_hooks.shape[0] > 0:
-            hold_conditions(axis, time[k], state)
+            hold_conditions(model, time[k], state)
         for i in range(axis.inertia.shape[0]):
             state[FIRST + i] = position[k, i]
-        levels[k, 0] = friction_level(axis, body, 1.0, 0.0, 0.0, state)
-        levels[k, 1] = friction_level(axis, body, -1.0, 0.0, 0.0, state)
+        levels[k, 0] = friction_level(model, body, 1.0, 0.0, 0.0, state)
+        levels[k, 1] = friction_level(model, body, -1.0, 0.0, 0.0, state)
 
 
 @entry
 def drive_along(axis: Axis, time: Any, held: Any, position: Any, velocity: Any, state: Any, force: Any) -> None:
     """Force (m,) of a drive without memory for given commands and motions of body 0 at some instants."""
+    model = view_of(axis)
     for k in range(held.shape[0]):
         if axis.condition_hooks.shape[0] > 0:
-            hold_conditions(axis, time[k], state)
-        force[k] = drive_force(axis, held[k], position[k], velocity[k], 0.0, state)
+            hold_conditions(model, time[k], state)
+        force[k] = drive_force(model, held[k], position[k], velocity[k], 0.0, state)
 
 
 @entry
@@ -1266,22 +1434,34 @@ def accelerations_along(
     axis: Axis, time: Any, held: Any, position: Any, velocity: Any, mode: Any, state: Any, acceleration: Any
 ) -> None:  # fmt: skip
     """Accelerations (m,) of a body without others at given motions, with given directions of its dry friction."""
+    model = view_of(axis)
     inverse = 1.0 / axis.inertia[0]
     for k in range(held.shape[0]):
         if axis.condition_hooks.shape[0] > 0:
-            hold_conditions(axis, time[k], state)
+            hold_conditions(model, time[k], state)
         acceleration[k] = single_acceleration(
-            axis, held[k], position[k], velocity[k], 0.0, state, mode[k], inverse
+            model, held[k], position[k], velocity[k], 0.0, state, mode[k], inverse
         )  # fmt: skip
 
 
 @entry
 def run(axis: Axis, command_time: Any, command: Any, until: float, state: Any, history: Any, work: Any) -> None:
     """Integrate to a time, for a machine that is stepped."""
-    run_to(axis, command_time, command, until, state, history, work, no_flow(axis.inertia.shape[0]))
+    flow = no_flow(axis.inertia.shape[0])
+    machine = view_of_machine(axis, state, history, work, flow)
+    run_to(view_of(axis), command_time, command, until, state, history, work, flow, machine)
 
 
 @entry
 def read(axis: Axis, state: Any, history: Any, noise: Any, reading: Any) -> None:
     """Read every sensor now, for a machine that is stepped."""
-    measure(axis, state, history, noise, reading)
+    measure(view_of(axis), state, history, noise, reading)
+
+
+@cache
+def address_of_advance() -> int:
+    """Address of `advance`, compiled at the first use and cached beside this file; 0 where numba is disabled."""
+    if config.DISABLE_JIT:
+        return 0
+    signature = types.void(View(_MACHINE), types.float64, types.float64)
+    return int(cfunc(signature, cache=True, error_model="numpy", _nrt=False)(advance).address)

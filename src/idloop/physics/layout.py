@@ -259,6 +259,7 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None, *, final: b
                 MOST_STEPS,
                 beyond / STEP_ANGLE,
                 np.inf,
+                kernel.address_of_advance(),
             ]
         ),
         spatial_rate=spatial / STEP_ANGLE,

@@ -88,15 +88,16 @@ def _loop(stamp: int) -> Any:
         axis: Any, kind: Any, parameters: Any, memory: Any, inputs: Any, instants: Any, ticks: Any, reference: Any,
         feedforward: Any, noise: Any, disturbance: Any, state: Any, history: Any, output: Any, command: Any,
     ) -> int:  # fmt: skip
-        work = np.zeros((9, axis.inertia.shape[0]))
         seen = np.zeros(inputs.shape[0])
         sent_time = np.zeros(instants.shape[0])
         sent = np.zeros(instants.shape[0])
+        work = np.zeros((9, axis.inertia.shape[0]))
         flow = kernel.chain_flow(axis, instants[:1], instants)
+        machine, model = kernel.view_of_machine(axis, state, history, work, flow), kernel.view_of(axis)
         count = 0
         for k in range(instants.shape[0]):
-            kernel.run_to(axis, sent_time[:count], sent[:count], instants[k], state, history, work, flow)
-            kernel.measure(axis, state, history, noise[k], output[k])
+            kernel.run_to(model, sent_time[:count], sent[:count], instants[k], state, history, work, flow, machine)
+            kernel.measure(model, state, history, noise[k], output[k])
             state[kernel.DISTURBANCE] = disturbance[k]
             if ticks[k]:
                 for i in range(inputs.shape[0]):
