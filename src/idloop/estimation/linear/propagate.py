@@ -6,10 +6,32 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from idloop.estimation.compiled import inner
+
 Array = NDArray[np.float64]
 _LONGEST = 20_000  # samples: a mode that has not decayed by then is nearly constant in the rest as well
 _REWEIGHTINGS = 3  # rounds of iteratively reweighted least squares
 _LEAST_SHARE = 1e-9  # of an output's size: errors below are rounding
+
+
+@inner
+def _weigh(left: Array, x: Array, right: Array, u: Array, out: Array) -> None:
+    """A x + B u into `out`."""
+    for i in range(left.shape[0]):
+        total = 0.0
+        for j in range(left.shape[1]):
+            total += left[i, j] * x[j]
+        for j in range(right.shape[1]):
+            total += right[i, j] * u[j]
+        out[i] = total
+
+
+@inner
+def _move(a: Array, b: Array, x: Array, u: Array, following: Array) -> None:
+    """The state after one more sample, in place."""
+    _weigh(a, x, b, u, following)
+    for i in range(x.shape[0]):
+        x[i] = following[i]
 
 
 @njit(cache=True)
@@ -24,21 +46,8 @@ def respond(a: Array, b: Array, c: Array, d: Array, state: Array, inputs: Array)
     x = state.copy()
     following = np.empty(order)
     for k in range(samples):
-        for i in range(c.shape[0]):
-            total = 0.0
-            for j in range(order):
-                total += c[i, j] * x[j]
-            for j in range(inputs.shape[1]):
-                total += d[i, j] * inputs[k, j]
-            outputs[k, i] = total
-        for i in range(order):
-            total = 0.0
-            for j in range(order):
-                total += a[i, j] * x[j]
-            for j in range(inputs.shape[1]):
-                total += b[i, j] * inputs[k, j]
-            following[i] = total
-        x[:] = following
+        _weigh(c, x, d, inputs[k], outputs[k])
+        _move(a, b, x, inputs[k], following)
     return outputs
 
 
@@ -56,19 +65,25 @@ def ahead(
     rows are predicted from the first state alone.
     """
     samples = inputs.shape[0]
-    predicted = np.zeros((samples, c.shape[0]))
-    x = state.copy()
+    order, count = c.shape[1], c.shape[0]
+    predicted = np.zeros((samples, count))
+    x, far, before, error = state.copy(), state.copy(), np.empty(order), np.empty(count)
     for k in range(min(steps - 1, samples)):
-        predicted[k] = c @ x + d @ inputs[k]
-        x = a @ x + b @ inputs[k]
-    x = state.copy()
+        _weigh(c, x, d, inputs[k], predicted[k])
+        _move(a, b, x, inputs[k], before)
+    for i in range(order):
+        x[i] = state[i]
     for k in range(samples - steps + 1):
-        far = x.copy()
+        for i in range(order):
+            far[i] = x[i]
         for i in range(steps - 1):
-            far = a @ far + b @ inputs[k + i]
-        predicted[k + steps - 1] = c @ far + d @ inputs[k + steps - 1]
-        error = outputs[k] - c @ x - d @ inputs[k]
-        x = a @ x + b @ inputs[k] + gain @ error
+            _move(a, b, far, inputs[k + i], before)
+        _weigh(c, far, d, inputs[k + steps - 1], predicted[k + steps - 1])
+        _weigh(c, x, d, inputs[k], error)
+        _move(a, b, x, inputs[k], before)
+        for i in range(order):
+            for j in range(count):
+                x[i] += gain[i, j] * (outputs[k, j] - error[j])
     return predicted
 
 

@@ -98,8 +98,10 @@ def _errors(
                 for s in range(k):
                     row[s] += dgain[i, q, s] * errors[t, q]
             following[i] = total
-        state[:] = following
-        moved[:, :] = after
+        for i in range(n):
+            state[i] = following[i]
+            for s in range(columns):
+                moved[i, s] = after[i, s]
     return errors, derivatives
 
 

@@ -15,6 +15,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from idloop.estimation.compiled import seldom
+
 Array = NDArray[np.float64]
 
 SIGMOID, SCALING, WAVELET = 0, 1, 2
@@ -61,7 +63,7 @@ def with_parameters(network: Network, values: Array, with_linear: bool) -> Netwo
     return network._replace(**changed)
 
 
-@njit(cache=True)
+@seldom
 def _regressors(network: Network, k: int, inputs: Array, outputs: Array, origin: int, own: Array, z: Array) -> None:
     """Scaled regressors of sample k; outputs from `origin` on are the model's own."""
     p = outputs.shape[1]
@@ -76,7 +78,7 @@ def _regressors(network: Network, k: int, inputs: Array, outputs: Array, origin:
         z[i] = (value - network.center[i]) / network.width[i]
 
 
-@njit(cache=True)
+@seldom
 def _distance(network: Network, unit: int, z: Array) -> float:
     total = 0.0
     for j in range(z.size):
@@ -84,7 +86,7 @@ def _distance(network: Network, unit: int, z: Array) -> float:
     return total
 
 
-@njit(cache=True)
+@seldom
 def _unit(network: Network, unit: int, z: Array) -> float:
     if network.kind[unit] == SIGMOID:
         argument = network.scale[unit]
@@ -96,7 +98,7 @@ def _unit(network: Network, unit: int, z: Array) -> float:
     return bell if network.kind[unit] == SCALING else (z.size - square) * bell
 
 
-@njit(cache=True)
+@seldom
 def _evaluate(network: Network, z: Array, result: Array) -> None:
     """Outputs in their own units."""
     for i in range(result.size):
@@ -147,11 +149,12 @@ def ahead(network: Network, inputs: Array, outputs: Array, first: int, steps: in
             _evaluate(network, z, result)
             for i in range(p):
                 own[at - origin, i] = min(max(result[i], low[i]), high[i])
-        predicted[k] = own[k - origin]
+        for i in range(p):
+            predicted[k, i] = own[k - origin, i]
     return predicted
 
 
-@njit(cache=True)
+@seldom
 def _slopes(network: Network, with_linear: bool, z: Array, by_parameter: Array, by_regressor: Array) -> None:
     """Slopes of f at z: by the parameters, shape (p, k), and by the scaled regressors, shape (p, r)."""
     h, d = network.direction.shape
@@ -219,5 +222,7 @@ def slopes(
                     slope = by_regressor[i, r] * network.output_width[signal] / network.width[r]
                     for q in range(row.shape[1]):
                         row[i, q] += slope * before[q]
-            carry[k % depth] = row
+            for i in range(p):
+                for q in range(row.shape[1]):
+                    carry[k % depth, i, q] = row[i, q]
     return found

@@ -1,14 +1,42 @@
-"""Products and factors of small matrices for compiled loops, in which a library call costs more than the product."""
+"""Products and factors of small matrices for compiled loops, in which a library call costs more than the product.
+
+Assignments too: for one of arrays numba compiles all that forms the message of a wrong shape, a second each time.
+"""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from idloop.estimation.compiled import inner
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inner
+def assign(a: Any, out: Any) -> None:
+    """The matrix A into `out`."""
+    for i in range(a.shape[0]):
+        for j in range(a.shape[1]):
+            out[i, j] = a[i, j]
+
+
+@inner
+def subtract(a: Any, out: Any) -> None:
+    """The matrix A from `out`."""
+    for i in range(a.shape[0]):
+        for j in range(a.shape[1]):
+            out[i, j] -= a[i, j]
+
+
+@inner
+def symmetrise(a: Any) -> None:
+    """The mean of A and A' into A."""
+    for i in range(a.shape[0]):
+        for j in range(i, a.shape[1]):
+            a[i, j] = a[j, i] = 0.5 * (a[i, j] + a[j, i])
+
+
+@inner
 def multiply(a: Any, b: Any, out: Any) -> None:
     """Matrix product A B into `out`."""
     for i in range(a.shape[0]):
@@ -19,7 +47,7 @@ def multiply(a: Any, b: Any, out: Any) -> None:
             out[i, j] = total
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inner
 def multiply_transposed(a: Any, b: Any, out: Any) -> None:
     """Matrix product A B' into `out`."""
     for i in range(a.shape[0]):
@@ -30,7 +58,7 @@ def multiply_transposed(a: Any, b: Any, out: Any) -> None:
             out[i, j] = total
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inner
 def solve_from_right(a: Any, factor: Any, b: Any) -> None:
     """Replace the rows of `b` by B A^-1, A symmetric and positive; `factor` takes its Cholesky factor."""
     p = a.shape[0]
@@ -49,7 +77,7 @@ def solve_from_right(a: Any, factor: Any, b: Any) -> None:
             b[row, i] = total / factor[i, i]
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inner
 def cholesky(a: Any, factor: Any) -> None:
     """Lower Cholesky factor of a positive matrix into `factor`, whose upper part is left as it is."""
     for i in range(a.shape[0]):

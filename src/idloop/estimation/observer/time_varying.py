@@ -9,7 +9,15 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from idloop.estimation.observer.small_matrices import cholesky, multiply, multiply_transposed, solve_from_right
+from idloop.estimation.compiled import seldom
+from idloop.estimation.observer.small_matrices import (
+    assign,
+    cholesky,
+    multiply,
+    multiply_transposed,
+    solve_from_right,
+    symmetrise,
+)
 
 if TYPE_CHECKING:
     from idloop.physics.engine import Linear
@@ -166,20 +174,29 @@ def scale_start(series: Any, scalings: Any, place: Any) -> None:
             series[k, i] = total
 
 
-@njit(cache=True, nogil=True)
+@seldom
 def _updated(covariance: Any, information: Any) -> Any:
     """Covariance (P^-1 + M)^-1 beside further information, as L (I + L' M L)^-1 L' with P = L L'.
 
     Accurate also where P is large in a direction in which M is none but for rounding, as the position of an axis of
     which the velocity alone is measured.
     """
-    values, vectors = np.linalg.eigh(covariance)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    size = covariance.shape[0]
+    values, root = np.linalg.eigh(covariance)
+    for j in range(size):
+        scale = np.sqrt(max(values[j], 0.0))
+        for i in range(size):
+            root[i, j] *= scale
     back = np.ascontiguousarray(root.T)
-    return root @ np.linalg.solve(np.eye(len(values)) + back @ information @ root, back)
+    within = back @ information @ root
+    for i in range(size):
+        within[i, i] += 1.0
+    ahead = root.copy()
+    solve_from_right(within, np.empty((size, size)), ahead)
+    return ahead @ back
 
 
-@njit(cache=True, nogil=True)
+@seldom
 def _doubled_steps(transition: Any, output: Any, process: Any, count: int) -> Any:
     """Riccati steps of 2^j samples as (A, Q, M) of P -> Q + A P (I + M P)^-1 A', shape (count, 3, m, m).
 
@@ -187,17 +204,19 @@ def _doubled_steps(transition: Any, output: Any, process: Any, count: int) -> An
     """
     m = transition.shape[0]
     found = np.empty((count, 3, m, m))
-    found[0, 0], found[0, 1], found[0, 2] = transition, process, np.ascontiguousarray(output.T) @ output
+    assign(transition, found[0, 0])
+    assign(process, found[0, 1])
+    assign(np.ascontiguousarray(output.T) @ output, found[0, 2])
     for j in range(1, count):
         a, q, h = found[j - 1, 0], found[j - 1, 1], found[j - 1, 2]
         back = np.ascontiguousarray(a.T)
         updated = _updated(q, h)
         ahead = a - updated @ (h @ a)
-        found[j, 0] = a @ ahead
-        found[j, 1] = q + a @ (updated @ back)
-        found[j, 2] = h + back @ (h @ ahead)
-        for part in range(1, 3):
-            found[j, part] = 0.5 * (found[j, part] + found[j, part].T)
+        assign(a @ ahead, found[j, 0])
+        assign(q + a @ (updated @ back), found[j, 1])
+        assign(h + back @ (h @ ahead), found[j, 2])
+        symmetrise(found[j, 1])
+        symmetrise(found[j, 2])
     return found
 
 
@@ -243,7 +262,7 @@ def _recursion(
             if steps_by_power.shape[0] == 0:
                 steps_by_power = _doubled_steps(transition, output, process, int(np.log2(most)) + 1)
             a, q, h = steps_by_power[level, 0], steps_by_power[level, 1], steps_by_power[level, 2]
-            whole[:] = q + a @ _updated(covariance, h) @ np.ascontiguousarray(a.T)
+            whole = q + a @ _updated(covariance, h) @ np.ascontiguousarray(a.T)
             for i in range(m):
                 for j in range(m):
                     covariance[i, j] = 0.5 * (whole[i, j] + whole[j, i])

@@ -196,7 +196,8 @@ def joint_advance(
         for k in range(states, size):
             for j in range(size):
                 moved[k, j] = upper[k, j]
-        state[:] = ahead
+        for k in range(states):
+            state[k] = ahead[k]
         time_update(upper, diagonal, moved, noise, work)
         variances(upper, diagonal, variance)
         limit_variances(upper, diagonal, variance, most)
@@ -214,7 +215,8 @@ def joint_advance(
             scalars[VARIANCE] = scalars[FIT] * total
             for k in range(states):
                 state[k] += gain[k] * error
-            old[:] = theta
+            for k in range(len(theta)):
+                old[k] = theta[k]
             step = 1.0
             for halving in range(_HALVINGS + 1):
                 for k in range(len(theta)):
@@ -233,8 +235,9 @@ def joint_advance(
         if (offset + t + 1) % every == 0:
             variances(upper, diagonal, variance)
             row = (offset + t) // every
-            values[row] = theta
-            errors[row] = variance[states:] * scalars[FIT]
+            for k in range(len(theta)):
+                values[row, k] = theta[k]
+                errors[row, k] = variance[states + k] * scalars[FIT]
 
 
 class ExtendedKalman(RecursivePolynomial):

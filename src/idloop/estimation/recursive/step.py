@@ -6,6 +6,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from idloop.estimation.compiled import seldom
+
 Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
 # Rows of the memory: output and filtered output, then six of each input, then four of the noise.
@@ -160,7 +162,7 @@ def stable(tail: Array, radius: float) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True)
+@seldom
 def _predictor_stable(theta: Array, na: int, nc: int, nd: int, nb: Whole, nf: Whole, radius: float) -> bool:
     place = na
     for i in range(len(nb)):
@@ -185,14 +187,14 @@ def spread(scalars: Array) -> float:
     return float(scalars[VARIANCE] * share)
 
 
-@njit(cache=True, nogil=True)
+@seldom
 def _push(row: Array, value: float) -> None:
     for k in range(len(row) - 1, 0, -1):
         row[k] = row[k - 1]
     row[0] = value
 
 
-@njit(cache=True, nogil=True)
+@seldom
 def _recursive(value: float, past: Array, tail: Array) -> float:
     """Value through 1 / P: minus sum p_k past(t - k), `past` beginning at t - 1."""
     for k in range(len(tail)):
@@ -200,7 +202,7 @@ def _recursive(value: float, past: Array, tail: Array) -> float:
     return value
 
 
-@njit(cache=True, nogil=True)
+@seldom
 def _remember(value: float, f: Array, c: Array, d: Array, over_f: Array, filtered: Array) -> None:
     """Push a signal through 1 / F, and that through D / C, as the gradient needs them."""
     over = _recursive(value, over_f, f)
@@ -211,7 +213,7 @@ def _remember(value: float, f: Array, c: Array, d: Array, over_f: Array, filtere
     _push(over_f, over)
 
 
-@njit(cache=True, nogil=True)
+@seldom
 def _carry(covariance: Array, gain: Array, gradient: Array, step: float, most: Array, work: Array) -> None:
     """(I - K psi^T) P (I - K psi^T)^T + K K^T, for errors of variance 1, in O(k^2).
 
@@ -327,10 +329,12 @@ def advance(
             scalars[WEIGHT_SQUARED] = forgetting**2 * scalars[WEIGHT_SQUARED] + 1.0
             memory = max(1.0 / scalars[WEIGHT], 1e-3 if walking else 0.0)
             scalars[VARIANCE] += memory * (error * error * forgetting / total - scalars[VARIANCE])
-            old[:] = theta
+            for k in range(size):
+                old[k] = theta[k]
             step = 1.0
             for halving in range(_HALVINGS + 1):
-                theta[:] = old + step * error * gain
+                for k in range(size):
+                    theta[k] = old[k] + step * error * gain[k]
                 if _predictor_stable(theta, na, nc, nd, nb, nf, radius):
                     break
                 if halving == 0:
@@ -354,12 +358,10 @@ def advance(
             limit_variances(upper, diagonal, variance, most)
         if recorded:
             row = (offset + t) // every
-            values[row] = theta
-            if len(carried):
-                for k in range(size):
-                    errors[row, k] = scalars[VARIANCE] * carried[k, k]
-            else:
-                errors[row] = variance * spread(scalars)
+            share = spread(scalars)
+            for k in range(size):
+                values[row, k] = theta[k]
+                errors[row, k] = scalars[VARIANCE] * carried[k, k] if len(carried) else variance[k] * share
         # What goes into the memory is computed with the new coefficients.
         c, d = theta[first_c:first_d], theta[first_d:first_f]
         after = y

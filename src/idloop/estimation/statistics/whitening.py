@@ -9,7 +9,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from idloop.estimation.observer.small_matrices import multiply, multiply_transposed, solve_from_right
+from idloop.estimation.observer.small_matrices import (
+    assign,
+    multiply,
+    multiply_transposed,
+    solve_from_right,
+    subtract,
+    symmetrise,
+)
 
 Array = NDArray[np.float64]
 
@@ -95,34 +102,37 @@ def _levinson(covariance: Any, innovation: Any) -> Any:
     for i in range(p):  # for exactly dependent residuals, such as data without rounding
         left_ahead[i, i] += 1e-10 * covariance[0, i, i]
         left_back[i, i] = left_ahead[i, i]
-    innovation[0] = left_ahead
+    assign(left_ahead, innovation[0])
     last_ahead, last_back, factor = np.empty((p, p)), np.empty((p, p)), np.zeros((p, p))
     part = np.empty((p, p))
     for k in range(1, order + 1):
         missing = covariance[k].copy()
         for i in range(k - 1):
             multiply(ahead[i], covariance[k - 1 - i], part)
-            missing -= part
-        last_ahead[:] = missing
+            subtract(part, missing)
+        assign(missing, last_ahead)
         solve_from_right(left_back, factor, last_ahead)
-        last_back[:] = missing.T
+        assign(missing.T, last_back)
         solve_from_right(left_ahead, factor, last_back)
         if not (np.all(np.isfinite(last_ahead)) and np.all(np.isfinite(last_back))):
             return ahead[: k - 1]
-        before_ahead[: k - 1], before_back[: k - 1] = ahead[: k - 1], back[: k - 1]
+        for i in range(k - 1):
+            assign(ahead[i], before_ahead[i])
+            assign(back[i], before_back[i])
         for i in range(k - 1):
             multiply(last_ahead, before_back[k - 2 - i], part)
-            ahead[i] -= part
+            subtract(part, ahead[i])
             multiply(last_back, before_ahead[k - 2 - i], part)
-            back[i] -= part
-        ahead[k - 1], back[k - 1] = last_ahead, last_back
+            subtract(part, back[i])
+        assign(last_ahead, ahead[k - 1])
+        assign(last_back, back[k - 1])
         multiply_transposed(last_ahead, missing, part)
-        left_ahead -= part
+        subtract(part, left_ahead)
         multiply(last_back, missing, part)
-        left_back -= part
-        left_ahead[:] = 0.5 * (left_ahead + left_ahead.T)
-        left_back[:] = 0.5 * (left_back + left_back.T)
-        innovation[k] = left_ahead
+        subtract(part, left_back)
+        symmetrise(left_ahead)
+        symmetrise(left_back)
+        assign(left_ahead, innovation[k])
     return ahead
 
 
