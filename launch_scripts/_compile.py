@@ -1,4 +1,4 @@
-"""Compile everything that is compiled, once, as the last step of the set-up.
+"""Compile what most starts need, once, as the last step of the set-up.
 
 Otherwise the first live graph would do it in several processes at the same time.
 """
@@ -6,6 +6,7 @@ Otherwise the first live graph would do it in several processes at the same time
 from __future__ import annotations
 
 import contextlib
+import gc
 import importlib
 import multiprocessing
 from concurrent.futures import ProcessPoolExecutor
@@ -20,7 +21,10 @@ from idloop.estimation.black_box.identification import identify
 from idloop.estimation.black_box.method import Choices
 from idloop.estimation.black_box.sampled import SampledData
 from idloop.estimation.live_estimator import RecursiveEstimator
+from idloop.estimation.observer.time_varying import scale_start, scalings_to_last, time_varying_observer
+from idloop.estimation.statistics.whitening import fit_whitener
 from idloop.physics import Engine, Plant, load_model
+from idloop.physics.engine import Linear
 from idloop.records import Record
 from idloop.validation import compare
 
@@ -30,8 +34,9 @@ LIBRARIES = (
     "matplotlib.pyplot", "mcap.reader", "mcap.writer", "rich.progress", "rosbags.highlevel", "scipy.optimize",
     "scipy.signal",
 )  # fmt: skip
-# Black-box methods that between them call everything that theirs have compiled.
-METHODS = ("n4sid", "vodma-direct", "pem", "narx-wavelet", "narx-neural", "rarx", "ekf")
+# Black-box methods that between them call everything that theirs have compiled. The recursive ones are compiled when
+# they are first used, in a few seconds.
+METHODS = ("n4sid", "vodma-direct", "pem", "narx-wavelet", "narx-neural")
 HIDDEN = "dead_zone@input(width=0.3)"
 # Those whose models run and look ahead by code of their own.
 JUDGED = ("n4sid", "narx-neural")
@@ -40,11 +45,12 @@ NODES = ("rclpy", "idloop_nodes.nodes.estimator", "idloop_nodes.nodes.recorder")
 
 def compile_all() -> None:
     """Compile on two cores: what has little in common side by side, the rest when what both need is there."""
-    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
-        beside = [pool.submit(identify_once)]
+    gc.disable()  # a compiler leaves little that has to be searched for
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"), initializer=gc.disable) as pool:
+        beside = [pool.submit(one) for one in (control_once, filter_once, identify_once)]
         import_all()
         simulate_once()
-        beside.append(pool.submit(validate_once))
+        beside.append(pool.submit(suggest_once))
         diagnose_once()
         for one in beside:
             one.result()
@@ -73,8 +79,22 @@ def simulate_once() -> None:
     plant = Plant(model)
     plant.measure()
     plant.step(1.0, 0.01)
-    build_controller(model.controller).step(0.0, 0.0, {"motor.position": 0.0})
     RecursiveEstimator(model, sample_time=0.01).update_block(time, command, output)
+
+
+def control_once() -> None:
+    """Take a step of a controller."""
+    build_controller(load_model("dc_motor").controller).step(0.0, 0.0, {"motor.position": 0.0})
+
+
+def filter_once() -> None:
+    """Design a filter of residuals, and an observer that settles slowly."""
+    residuals = np.random.default_rng(0).normal(size=(400, 2))
+    fit_whitener([residuals], 2).apply(residuals)
+    force = np.array([0.0, 1.0])
+    linear = Linear(np.array([[0.0, 1.0], [0.0, -2.0]]), force, np.eye(2), force)
+    observer = time_varying_observer(linear, [0, 1], 0.01, 1e-3, np.full(2, 0.01), np.ones(3), 20_000)
+    scale_start(residuals, scalings_to_last(observer.covariances), observer.place)
 
 
 def identify_once() -> None:
@@ -94,13 +114,14 @@ def identify_once() -> None:
 
 def diagnose_once() -> None:
     """Weigh the whole catalogue on a few seconds of data, for whose compilation the first live diagnosis would wait."""
-    diagnose(load_model("dc_motor"), [a_few_seconds()])
+    model, record = load_model("dc_motor"), a_few_seconds()
+    diagnose(model, [record])
+    np.isfinite(compare(model, record).ahead)  # computed when it is asked for
 
 
-def validate_once() -> None:
-    """Compare, and work out experiments, for whose compilation these verbs would wait."""
+def suggest_once() -> None:
+    """Work out experiments, for whose compilation this verb would wait."""
     record = a_few_seconds()
-    np.isfinite(compare(load_model("dc_motor"), record).ahead)  # computed when it is asked for
     rivals = [load_model("dc_motor").with_effects([text]) for text in (HIDDEN, "coulomb_friction@motor(level=2.0)")]
     for way in ("command", "reference"):
         suggest(rivals, [record], duration=2.0, adds_to=way)
