@@ -43,7 +43,7 @@ class Suggestion(Result):
 
     def blocks(self) -> Iterator[Block]:
         """Yield the experiment with what each rival would show, or why there is none."""
-        yield from self.answer.lines
+        yield from self.answer.blocks()
 
     def plot(self) -> Figure:
         """Draw what is sent in, what each rival would show, and by how much they differ.

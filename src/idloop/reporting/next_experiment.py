@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,8 @@ from idloop.diagnosis.equivalence.equivalent_effects import (
     without_equivalents,
 )
 from idloop.reporting.detectability import undetectable
+from idloop.reporting.text.blocks import Block
+from idloop.reporting.text.next_experiment import experiment_blocks
 
 if TYPE_CHECKING:
     from idloop.diagnosis import Diagnosis, Ladder, Step
@@ -51,13 +53,16 @@ class Next:
     futile: bool = False
     lead: str = ""
 
-    @property
-    def lines(self) -> list[str]:
-        """For the terminal."""
-        told = [*([self.lead] if self.lead else []), *(line for group in self.twins for line in group.lines)]
+    def blocks(self) -> Iterator[Block]:
+        """Yield what was found before, the experiment with what each rival would show, or why there is none."""
+        if self.lead:
+            yield self.lead
+        for group in self.twins:
+            yield from group.lines
         if self.suggestion is not None:
-            return [*told, self.suggestion.summary()]
-        return [*told, *([self.reason] if self.reason else [])]
+            yield from experiment_blocks(self.suggestion.to_dict())
+        elif self.reason:
+            yield self.reason
 
     def to_dict(self) -> dict[str, Any]:
         """What goes beside the experiment in JSON."""

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from idloop.diagnosis.design.expected_outcome import Outcome, describe, describe_signal, describe_visible, outcomes_of
+from idloop.diagnosis.design.expected_outcome import Outcome, describe, describe_visible, outcomes_of
 from idloop.diagnosis.design.experiment import COMMAND, REFERENCE, Experiment, Setup
 from idloop.diagnosis.design.limits import Limits, follows_reference, motion
 from idloop.diagnosis.design.rival_set import check_signals, prepare_rivals
@@ -111,11 +111,6 @@ class Suggestion:
             "limits": self.limits.to_dict(),
             "start": self.start,
         }
-
-    def summary(self) -> str:
-        """Return the text for the terminal."""
-        lines = [describe_signal(self.signal, self.adds_to, self.unit), self.text]
-        return "\n".join([*lines, *(f"  {outcome.text}" for outcome in self.outcomes)])
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")

@@ -14,6 +14,7 @@ from idloop.reporting.residual_findings import residual_warnings
 from idloop.reporting.scores import disagreements, judging, step_scores
 from idloop.reporting.terms import DATA_USE
 from idloop.reporting.text.blocks import Block, Table, number
+from idloop.reporting.text.next_experiment import experiment_blocks
 from idloop.reporting.text.parameters import parameters_text
 from idloop.reporting.verdicts import CRITERIA, basis, conclusion, scope_text
 from idloop.validation.where import DRIVE_FORCE
@@ -80,9 +81,7 @@ def ladder_blocks(ladder: Ladder, left: Sequence[ResidualFinding] = ()) -> Itera
         yield f"{basis(lacking)}this data cannot show: {', '.join(hidden)}"
     suggested = ladder.suggested_experiment
     if suggested is not None:
-        yield f"next experiment: {suggested['text']}"
-        for outcome in suggested["outcomes"]:
-            yield f"  {outcome['text']}"
+        yield from experiment_blocks(suggested)
 
 
 def parameter_blocks(ladder: Ladder) -> Iterator[Block]:
