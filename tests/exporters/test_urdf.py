@@ -92,3 +92,13 @@ def test_a_parser_of_urdf_reads_it(parser, tmp_path):
     robot = module.URDF.load(str(path)) if parser == "yourdfpy" else module.URDF.from_xml_file(str(path))
     dynamics = (robot.joint_map["axis"]).dynamics
     assert (float(dynamics.damping), float(dynamics.friction)) == (0.05, 0.08)
+
+
+def test_the_limit_of_a_loop_in_the_drive_is_an_effort():
+    text = (
+        load_model("axis")
+        .to_yaml()
+        .replace("drive: {gain: 1.0}", "drive: {gain: 2.0, kind: velocity_loop, proportional: 3.0, limit: 6.0}")
+    )
+    text = text.replace("field: effort, unit: N·m", "field: velocity, unit: rad/s").partition("controller:")[0]
+    assert float(read(from_text(text, None)).find("limit").get("effort")) == 12.0

@@ -37,7 +37,7 @@ def test_an_effort_of_zero_is_no_limit(tmp_path, urdf):
         ('upper="2"', 'upper="-2"', "lower limit -2 is not below upper limit -2"),
         ('upper="2"', 'upper="two"', "upper 'two' is no number"),
         ('upper="2"', 'upper="nan"', "upper nan is not finite"),
-        ('name="shoulder"', 'name="sholder"', "no joint 'shoulder'.*sholder"),
+        ('name="shoulder"', 'name="shoulder1"', "no joint 'shoulder'.*shoulder1"),
         ("</robot>", "", "is no URDF"),
     ],
 )

@@ -24,7 +24,7 @@ def export(model: Model, form: str, path: str | Path | None = None) -> Exported:
     ----------
     model : Model
         Usually as a fit has left it.
-    form : {"urdf", "mujoco", "control", "ros2_control", "compensator", "json"}
+    form : {"urdf", "mujoco", "usd", "control", "ros2_control", "compensator", "c", "ranges", "json"}
     path : str or Path, optional
         Also write the file.
 

@@ -16,10 +16,12 @@ if TYPE_CHECKING:
 FORMATS = {
     "urdf": "idloop.exporters.urdf",
     "mujoco": "idloop.exporters.mujoco",
+    "usd": "idloop.exporters.usd",
     "control": "idloop.exporters.state_space",
     "ros2_control": "idloop.exporters.ros2_control",
     "compensator": "idloop.exporters.compensator",
     "c": "idloop.exporters.c_header",
+    "ranges": "idloop.exporters.ranges",
     "json": "idloop.exporters.plain_json",
 }
 

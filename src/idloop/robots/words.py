@@ -104,7 +104,7 @@ def parameter_lines(joint: Mapping[str, Any], names: list[str]) -> Iterator[str]
 def link_table(document: Mapping[str, Any]) -> Table:
     """Table of the links' masses and centres of mass."""
     rows = [
-        (name, number(one["mass"], 4), *(number(round(value, 6), 3) for value in one["centre"]))
+        (name, number(one["mass"], 4), *(number(round(value, 6) + 0.0, 3) for value in one["centre"]))
         for name, one in document["links"].items()
     ]
     return Table.of(("link behind", "mass kg", "centre x m", "y", "z"), rows)

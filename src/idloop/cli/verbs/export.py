@@ -28,9 +28,12 @@ EXAMPLE = """\b
 Formats:
   urdf          <joint> with damping, friction and limits
   mujoco        MJCF of the axis, ready to load
+  usd           joint of UsdPhysics and PhysX, with the drive of a servo
   control       A, B, C, D of the linear part for python-control, as JSON
   ros2_control  parameters of a controller with the model's gains
   compensator   a model file with what the controller node can cancel
+  c             header of C99 with the command that a motion needs
+  ranges        intervals as ranges for domain randomisation
   json          every number with its unit and its standard error
 \b
 Examples:
