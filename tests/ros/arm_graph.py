@@ -18,6 +18,7 @@ URDF = BENCHMARKS / "six_joint_arm" / "arm.urdf"
 PATIENCE = 300.0  # a busy machine takes its time to start a node
 ACCELERATION, STOP_TIME, HORIZON, WATCHDOG = 12.0, 0.5, 0.1, 0.1
 PERIOD = 0.002  # of the measurements of the arm
+KEPT = 4000  # newest of them
 JOINTS = ("base_yaw", "shoulder", "elbow", "wrist_pitch", "wrist_roll", "tool")
 
 
@@ -48,6 +49,7 @@ class ArmGraph:
         }  # fmt: skip
         self.parameters = {"trajectory_bridge": bridge | bridge_parameters, "guardian": {"bridge": "trajectory_bridge"}}
         self.processes = {}
+        self.read_to, self.newest = 0, np.zeros((0, 26))
         self._popen("arm", [sys.executable, str(BENCHMARKS / "arm_robot.py"), "--log", str(self.log)])
         for name in self.parameters:
             self.start(name)
@@ -68,11 +70,15 @@ class ArmGraph:
         return time.monotonic_ns()
 
     def rows(self):
-        """What the arm has written: (n, 26), steady time, refused messages, told and measured motion."""
-        if not self.log.exists():
-            return np.zeros((0, 26))
-        whole, _, _ = self.log.read_text(encoding="utf-8").rpartition("\n")
-        return np.array([line.split(",") for line in whole.splitlines()[-4000:]], dtype=float).reshape(-1, 26)
+        """What the arm has written of late: (n, 26), steady time, refused messages, told and measured motion."""
+        if self.log.exists():
+            with self.log.open(encoding="utf-8") as file:
+                file.seek(self.read_to)
+                whole, end, _ = file.read().rpartition("\n")
+            self.read_to += len((whole + end).encode())
+            new = np.array([line.split(",") for line in whole.splitlines()], dtype=float).reshape(-1, 26)
+            self.newest = np.vstack([self.newest, new])[-KEPT:]
+        return self.newest
 
     def until(self, condition):
         end = time.monotonic() + PATIENCE

@@ -134,6 +134,21 @@ def test_a_message_of_another_part_of_the_robot_is_none_of_ours_and_one_without_
     one.bench.until(said)
 
 
+def test_after_a_pause_only_the_newest_measurement_counts(bench, files):
+    """Those that have waited say where the arm was: compared with where it is told to be now, it would be lost."""
+    one = ArmBench(bench, files)
+    from rclpy.duration import Duration
+
+    one.measure()
+    one.until(lambda: one.gate.share_done and one.gate.planned(time.monotonic_ns())[0][0] > 0.25)
+    for share in (*[0.0] * 50, 1.0):
+        position = tuple(share * one.gate.planned(time.monotonic_ns())[0])
+        one.robot.publish(encode_joint_state(JointSample(time.time_ns(), JOINTS, position, (0.0, 0.0))))
+    assert one.robot.wait_for_all_acked(Duration(seconds=60))
+    one.until(lambda: one.gate.share_done > 0.9)
+    assert not one.gate.latched
+
+
 def test_the_emergency_stop_is_a_service(bench, files):
     one = ArmBench(bench, files)
     one.until(lambda: one.gate.share_done > 0.3)

@@ -48,7 +48,10 @@ class TrajectoryBridgeNode(GuardedNode[Piece]):
             raise InputError(f"{values['trajectory']}: {error}") from error
         self._reader = JointReader([(joint, field) for field in FIELDS for joint in path.joints])
         self._sent_writer = JointWriter(path.joints, ("position", "velocity"))
-        self.subscribe(JointState, values["robot_states"], self._on_measurement, qos.robot(reliable=values["reliable"]))
+        # Only the newest counts: after a pause the arm is not where those that have waited say.
+        newest = qos.robot(reliable=values["reliable"])
+        newest.depth = 1
+        self.subscribe(JointState, values["robot_states"], self._on_measurement, newest)
         self.get_logger().info(
             f"{path.duration:g} s for {len(path.joints)} joints; a stop takes {values['stop_time']:g} s, and after the "
             f"loss of this machine {values['horizon'] + values['stop_time']:g} s"
