@@ -1,6 +1,6 @@
 """How soon an arm rests when the bridge, its guardian or both die or hang, on a live graph with the MuJoCo arm.
 
-Time is counted from the fault to the first instant at which the arm is told to rest, by the steady clock.
+Time is counted from the fault to the first instant at which the set-point rests, by the steady clock.
 
     source launch_scripts/_environment; idloop_environment test
     .venv/bin/python benchmarks/arm_faults.py --faults 10
