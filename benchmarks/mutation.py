@@ -40,7 +40,18 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "ros_ws" / "src" / "idloop_nodes" / "idloop_nodes"
 TESTS = ROOT / "tests" / "ros"
 SURVIVORS = Path(__file__).with_name("mutation_survivors.yaml")
-MODULES = ("safety_gate", "command_limiter", "gate_settings", "emergency_stop", "stream_watch", "silence_watch")
+# Module, and the tests that are to kill its mutants.
+GATE = ("test_safety_gate", "test_bridge_safety")
+MODULES = {
+    "safety_gate": GATE,
+    "interlock": GATE,
+    "command_limiter": ("test_command_limiter", "test_bridge_safety"),
+    "gate_settings": ("test_gate_settings", "test_bridge_safety"),
+    "emergency_stop": ("test_emergency_stop",),
+    "stream_watch": ("test_stream_watch", "test_bridge_safety"),
+    "silence_watch": ("test_silence_watch",),
+    "path_timing": ("test_path_timing",),
+}
 # A mutant may wait for ever [s].
 PATIENCE = 60
 # Of Cosmic Ray's operators: one mutant for each mistake that somebody could make, not eleven for each plus sign.
@@ -117,7 +128,7 @@ class Mutant:
 
 def mutants(module: str) -> list[Mutant]:
     """Return all mutants of a module that differ from it and from one another, apart from imports and words."""
-    source = (PACKAGE / f"{module}.py").read_text(encoding="utf-8")
+    source = _only(PACKAGE, module).read_text(encoding="utf-8")
     operators = [get_operator(name)() for name in OPERATORS] + [DeleteCall(), DeleteStatement()]
     found: dict[str, Mutant] = {}
     for operator in operators:
@@ -130,6 +141,12 @@ def mutants(module: str) -> list[Mutant]:
                 if ast.dump(ast.parse(code)) != ast.dump(ast.parse(source)) and not _only_words(change):
                     found.setdefault(code, Mutant(module, code, change))
     return list(found.values())
+
+
+def _only(folder: Path, module: str) -> Path:
+    """Return the one file of a module somewhere in a folder."""
+    (found,) = folder.rglob(f"{module}.py")
+    return found
 
 
 def _change(before: str, after: str) -> str:
@@ -148,10 +165,8 @@ def survives(mutant: Mutant) -> bool:
     with tempfile.TemporaryDirectory(prefix="idloop_mutant_") as name:
         folder = Path(name)
         shutil.copytree(PACKAGE, folder / "idloop_nodes", ignore=shutil.ignore_patterns("__pycache__", "nodes"))
-        (folder / "idloop_nodes" / f"{mutant.module}.py").write_text(mutant.code, encoding="utf-8")
-        tests = [TESTS / f"test_{mutant.module}.py", TESTS / "test_bridge_safety.py"]
-        if mutant.module in ("emergency_stop", "silence_watch"):
-            tests = tests[:1]
+        _only(folder / "idloop_nodes", mutant.module).write_text(mutant.code, encoding="utf-8")
+        tests = [_only(TESTS, test) for test in MODULES[mutant.module]]
         for test in tests:
             shutil.copy(test, folder)
         pid = os.fork()
@@ -187,7 +202,9 @@ def pytest() -> Any:
 def main() -> int:
     """Run the benchmark from the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", nargs="+", choices=MODULES, default=MODULES, help="some modules; all when left out")
+    parser.add_argument(
+        "--only", nargs="+", choices=list(MODULES), default=list(MODULES), help="some modules; all when left out"
+    )
     parser.add_argument("--show", action="store_true", help="print every survivor, explained or not")
     arguments = parser.parse_args()
     explained = yaml.safe_load(SURVIVORS.read_text(encoding="utf-8")) or {}

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
-from idloop_nodes.safety.path_timing import PathTiming
+from idloop_nodes.safety.path_timing import AT_REST, PathTiming
 
 timings = st.builds(
     PathTiming, st.floats(0.0, 30.0), st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.floats(0.05, 5.0)
@@ -33,6 +33,16 @@ def test_from_rest_it_speeds_up_goes_on_and_slows_down():
     assert one.until_rest == 2.5
 
 
+def test_from_a_part_of_the_pace_it_rests_sooner():
+    assert PathTiming(0.0, 0.5, 0.0, 0.5).until_rest == 0.25
+    assert PathTiming(0.0, 0.5, 0.125, 0.5).until_rest == 0.125 + 0.375
+    assert PathTiming(0.0, 0.5, 1.0, 0.5).until_rest == 1.5
+
+
+def test_before_its_instant_it_is_where_it_begins():
+    assert PathTiming(3.0, 0.5, 0.2, 0.5).at(-1.0) == (3.0, 0.5)
+
+
 @given(timings)
 def test_it_rests_when_it_says_and_the_pace_never_changes_faster_than_the_ramp(one):
     time = np.linspace(0.0, one.until_rest + 1.0, 400)
@@ -40,7 +50,7 @@ def test_it_rests_when_it_says_and_the_pace_never_changes_faster_than_the_ramp(o
     assert one.at(one.until_rest)[1] == pytest.approx(0.0, abs=1e-9)
     assert np.all((pace >= 0.0) & (pace <= 1.0 + 1e-12))
     step = time[1]
-    assert np.max(np.abs(np.diff(pace))) <= step / one.ramp + 1e-9
+    assert np.max(np.abs(np.diff(pace))) <= step / one.ramp + AT_REST + 1e-9
     # The place is the integral of the pace.
     between = np.diff(place)
     assert np.all(between >= -1e-12)
