@@ -173,3 +173,15 @@ def test_the_answer_does_not_depend_on_the_number_of_threads(hidden, verb):
         done = subprocess.run(words, env=os.environ | dict.fromkeys(names, count), capture_output=True, check=True)
         answers.add(done.stdout)
     assert len(answers) == 1
+
+
+def test_the_friction_of_a_measured_axis_is_named(data_dir, tmp_path, capsys):
+    file = data_dir / "emps" / "DATA_EMPS.mat"
+    if not file.is_file():
+        pytest.skip(f"no {file}: set IDLOOP_DATA to the folder of the measured data")
+    assert main.run(words("import", "emps", file, tmp_path / "bag")) == 0
+    capsys.readouterr()
+    assert main.run(words("diagnose", "emps", tmp_path / "bag", "--json", "--quiet")) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["set"] == ["coulomb_friction@axis"]
+    assert document["candidates"][0]["parameters"]["level"]["value"] == pytest.approx(20.1, rel=0.05)

@@ -164,7 +164,7 @@ def diagnosis_of(step: SearchStep[FitT]) -> Diagnosis:
 def step_ending(step: SearchStep[FitT]) -> dict[str, Any]:
     """What a diagnosis and a ladder report of their last step."""
     verdict, findings = (MISSING, ()) if step.tied else step.verdict()
-    fit = step.tied[0].fit if step.tied else step.parent
+    fit = step.settled(step.tied[0].fit) if step.tied else step.parent
     factor = common_factor(fit.model, fit.covariance)
     if factor is not None:
         findings = (*findings, factor.text)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from tests.diagnosis.conftest import axis_by_current, record_of
 
+from idloop.diagnosis.diagnosis import diagnosis_of
 from idloop.diagnosis.evidence import force_view
 from idloop.diagnosis.evidence.deciding_view import requested_force_fit
 from idloop.diagnosis.evidence.force_view import ForceView, unbalanced
@@ -252,6 +253,17 @@ def test_a_limit_is_found_where_the_gain_is_free_and_the_inertia_is_not():
 
 
 DRAG_BESIDE_SOMETHING = ["asymmetric_viscous_friction@axis(coefficient=0.02)", "imbalance@axis(amplitude=0.05)"]
+
+
+def test_an_effect_whose_model_was_only_ranked_is_reported_with_intervals():
+    machine = load_model("axis").with_effects(["coulomb_friction@axis(level=0.1)"])
+    step = evaluated(load_model("axis"), record_of(machine, 1, seconds=20.0), ["coulomb_friction"])
+    (named,) = step.tied
+    ranked = named.fit.along(named.fit.form)
+    assert np.all(np.isnan(ranked.covariance))
+    found = diagnosis_of(replace(step, evaluated=(replace(named, fit=ranked),), settled_fits={}))
+    assert found.best.name == "coulomb_friction@axis"
+    assert 0.0 < found.best.parameters["level"]["stderr"] < 0.02
 
 
 @pytest.mark.parametrize(

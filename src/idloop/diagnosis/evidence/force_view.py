@@ -129,11 +129,14 @@ class ForceStep(SearchStep[WeakFit]):
             f"{100.0 * self.minimum_improvement:g} % is asked for"
         )
 
+    def _settled(self, fit: WeakFit) -> WeakFit:
+        """A model that was only ranked is fitted to all windows."""
+        ranked = any(fit is one.fit for one in self.evaluated)
+        return (_refitted(fit, self.parent.form, TOLERANCE) or fit) if ranked else fit
+
     def reported(self, fit: WeakFit) -> Model:
-        """A fitted model with its standard errors; a model that was only ranked is first fitted to all windows."""
-        if any(fit is one.fit for one in self.evaluated):
-            fit = _refitted(fit, self.parent.form, TOLERANCE) or fit
-        return fitted_model(fit)
+        """A fitted model with its standard errors."""
+        return fitted_model(self.settled(fit))
 
     def verdict(self) -> tuple[str, tuple[str, ...]]:
         """The verdict when no effect is named, by the unexplained part of the drive's force."""

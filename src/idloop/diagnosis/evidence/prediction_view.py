@@ -132,12 +132,15 @@ class PredictionStep(SearchStep[Refit]):
             f"{100.0 * self.minimum_improvement:g} % is asked for"
         )
 
+    def _settled(self, fit: Refit) -> Refit:
+        """A model that was evaluated in some samples is fitted to all."""
+        if self.whole is None or all(fit is not one.fit for one in self.evaluated):
+            return fit
+        return refit_or_none(self.whole, fit.model, None, self.parent) or fit
+
     def reported(self, fit: Refit) -> Model:
-        """A fitted model with its standard errors; one that was evaluated in some samples is first fitted to all."""
-        estimation = self.estimation if self.whole is None else self.whole
-        if self.whole is not None and any(fit is one.fit for one in self.evaluated):
-            fit = refit_or_none(estimation, fit.model, None, self.parent) or fit
-        return fit.with_stderr()
+        """A fitted model with its standard errors."""
+        return self.settled(fit).with_stderr()
 
     def verdict(self) -> tuple[str, tuple[str, ...]]:
         """The verdict when no effect is named."""

@@ -143,6 +143,8 @@ class SearchStep(ABC, Generic[FitT]):
     # Effects not named whatever their evidence, and why: what the data do not determine, and the others.
     undetermined: Mapping[str, str] = field(default_factory=dict)
     rejected: Mapping[str, str] = field(default_factory=dict)
+    # Settled so far, by the identity of the fit.
+    settled_fits: dict[int, tuple[FitT, FitT]] = field(default_factory=dict, compare=False)
 
     response = CommandResponse.FOLLOWS  # of the motion to the command
 
@@ -162,6 +164,15 @@ class SearchStep(ABC, Generic[FitT]):
     @abstractmethod
     def insignificance(self, one: EvaluatedModel[FitT]) -> str:
         """Why a significant effect has no practical significance."""
+
+    def settled(self, fit: FitT) -> FitT:
+        """A fit to all samples, continued to its end where it was only ranked."""
+        if id(fit) not in self.settled_fits:
+            self.settled_fits[id(fit)] = fit, self._settled(fit)
+        return self.settled_fits[id(fit)][1]
+
+    def _settled(self, fit: FitT) -> FitT:
+        return fit
 
     @abstractmethod
     def reported(self, fit: FitT) -> Model:

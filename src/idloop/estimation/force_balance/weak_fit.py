@@ -207,7 +207,9 @@ class WeakFit:
 
     @cached_property
     def covariance(self) -> Array:
-        """Covariance of the point, from independent segments; NaN for parameters without influence."""
+        """Covariance of the point, from independent segments; NaN for parameters without influence, or without a fit."""
+        if not self.jacobian.size:
+            return np.full((len(self.point), len(self.point)), np.nan)
         base, slopes = (part[self.rows] for part in self.linear)
         size = np.sqrt(np.sum(slopes**2, axis=(0, 1)))
         dead = size <= 1e-12 * np.max(size, initial=0.0)
