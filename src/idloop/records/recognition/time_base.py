@@ -26,6 +26,7 @@ Floats = NDArray[np.float64]
 # Sampling periods of servo axes [s]: units that give others are improbable.
 _SHORTEST, _LONGEST = 4e-5, 0.12
 _SLOWEST = 1.5  # that a log may have, of steady states or of a printed line per second
+_FINE = 0.5  # steps of a clock with decimals below which it counts seconds rather than milliseconds
 # A date in each unit: between the years 2000 and 2100.
 _DATES = (9.5e8, 4.1e9)
 _RISING = 0.5  # share of the steps of a named time column that are not negative: it may start again often
@@ -368,12 +369,15 @@ def _units_of_time(value: Floats) -> tuple[tuple[str, ...], str]:
     fitting = [unit for unit, factor in SECONDS.items() if _SHORTEST <= step * factor <= _LONGEST]
     # Whole numbers count milliseconds or microseconds; a clock in seconds has decimals.
     fitting = [unit for unit in fitting if whole or unit in ("s", "ms")]
-    if whole:
+    if not whole and _LONGEST < step <= _SLOWEST:
+        # A slow log in seconds, or a fast one in milliseconds: of these few have more than 2 kHz.
+        fitting = ["s", *fitting] if step < _FINE else [*fitting, "s"]
+    elif whole:
         # A slow log in a coarser unit is as possible, and none of these is written down.
         fitting += [unit for unit, factor in SECONDS.items() if _LONGEST < step * factor <= _SLOWEST]
     if not fitting:
         return ("s",) if not whole else ("s", "ms"), "as usual"
-    if not whole and fitting[0] == "s":
+    if not whole and step <= _LONGEST and fitting[0] == "s":
         return ("s",), f"because a sample every {step:.3g} s is usual"
     if len(fitting) == 1:
         return tuple(fitting), f"because a sample every {step:g} {fitting[0]} is usual"
