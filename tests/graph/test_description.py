@@ -126,7 +126,7 @@ def test_a_value_that_names_itself_is_one_line(launch_file):
 
 
 def test_an_unknown_graph_lists_those_there_are():
-    names = "dc_motor, hidden, mujoco, replay, robot, torsion, track"
+    names = "arm, dc_motor, hidden, mujoco, replay, robot, torsion, track"
     with pytest.raises(InputError, match=f"available: {names}") as caught:
         load_graph("torsoin")
     assert "did you mean 'torsion'" in str(caught.value)

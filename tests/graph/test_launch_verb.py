@@ -14,7 +14,7 @@ from idloop.errors import InputError
 
 def test_without_a_graph_those_there_are_are_listed():
     done = CliRunner().invoke(command, [])
-    names = ["dc_motor", "hidden", "mujoco", "replay", "robot", "torsion", "track"]
+    names = ["arm", "dc_motor", "hidden", "mujoco", "replay", "robot", "torsion", "track"]
     assert [line.split()[0] for line in done.output.splitlines()[2:]] == names
     assert json.loads(CliRunner().invoke(command, ["--json"]).output)["graphs"] == names
 
