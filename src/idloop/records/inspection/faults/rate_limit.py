@@ -1,7 +1,8 @@
 """A command that changes faster than the drive follows: its ramp, jerk or slew-rate limit.
 
 The balance of forces is taken with the command as a drive of a limited rate would apply it. A lag of the drive makes a
-jump a gradual change as well; so the limit must explain far more than any lag.
+jump a gradual change as well, and a delay of part of a sample does between samples; so the limit must explain far more
+than any lag, and with a delay far more than any lag with a delay.
 """
 
 from __future__ import annotations
@@ -16,7 +17,9 @@ from idloop.records.inspection.response import PLAIN, Response, responses
 # Time in which the drive passes the range of the command, and time constants of lags [samples]; the best is refined.
 _PASSES, _LAGS, _NEAR = 2.0 ** np.arange(2, 10), 2.0 ** np.arange(-1, 8), 2.0 ** np.arange(-0.75, 1.0, 0.25)
 _WIDEST = 129
-# Share of the acceleration that the limited command explains, and of the rest without a limit that it leaves.
+# Delays [samples] of the limited command and of its rivals.
+_DELAYS = np.concatenate([np.arange(0.0, 2.0, 0.25), 2.0 ** np.arange(1.0, 6.0, 0.25)])
+# Share of the acceleration that the limited command explains, and of what its best rival leaves that it leaves.
 _EXPLAINED, _LEFT = 0.94, 0.7
 # Share of the acceleration above which the command as it is explains enough.
 _ENOUGH = 0.98
@@ -38,14 +41,17 @@ def check(axis: Axis) -> list[Finding]:
     ]
     if not passes.size or not plain:
         return []
-    limited = {float(one): _limited(command, span / one) for one in passes}
+    limited = [(float(one), _limited(command, span / one)) for one in passes]
     others = [command, *(_lagged(command, one) for one in _LAGS)]
     best = min((_compare(one, limited, others) for one in plain), key=lambda found: found[0])
-    ratio, explained, time, where = best
-    if ratio > _LEFT or explained < _EXPLAINED:
+    if not _is_clear(*best[:2]):
         return []
-    near = {float(time * one): _limited(command, span / (time * one)) for one in _NEAR}
-    rate = span / (_compare(where, near, others)[2] * grid.period)
+    _, _, time, where = best
+    near = [(float(time * one), late) for one in _NEAR for late in _delayed(_limited(command, span / (time * one)))]
+    ratio, explained, time, _ = _compare(where, near, [late for one in others for late in _delayed(one)])
+    if not _is_clear(ratio, explained):
+        return []
+    rate = span / (time * grid.period)
     name, unit = axis.command_name, axis.unit("command")
     return [
         fault(
@@ -62,7 +68,7 @@ def check(axis: Axis) -> list[Finding]:
 
 
 def _compare(
-    found: Response, limited: dict[float, Floats], others: list[Floats]
+    found: Response, limited: list[tuple[float, Floats]], others: list[Floats]
 ) -> tuple[float, float, float, Response]:
     """Return what the best limit leaves over what the best other leaves, its share explained, its time, and where."""
     known = found.known
@@ -77,11 +83,15 @@ def _compare(
         size = float(column @ column)
         return power - float(column @ target) ** 2 / size if size > 0.0 else power
 
-    least, time = min((left(command), time) for time, command in limited.items())
+    least, time = min((left(command), time) for time, command in limited)
     without = min(left(command) for command in others)
     if not without > 0.0:
         return 1.0, 0.0, time, found
     return least / without, 1.0 - least / power, time, found
+
+
+def _is_clear(ratio: float, explained: float) -> bool:
+    return ratio <= _LEFT and explained >= _EXPLAINED
 
 
 def _limited(command: Floats, step: float) -> Floats:
@@ -98,6 +108,12 @@ def _lagged(command: Floats, time: float) -> Floats:
 
     decay = float(np.exp(-1.0 / time))
     return np.asarray(lfilter([1.0 - decay], [1.0, -decay], command - command[0]) + command[0])
+
+
+def _delayed(command: Floats) -> list[Floats]:
+    """Delay a command (n,), as it was held from sample to sample, by each of the delays."""
+    rows = np.arange(command.size)
+    return [np.interp(rows - one, rows, command) for one in _DELAYS]
 
 
 def _filled(command: Floats) -> Floats:
