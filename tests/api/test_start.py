@@ -466,6 +466,15 @@ def test_a_column_that_never_changes_says_so(record, tmp_path):
     assert "not used: velocity (never changes)" in list(found.blocks())
 
 
+def test_a_column_of_text_with_the_name_of_a_signal_says_so_before_others(record, tmp_path):
+    c = _columns(record)
+    log = tmp_path / "log.csv"
+    rows = "\n".join(f"{t},{u},{q},free,on,a;b" for t, u, q in zip(c["t"], c["u"], c["q"], strict=True))
+    log.write_text(f"t,torque,angle,note,mode,velocity\n{rows}\n")
+    text = "its cells are text"
+    assert recognise(log).unused == [f"not used: velocity ({text}), note ({text}), mode ({text})"]
+
+
 def test_a_set_point_of_the_position_is_not_fitted_as_a_force(record, tmp_path):
     c = _columns(record)
     log = _write(tmp_path / "log.csv", "t,command,angle", c["t"][:-4], c["q"][4:], c["q"][:-4])

@@ -32,6 +32,7 @@ _MOST_FALLS, _FEWEST_RISES = 0.1, 0.05
 _OVERLAP = 0.5  # share of the shorter file that two files of one run have at least in common
 # What one file shows holds for the others: values that start again, and negative ones logged as unsigned.
 _OF_ALL = ("wrap", "decode")
+_TEXT = "its cells are text"
 
 
 @dataclass(frozen=True)
@@ -103,13 +104,13 @@ class Log:
 
     @property
     def unused(self) -> list[str]:
-        """Lines with the columns that are no signal; of one that never changes that is why."""
+        """Lines with the columns that are no signal, and why where it shows; those named as a signal of text first."""
+        from idloop.records.recognition.roles import is_named_as_signal
+
         table, empty = self.recognition.table, self.empty
-        unused = [
-            f"{name} (never changes)" if _is_constant(table, name) else name
-            for name in self.recognition.other
-            if name not in empty
-        ]
+        why = {name: _why_unused(table, name) for name in self.recognition.other if name not in empty}
+        named = [name for name in why if why[name] == _TEXT and is_named_as_signal(name)]
+        unused = [f"{name} ({why[name]})" if why[name] else name for name in dict.fromkeys([*named, *why])]
         lines = {"not used": unused, "empty": empty}
         return [f"{title}: {listed(names, 12)}" for title, names in lines.items() if names]
 
@@ -479,13 +480,14 @@ def _is_empty(table: Columns, name: str) -> bool:
     return bool(np.isnan(values).all())
 
 
-def _is_constant(table: Columns, name: str) -> bool:
+def _why_unused(table: Columns, name: str) -> str:
+    """Why a column can be no signal, by its cells; empty where they do not say it."""
     try:
         values = table.numbers(name)
     except InputError:
-        return False
+        return _TEXT
     known = values[np.isfinite(values)]
-    return bool(known.size) and float(np.ptp(known)) == 0.0
+    return "never changes" if known.size and float(np.ptp(known)) == 0.0 else ""
 
 
 def _plain_name(path: Path) -> str:

@@ -59,6 +59,22 @@ def test_groups_of_thousands_are_joined_where_it_is_certain(name):
     assert table.notes == ["column 'x': its groups of thousands are joined"]
 
 
+def test_single_numbers_in_brackets_are_numbers(tmp_path):
+    table = _read(["[-1.2e-15]", "[0.]", "[[3]]", "0", "[nan]"])
+    np.testing.assert_array_equal(table.columns["x"], [-1.2e-15, 0.0, 3.0, 0.0, np.nan])
+    assert table.notes == ["column 'x': single numbers in brackets are read as numbers"]
+    path = tmp_path / "log.csv"
+    path.write_text("t,u,y\n[s],[1],[1]\n0.0,[0.5],[1.5]\n0.1,[0.25],[2.5]\n")
+    found = read_table(path)
+    np.testing.assert_array_equal(found.numbers("y"), [1.5, 2.5])
+    assert found.units == {"t": "[s]", "u": "[1]", "y": "[1]"}
+
+
+@pytest.mark.parametrize("cell", ["[1.0, 2.0]", "[1.0 2.0]", "[on]", "(1.0)", "[]"])
+def test_other_brackets_stay_as_they_are(cell):
+    assert _read([cell] * 3).columns["x"] == [cell] * 3
+
+
 def test_the_points_of_another_column_tell_what_a_comma_is():
     np.testing.assert_array_equal(_read(["999", "1,000"], u=np.array([0.5, 1.0])).columns["x"], [999, 1000])
     assert _read(["999", "1,000"], u=np.array([1.0, 2.0])).columns["x"] == ["999", "1,000"]

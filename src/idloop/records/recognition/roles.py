@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from idloop.records.formats.clock_names import TIME_WORDS
-from idloop.records.recognition.column_name import FLAGS, MEASURED, WANTED, ColumnName, is_counter
+from idloop.records.recognition.column_name import FLAGS, MEASURED, WANTED, ColumnName, is_counter, parse_column_name
 from idloop.records.tables.base_units import SECONDS
 
 Signal = Literal[
@@ -156,6 +156,11 @@ def role_by_name(name: ColumnName) -> RoleByName:
     if wanted:
         return RoleByName("reference", 1.0, _because(wanted, unit))
     return RoleByName("", 0.0, "")
+
+
+def is_named_as_signal(name: str) -> bool:
+    """Whether the name of a column is that of a signal."""
+    return role_by_name(parse_column_name(name)).role not in ("", "other")
 
 
 def may_be_supply(name: ColumnName) -> bool:

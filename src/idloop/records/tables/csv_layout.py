@@ -25,6 +25,8 @@ GROUPED = re.compile(
     r"(?P<head>[-+]?[1-9]\d{0,2})(?P<groups>(?P<sign>[,.'\s])\d{3}(?:(?P=sign)\d{3})*)(?P<part>(?!(?P=sign))[.,]\d+)?"
 )
 DECIMAL_COMMA = re.compile(r"\s*[+-]?(\d*),(\d+)(?:[eE][+-]?\d+)?\s*")
+# An array of one number, as NumPy prints it.
+IN_BRACKETS = re.compile(r"\[+\s*([-+]?(?:(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|nan|inf))\s*\]+")
 # A number and its unit: 0.284 V, -3°, 1500 1/min.
 WITH_UNIT = re.compile(
     r"(?P<number>[-+]?[.,]?\d[\d.,]*(?:[eE][-+]?\d+)?)(?:\s+|(?=[^\d.,]))(?P<unit>[^\s.,:;|+-][^\s,:;|]{0,9})"
@@ -191,6 +193,8 @@ def _numbers(row: Row) -> tuple[float, float]:
 
 def _is_value(cell: str) -> bool:
     """Whether a cell is a number or a time."""
+    if cell.startswith("["):  # [1] is the unit of what has none
+        return "." in cell and IN_BRACKETS.fullmatch(cell) is not None
     return is_number(cell) or any(form.fullmatch(cell.strip()) for form in (_TIME, GROUPED))
 
 

@@ -1,4 +1,7 @@
-"""Columns of text that are numbers but for how they are written: clocks, groups of thousands, words of no reading."""
+"""Columns of text that are numbers but for how they are written.
+
+Clocks, groups of thousands, single numbers in brackets, words of no reading.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.records.tables.csv_layout import DECIMAL_COMMA, GROUPED, is_number
+from idloop.records.tables.csv_layout import DECIMAL_COMMA, GROUPED, IN_BRACKETS, is_number
 from idloop.records.tables.table import Table
 from idloop.spelling import listed
 
@@ -30,7 +33,8 @@ def read_texts(table: Table) -> None:
     """Replace columns of text by the numbers that they mean, and note how.
 
     A time of day becomes seconds since midnight, on and on over midnight. Groups of thousands are joined where it is
-    certain which sign is the decimal one. Single cells of text among numbers were not measured: NaN.
+    certain which sign is the decimal one. An array of one number, as NumPy prints it, is that number. Single cells of
+    text among numbers were not measured: NaN.
     """
     texts = {
         name: column
@@ -39,7 +43,7 @@ def read_texts(table: Table) -> None:
     }
     points = bool(texts) and any(map(_has_fractions, table.columns.values()))
     for name, column in texts.items():
-        cells = [cell.strip() if isinstance(cell, str) else cell for cell in column]
+        cells = _without_brackets(table, name, [cell.strip() if isinstance(cell, str) else cell for cell in column])
         if (clock := _clock(cells)) is not None:
             table.columns[name] = clock
             table.units[name] = "s"
@@ -75,6 +79,16 @@ def _clock(cells: list[Any]) -> Floats | None:
     found, whole = np.array(seconds), _DAY if hours else _HOUR
     # It begins anew at midnight; of minutes and seconds alone, at every hour.
     return found + whole * np.concatenate([[0.0], np.cumsum(np.diff(found) < -0.5 * whole)])
+
+
+def _without_brackets(table: Table, name: str, cells: list[Any]) -> list[Any]:
+    """Take single numbers out of the brackets of an array, and note it: ``[-1.2e-15]``."""
+    inside = {
+        k: match[1] for k, cell in enumerate(cells) if isinstance(cell, str) and (match := IN_BRACKETS.fullmatch(cell))
+    }
+    if inside:
+        table.notes.append(f"column {name!r}: single numbers in brackets are read as numbers")
+    return [inside.get(k, cell) for k, cell in enumerate(cells)] if inside else cells
 
 
 def _joined_groups(table: Table, name: str, cells: list[Any], *, points: bool) -> list[Any]:
