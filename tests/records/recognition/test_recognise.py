@@ -208,6 +208,19 @@ def test_the_joint_that_moves_most_has_the_longest_path_beside_noise():
     assert _roles(mixed)[0]["position"][0] == "q2 [rad]"
 
 
+def test_a_joint_that_was_commanded_is_taken_before_one_that_it_drives():
+    one = {"a1 position [rad]": ANGLE, "a1 torque [Nm]": 0.9 * U}
+    two = {"a2 position [rad]": -1.1 * ANGLE, "a2 torque [Nm]": 0.7 * U}
+    roles, found = _roles({"t": T, "a1 torque cmd [Nm]": U, **one, **two})
+    assert (roles["command"][0], roles["position"][0]) == ("a1 torque cmd [Nm]", "a1 position [rad]")
+    assert any("joint 1, the one with a command, is taken" in doubt for doubt in found.all_doubts())
+    # A command of zero throughout is none; where every joint has one, the motion decides.
+    commands = {"a1 torque cmd [Nm]": U, "a2 torque cmd [Nm]": 0.0 * U}
+    assert _roles({"t": T, **commands, **one, **two})[0]["command"][0] == "a1 torque cmd [Nm]"
+    commands["a2 torque cmd [Nm]"] = -U
+    assert _roles({"t": T, **commands, **one, **two})[0]["command"][0] == "a2 torque cmd [Nm]"
+
+
 SUPPLY = 12.3 + np.abs(NOISE[0])
 
 

@@ -1,4 +1,4 @@
-"""Which of the joints of a log is taken: the one that the user names, or the one that moves most."""
+"""Which of the joints of a log is taken: the one that the user names, or of those commanded the one that moves most."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from idloop.records.inspection.motion import white_noise
 from idloop.records.recognition.guess import MOTION
+from idloop.records.recognition.roles import is_called_command
 from idloop.records.recognition.table_column import TableColumn
 from idloop.records.tables.base_units import COUNTS, base_unit
 from idloop.spelling import listed
@@ -51,7 +52,10 @@ def joints_by_name(names: Iterable[str]) -> dict[str, str] | None:
 def one_joint(
     columns: dict[str, TableColumn], named: set[str], doubts: list[str], *, by_path: bool = False
 ) -> dict[str, TableColumn]:
-    """Return the columns of one joint, where a log has several: that which moves most, or that which the user names."""
+    """Return the columns of one joint, where a log has several: that which the user names, or that which moves most.
+
+    Where names say of some joints only that they were commanded, it is one of these: another was driven by them.
+    """
     by_joint: dict[str, list[TableColumn]] = {}
     for one in columns.values():
         if one.by_name.role in MOTION and one.parsed.index:
@@ -66,12 +70,17 @@ def one_joint(
         return columns
     chosen = next((index for index, some in by_joint.items() if any(one.name in named for one in some)), None)
     if chosen is None:
-        chosen = _moving_most(by_joint)
+        commanded = {one.parsed.index for one in columns.values() if one.moves and is_called_command(one.parsed)}
+        among = {index: some for index, some in by_joint.items() if index in commanded} or by_joint
+        chosen = _moving_most(among)
+        why = "which moves most" if len(among) == len(by_joint) else "the one with a command"
+        if 1 < len(among) < len(by_joint):
+            why = "which moves most of those with a command"
         others = (one for index, some in by_joint.items() if index != chosen for one in some)
         other = next((one for one in others if one.by_name.role == "position"), None)
         example = f", as in --position {shlex.quote(other.name)}" if other is not None else ""
         doubts.append(
-            f"the log has {len(by_joint)} joints ({listed(by_joint)}); joint {chosen}, which moves most, is taken:"
+            f"the log has {len(by_joint)} joints ({listed(by_joint)}); joint {chosen}, {why}, is taken:"
             f" for another, name its columns{example}"
         )
     return {name: one for name, one in columns.items() if name in named or one.parsed.index in ("", chosen)}

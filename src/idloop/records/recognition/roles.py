@@ -176,6 +176,11 @@ def may_be_measured(name: ColumnName) -> bool:
     return current and not words & (WANTED | _ORDER[0] | {"output", "out", "pid"})
 
 
+def is_called_command(name: ColumnName) -> bool:
+    """Whether a word says that a force was commanded: ``torque cmd``."""
+    return bool(set(name.words) & WANTED) and role_by_name(name).role == "command"
+
+
 def says_no_command(name: ColumnName) -> bool:
     """Whether no word says that it was commanded, and what it names is measured as often as not: a current, a load."""
     return may_be_measured(name) or ("load" in name.words and not set(name.words) & (WANTED | _ORDER[0] | _ORDER[1]))
