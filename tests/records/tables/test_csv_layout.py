@@ -266,3 +266,18 @@ def test_lists_as_python_prints_them(tmp_path, row):
     table = read_table(path)
     np.testing.assert_array_equal(table.columns["1"], [0, 0.5, 1, 1.5])
     np.testing.assert_array_equal(table.columns["2"], np.full(4, 5))
+
+
+def test_names_and_units_may_stand_in_comments(tmp_path):
+    path = tmp_path / "log.csv"
+    rows = "nan,nan,nan;\n0.1,0.5,2.0;\n0.2,0.25,3.0;\n"
+    path.write_text(f"%Date:,29/04/2021,\n\n%time,voltage,position\n%[s],[V],[turns]\n{rows}")
+    found = read_csv(path, {})
+    assert found.units == {"time": "[s]", "voltage": "[V]", "position": "[turns]"}
+    np.testing.assert_array_equal(found.columns["position"], [np.nan, 2.0, 3.0])
+    # Units alone are the names, as they are in a header without others.
+    path.write_text(f"%[s],[V],[turns]\n{rows}")
+    assert list(read_csv(path, {}).columns) == ["[s]", "[V]", "[turns]"]
+    # Below a comment that names the columns a row of units keeps its place.
+    path.write_text("# t,u,q\ns,V,V\n0.1,0.5,2.0\n0.2,0.25,3.0\n")
+    assert read_csv(path, {}).units == {"t": "s", "u": "V", "q": "V"}

@@ -25,6 +25,7 @@ from idloop.records.tables.csv_layout import (
     WITH_UNIT,
     Layout,
     Row,
+    are_units,
     find_layout,
     is_data,
     is_number,
@@ -144,9 +145,10 @@ def _read(path: Path, stream: TextIO, options: dict[str, Any], found: CsvTable, 
             f"{path}: {layout.width:,} columns, more than {MOST_COLUMNS:,}; check that this is the data file, and"
             " write one with a signal in each row with a signal in each column"
         )
-    names = layout.names
+    names, units = layout.names, layout.units
     if not names and options.get("header") is None:
-        names = _names_in_comment("".join(comment[-1:]), layout.delimiter, layout.width)
+        names, above_rows = _header_in_comment(comment, layout.delimiter, layout.width)
+        units = (*above_rows, *units)
     if any(cell.strip() for row in layout.units for cell in row[layout.width :]):
         names = names[: layout.width]
     width = max(layout.width, len(names))
@@ -193,7 +195,7 @@ def _read(path: Path, stream: TextIO, options: dict[str, Any], found: CsvTable, 
     else:
         columns = [[_numbers_or_texts(part) if isinstance(part, list) else part for part in parts] for parts in columns]
     found.columns = {name: _joined(parts) for name, parts in zip(names, columns, strict=True)}
-    _note_layout(found, layout, [*names, *layout.names[len(names) :]])
+    _note_layout(found, replace(layout, units=units), [*names, *layout.names[len(names) :]])
     if taken := {name: unit for name, unit in in_cells.items() if unit}:
         found.units |= taken
         said = listed([f"{name} in {unit}" for name, unit in taken.items()], 12)
@@ -478,8 +480,16 @@ def _eight_bits(path: Path, reason: str) -> tuple[str, list[str]]:
     return known, [f"it is not in UTF-8 and read as {name}"]
 
 
-def _names_in_comment(line: str, delimiter: str, width: int) -> Row:
-    """Names of the columns in the comment above the first row, as numpy.savetxt writes them; empty without any."""
+def _header_in_comment(comment: Sequence[str], delimiter: str, width: int) -> tuple[Row, tuple[Row, ...]]:
+    """Names of the columns, and rows of units below them, in the last comments above the first row."""
+    names, units = _cells_in_comment("".join(comment[-1:]), delimiter, width), list[Row]()
+    if names and are_units(names) and (above := _cells_in_comment("".join(comment[-2:-1]), delimiter, width)):
+        names, units = above, [names]
+    return names, tuple(units)
+
+
+def _cells_in_comment(line: str, delimiter: str, width: int) -> Row:
+    """Cells of a header in a comment, as numpy.savetxt writes it; empty where it is none."""
     text = line.strip().lstrip("".join(_COMMENT)).strip()
     cells = text.split() if delimiter == " " else [cell.strip() for cell in text.split(delimiter)]
     return cells if len(cells) == width > 1 and not any(map(is_number, cells)) else []

@@ -141,13 +141,13 @@ def find_layout(lines: Sequence[str], *, delimiter: str | None = None, header: b
             return Layout(chosen, head, rows[head], (), width)
     names, *units = above or [[]]
     head = first - len(above)
-    if repeated(names) and not units and _are_units(names):
+    if repeated(names) and not units and are_units(names):
         # Volt, Volt: the columns have units and no names.
         return Layout(chosen, head, [], (names,), width)
-    groups = rows[head - 1] if head and not _are_units(rows[head - 1]) else []
+    groups = rows[head - 1] if head and not are_units(rows[head - 1]) else []
     if groups and repeated(names) and (found := _in_groups(groups, names)):
         return Layout(chosen, head, found, tuple(units), width, names)
-    below = units[0] if units and not _are_units(units[0]) else []
+    below = units[0] if units and not are_units(units[0]) else []
     gaps = any(cell.strip() and not name.strip() for cell, name in zip(below, names, strict=False))
     if (gaps or (below and repeated(names))) and (found := _in_groups(names, below)):
         return Layout(chosen, head + 1, found, tuple(units[1:]), width, below)
@@ -219,26 +219,26 @@ def _header_rows(lines: Sequence[str], rows: Sequence[Row], first: int, width: i
         cells = [cell.strip() for cell in row]
         # What holds for all rows may stand beyond the last of their columns, with its name above.
         beyond = sum(map(bool, cells[width:]))
-        once = _are_units(cells) and all(map(is_number, filter(None, cells[width:])))
+        once = are_units(cells) and all(map(is_number, filter(None, cells[width:])))
         fits = used <= len(row) and (not beyond or once or (block and beyond == sum(map(bool, block[0][width:]))))
         numbers = sum(map(is_number, cells))
         if not fits or not any(cells):
             break
         # An oscilloscope writes what holds for all rows beside the units, and the numbers of its channels above them.
-        channels = len(block) == 1 and _are_units(block[0]) and not is_number(cells[0])
-        if numbers and not channels and (block or not _are_units(cells)):
+        channels = len(block) == 1 and are_units(block[0]) and not is_number(cells[0])
+        if numbers and not channels and (block or not are_units(cells)):
             break
         block.insert(0, row)
         if numbers and channels:
             break
     # A spreadsheet fills up lines above a table with empty cells; a header names every column, or all but the first.
-    whole = (k for k, row in enumerate(block) if all(map(str.strip, row[1:used])) and not _are_units(row))
+    whole = (k for k, row in enumerate(block) if all(map(str.strip, row[1:used])) and not are_units(row))
     block = block[next(whole, 0) :]
     if not block:
         return []
     # The lowest row that is none of units; of a file that begins with the header, all rows below are units or types.
     lowest = len(block) - 1
-    while lowest > 0 and len(block) - lowest <= _UNIT_ROWS and _are_units(block[lowest]):
+    while lowest > 0 and len(block) - lowest <= _UNIT_ROWS and are_units(block[lowest]):
         lowest -= 1
     if len(block) == first and len(block) <= 1 + _UNIT_ROWS:
         lowest = 0
@@ -264,7 +264,8 @@ def _data(rows: Sequence[Row], width: int) -> list[bool]:
     return [good and not one for good, one in zip(found, named, strict=True)]
 
 
-def _are_units(row: Row) -> bool:
+def are_units(row: Row) -> bool:
+    """Whether a row holds units, types or what stands for them."""
     cells = [cell.strip() for cell in row if cell.strip() and not is_number(cell)]
     cells = [cell for cell in cells if not _PATTERN.fullmatch(cell)]
     units = [_UNIT_CELL.fullmatch(cell) for cell in cells]
