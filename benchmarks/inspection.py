@@ -344,6 +344,13 @@ def spliced(random: Random, recorded: Recorded) -> Recorded:
     return _with(recorded, position=position)
 
 
+def late_command(random: Random, recorded: Recorded) -> Recorded:
+    """The command is recorded five to twenty samples late: the motion comes before it."""
+    command = recorded.axis.command
+    late = int(random.integers(5, 21))
+    return _with(recorded, command=np.concatenate([np.full(late, command[0]), command[:-late]]))
+
+
 def spikes(random: Random, recorded: Recorded) -> Recorded:
     """Five positions off by 5 % of the range."""
     position = recorded.axis.position.copy()
@@ -438,6 +445,7 @@ CASES = (
     Case("velocity behind a filter, 0.1 time constants", ("late_velocity",), filtered_velocity, {}),
     Case("command without its sign", ("sign_lost",), sign_lost, {"levels": "any"}),
     Case("command turned against the motion", ("turned_command",), turned_command, {}),
+    Case("command recorded 5 to 20 samples late", ("late_command",), late_command, {}),
     Case("simulated time against receive time", ("two_clocks",), two_clocks, {}),
     Case("receive times as stamps, 0.2 periods", ("wrong_stamps",), receive_times, {}),
     Case("5 % of the samples repeated", ("repeated_samples",), repeated, {}),

@@ -13,6 +13,7 @@ from idloop.records.inspection.faults import (
     excitation,
     feedback,
     inner_loop,
+    late_command,
     late_velocity,
     measured_command,
     missed_pulses,
@@ -44,6 +45,11 @@ def _limit(axis: Axis) -> list[Finding]:
     return force or rate_limit.check(axis) or speed_limit.check(axis)
 
 
+def _late(axis: Axis) -> list[Finding]:
+    """Name a late velocity, or a late command: a late velocity makes the motion seem early."""
+    return late_velocity.check(axis) or late_command.check(axis)
+
+
 # Checks of the signals; those of the response need a command and a motion that are what they say.
 _SIGNALS: tuple[Check, ...] = (
     publishers.check,
@@ -58,14 +64,14 @@ _SIGNALS: tuple[Check, ...] = (
     command_sign.check,
 )
 _RESPONSE: tuple[Check, ...] = (
+    _late,
     command_direction.check,
-    late_velocity.check,
     measured_command.check,
     _limit,
     excitation.check,
 )
 # Faults after which the response of the axis means nothing.
-_CONFUSES = {"sign_lost", "two_clocks", clocks.OFFSET, "two_publishers", "inner_loop"}
+_CONFUSES = {"sign_lost", "two_clocks", clocks.OFFSET, "two_publishers", "inner_loop", "late_command"}
 
 
 def inspect_axis(axis: Axis) -> list[Finding]:
@@ -82,6 +88,8 @@ def inspect_axis(axis: Axis) -> list[Finding]:
     if not any(one.kind in _CONFUSES for one in found):
         for check in _RESPONSE:
             found += check(axis)
+            if any(one.kind in _CONFUSES for one in found):
+                break
         # A command measured together with the motion contains what is new in it without any loop.
         if not any(one.kind == MEASURED for one in found):
             found += feedback.check(axis)

@@ -1,0 +1,88 @@
+"""A motion before its command, which no machine makes: stamps of the command are late, or those of the motion early."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.records.finding import Finding
+from idloop.records.inspection.axis import Axis
+from idloop.records.inspection.faults.fault import fault
+from idloop.records.inspection.response import PLAIN, Response, regress, responses
+
+Floats = NDArray[np.float64]
+
+# Shifts of the command that are tried first [samples], then each one between the neighbours of the best.
+_SHIFTS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256)
+# Least shift [samples], and the longest as a part of the record.
+_LEAST, _LONGEST = 4, 0.05
+# What is left of the acceleration beside that with any command in time, and the share that the command must explain.
+_LEFT, _SHARE = 0.25, 0.8
+# Part of the rows that must be known with every shift.
+_KNOWN = 0.5
+
+
+def check(axis: Axis) -> list[Finding]:
+    """Compare the balance with a command that comes later than its stamps with that of one that comes earlier."""
+    grid = axis.grid
+    if grid is None:
+        return []
+    most = min(max(_SHIFTS), int(_LONGEST * grid.time.size))
+    best: tuple[float, int, float] | None = None
+    for found in (one for one in responses(axis) if one.functions.power == PLAIN):
+        tried = [shift for shift in _SHIFTS if shift <= most]
+        rows = {shift: found.functions.project(_moved(grid.command, shift)) for one in tried for shift in (one, -one)}
+        # All shifts are compared on the same rows.
+        known = found.known & np.isfinite(np.array(list(rows.values()))).all(axis=0)
+        if np.count_nonzero(known) < _KNOWN * np.count_nonzero(found.known):
+            continue
+        in_time = min(_left(found, known, rows[shift])[0] for shift in tried)
+        left = {shift: _left(found, known, rows[-shift])[0] for shift in tried[1:]}
+        near = min(left, key=lambda shift: left[shift], default=0)
+        if not left.get(near, np.inf) < in_time:
+            continue
+        below = max((shift for shift in tried if shift < near), default=0)
+        above = min((shift for shift in tried if shift > near), default=most)
+        for shift in range(below + 1, above):
+            left[shift] = _left(found, known, found.functions.project(_moved(grid.command, -shift)))[0]
+        lead = min(left, key=lambda shift: left[shift])
+        share = _left(found, known, found.functions.project(_moved(grid.command, -lead)))[1]
+        part = left[lead] / in_time
+        if lead < _LEAST or not part < _LEFT:
+            continue
+        if share > _SHARE and (best is None or part < best[0]):
+            best = part, lead, share
+    if best is None:
+        return []
+    part, samples, share = best
+    early, name = samples * grid.period, axis.command_name
+    return [
+        fault(
+            "late_command",
+            name,
+            f"the motion comes {1e3 * early:.3g} ms before {name}, which no machine makes: with the command so much"
+            f" earlier, {100.0 * (1.0 - part):.0f} % less of the acceleration is left unexplained",
+            f"subtract {early:.4g} s from the stamps of {name}, or record command and motion by one clock",
+            evidence={"lead": early, "left": part, "share": share},
+            spoils=("identification",),
+        )
+    ]
+
+
+def _moved(command: Floats, shift: int) -> Floats:
+    """The command so many samples later."""
+    moved = np.full_like(command, np.nan)
+    if shift >= 0:
+        moved[shift:] = command[: command.size - shift]
+    else:
+        moved[:shift] = command[-shift:]
+    return moved
+
+
+def _left(found: Response, known: NDArray[np.bool_], command: Floats) -> tuple[float, float]:
+    """What is left of the acceleration in some rows with a command, and the share that it explains."""
+    known = known & np.isfinite(command)
+    target, others = found.acceleration[known], found.others[known]
+    alone, power = regress(target, others)[2], float(np.mean(target**2))
+    left = regress(target, np.column_stack([command[known], others]))[2]
+    return left / max(power, 1e-300), 1.0 - left / max(alone, 1e-300)
