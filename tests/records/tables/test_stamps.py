@@ -1,4 +1,4 @@
-"""A single wrong stamp is found; a time that starts again is none."""
+"""A single wrong or missing stamp is found; a time that starts again is none."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import idloop
-from idloop.records.tables.stamps import bad_stamps, in_order
+from idloop.records.tables.stamps import bad_stamps, in_order, missing_stamps
 
 K = np.arange(1000.0)
 
@@ -51,3 +51,25 @@ def test_a_row_with_a_bad_stamp_is_left_out_of_one_record(tmp_path):
     assert begun.log.notes == ["a.csv: row 700 is left out: its stamp stands out of order between those beside it"]
     (record,) = idloop.read_bags(begun.bags, begun.model)
     assert np.diff(record.time).max() == pytest.approx(0.02, abs=1e-6)
+
+
+def test_rows_without_a_stamp_are_left_out_of_one_record(tmp_path):
+    time = 0.01 * K
+    command = np.sign(np.sin(time))
+    rows = np.column_stack([time, command, np.cumsum(command) * 0.01])
+    rows[[0, 1, 700]] = np.nan
+    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="t [s],u [V],q [rad]", comments="", fmt="%.4f")
+    begun = idloop.start(tmp_path / "a.csv", tmp_path / "out", fitted=False)
+    assert begun.log.notes == ["a.csv: rows 0, 1, 700 are left out: they have no stamp"]
+    (record,) = idloop.read_bags(begun.bags, begun.model)
+    assert record.time.size == K.size - 3
+    assert np.diff(record.time).max() == pytest.approx(0.02, abs=1e-6)
+
+
+def test_a_column_with_many_missing_stamps_is_no_time():
+    stamp = np.where(K % 10 == 0, np.nan, K)
+    assert not missing_stamps(stamp).any()
+    stamp = np.where(K % 50 == 0, np.nan, K)
+    missing = missing_stamps(stamp)
+    assert np.flatnonzero(missing).tolist() == list(range(0, 1000, 50))
+    assert in_order(stamp, missing)[[0, 1, 49, 50]].tolist() == [1.0, 1.0, 49.0, 49.0]

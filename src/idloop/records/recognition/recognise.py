@@ -36,7 +36,7 @@ from idloop.records.recognition.unnamed_columns import fill_by_values, find_set_
 from idloop.records.tables.csv_layout import is_number
 from idloop.records.tables.expression import Expression, in_backquotes
 from idloop.records.tables.mapping import Time
-from idloop.records.tables.stamps import bad_stamps, in_order, note_bad_stamps
+from idloop.records.tables.stamps import bad_stamps, in_order, missing_stamps, note_bad_stamps, note_missing_stamps
 from idloop.records.tables.table import Table
 from idloop.spelling import did_you_mean, listed
 
@@ -275,7 +275,11 @@ def _time(table: Table, numbers: dict[str, Floats], given: Given | None, period:
 
 
 def _without_bad_stamps(table: Table, base: TimeBase) -> TimeBase:
-    """Take the stamp before it for one that is wrong, so that no record ends there; an import leaves its row out."""
+    """Take the stamp before it for one that is wrong or missing; an import leaves its row out."""
+    missing = missing_stamps(base.seconds)
+    if missing.any():
+        table.notes.append(note_missing_stamps(np.flatnonzero(missing) + table.first_row))
+        base = replace(base, seconds=in_order(base.seconds, missing))
     bad = bad_stamps(base.seconds)
     if not bad.any():
         return base

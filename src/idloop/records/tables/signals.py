@@ -22,7 +22,7 @@ from idloop.records.tables.csv_layout import is_number
 from idloop.records.tables.dates import date_ns
 from idloop.records.tables.expression import Expression
 from idloop.records.tables.mapping import Channel, Mapping, Signals, SignBit, Time
-from idloop.records.tables.stamps import bad_stamps, in_order, note_bad_stamps
+from idloop.records.tables.stamps import bad_stamps, in_order, missing_stamps, note_bad_stamps, note_missing_stamps
 from idloop.records.tables.table import Table
 from idloop.records.unwrapping import unwrap
 
@@ -270,6 +270,7 @@ def _convert(value: Floats, table: Table | None, channel: Channel, rows: slice =
 def _time(table: Table, time: Time, count: int, rows: slice) -> tuple[Stamps, NDArray[np.bool_]]:
     """Stamps of the selected rows as the file counts them [ns], and which rows are left out for theirs."""
     first = rows.start + table.first_row
+    missing = np.zeros(count, dtype=bool)
     if time.column is None:
         period = time.period if time.period is not None else 1.0 / (time.rate or 1.0)
         if (first + count) * period * 1e9 >= _LATEST_NS:
@@ -278,7 +279,7 @@ def _time(table: Table, time: Time, count: int, rows: slice) -> tuple[Stamps, ND
                 f" correct the {'period' if time.rate is None else 'rate'}"
             )
         stamp = np.asarray(np.round(np.arange(first, first + count) * period * 1e9).astype(np.int64))
-        return stamp, np.zeros(count, dtype=bool)
+        return stamp, missing
     if time.unit == "iso8601":
         cells = table.raw(time.column)[rows]
         stamp = _as_stamps(
@@ -289,6 +290,10 @@ def _time(table: Table, time: Time, count: int, rows: slice) -> tuple[Stamps, ND
         )
     else:
         seconds = table.numbers(time.column, rows)
+        missing = missing_stamps(seconds)
+        if missing.any():
+            table.notes.append(note_missing_stamps(np.flatnonzero(missing) + first))
+            seconds = in_order(seconds, missing)
         bad = np.flatnonzero(~np.isfinite(seconds))
         if bad.size:
             raise InputError(
@@ -318,7 +323,7 @@ def _time(table: Table, time: Time, count: int, rows: slice) -> tuple[Stamps, ND
         )
     if stamp.size and time.unit == "iso8601" and stamp[0] < 0:
         raise InputError(f"{table.path}: time column {time.column!r} begins before 1970; stamps begin there")
-    return stamp, wrong
+    return stamp, wrong | missing
 
 
 def _shift(stamps: list[Stamps]) -> int:

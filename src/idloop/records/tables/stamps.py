@@ -1,4 +1,4 @@
-"""Single stamps that are wrong among thousands that are not."""
+"""Single stamps that are wrong or missing among thousands that are not."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from idloop.spelling import listed
 
 # Usual steps that the stamps beside a wrong one may lie apart, and the share of rows that may be wrong: beyond it the
-# column is no time that one can trust.
-_APART, _MOST = 10.0, 0.01
+# column is no time that one can trust. Missing ones mislead less.
+_APART, _MOST, _MOST_MISSING = 10.0, 0.01, 0.05
 
 
 def bad_stamps(stamp: NDArray[Any]) -> NDArray[np.bool_]:
@@ -46,9 +46,28 @@ def bad_stamps(stamp: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 def in_order(stamp: NDArray[Any], bad: NDArray[np.bool_]) -> NDArray[Any]:
-    """Return the stamps with each bad one as the one before it, so that the rows stay in order."""
-    place = np.arange(stamp.size)
-    return np.asarray(stamp[np.maximum.accumulate(np.where(bad, 0, place))])
+    """Return the stamps with each bad one as the one before it, so that the rows stay in order.
+
+    Those before the first good one are as that one.
+    """
+    first = int(np.argmin(bad)) if bad.size else 0
+    return np.asarray(stamp[np.maximum.accumulate(np.where(bad, first, np.arange(stamp.size)))])
+
+
+def missing_stamps(stamp: NDArray[Any]) -> NDArray[np.bool_]:
+    """Find the rows without a stamp: none where they are too many, shape (n,)."""
+    found = ~np.isfinite(stamp)
+    return found if found.sum() <= _MOST_MISSING * stamp.size else np.zeros(stamp.size, dtype=bool)
+
+
+def note_missing_stamps(rows: Sequence[int] | NDArray[np.int64]) -> str:
+    """Say which rows are left out, counted from 0."""
+    places = listed([str(row) for row in rows], 6)
+    return (
+        f"row {places} is left out: it has no stamp"
+        if len(rows) == 1
+        else (f"rows {places} are left out: they have no stamp")
+    )
 
 
 def note_bad_stamps(rows: Sequence[int] | NDArray[np.int64]) -> str:
