@@ -207,7 +207,7 @@ class WeakFit:
 
     @cached_property
     def covariance(self) -> Array:
-        """Covariance of the point, from independent segments; NaN for parameters without influence, or without a fit."""
+        """Covariance of the point, from independent segments; NaN for parameters without influence, or no fit."""
         if not self.jacobian.size:
             return np.full((len(self.point), len(self.point)), np.nan)
         base, slopes = (part[self.rows] for part in self.linear)

@@ -348,7 +348,7 @@ def _of_column(table: Table, numbers: dict[str, Floats], name: str, unit: str, r
 
 def _stands_still(name: str, value: Floats) -> str:
     """Doubt about stamps that are too coarse; empty where they are not."""
-    if np.median(np.abs(np.diff(value))) > 0.0 or value.size < _FEWEST_ROWS:
+    if np.nanmedian(np.abs(np.diff(value))) > 0.0 or value.size < _FEWEST_ROWS:
         return ""
     return f"{name!r} is the same in most rows and the row before: say how often a row was taken, --rate HZ"
 
