@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import fault
-from idloop.records.inspection.response import PLAIN, Response, regress, responses
+from idloop.records.inspection.response import PLAIN, responses
 
 Floats = NDArray[np.float64]
 
@@ -36,18 +36,20 @@ def check(axis: Axis) -> list[Finding]:
         known = found.known & np.isfinite(np.array(list(rows.values()))).all(axis=0)
         if np.count_nonzero(known) < _KNOWN * np.count_nonzero(found.known):
             continue
-        in_time = min(_left(found, known, rows[shift])[0] for shift in tried)
-        left = {shift: _left(found, known, rows[-shift])[0] for shift in tried[1:]}
-        near = min(left, key=lambda shift: left[shift], default=0)
-        if not left.get(near, np.inf) < in_time:
+        others, _ = np.linalg.qr(found.others[known])
+        target = _beside(found.acceleration[known], others)
+        left = {shift: 1.0 - _share(target, _beside(row[known], others)) for shift, row in rows.items()}
+        in_time = min(left[shift] for shift in tried)
+        near = min(tried, key=lambda shift: left[-shift])
+        if not left[-near] < in_time:
             continue
         below = max((shift for shift in tried if shift < near), default=0)
         above = min((shift for shift in tried if shift > near), default=most)
         for shift in range(below + 1, above):
-            left[shift] = _left(found, known, found.functions.project(_moved(grid.command, -shift)))[0]
-        lead = min(left, key=lambda shift: left[shift])
-        share = _left(found, known, found.functions.project(_moved(grid.command, -lead)))[1]
-        part = left[lead] / in_time
+            row = found.functions.project(_moved(grid.command, -shift))[known]
+            left[-shift] = 1.0 - _share(target, _beside(row, others)) if np.isfinite(row).all() else np.inf
+        lead = -min(left, key=lambda shift: left[shift])
+        part, share = left[-lead] / in_time, 1.0 - left[-lead]
         if lead < _LEAST or not part < _LEFT:
             continue
         if share > _SHARE and (best is None or part < best[0]):
@@ -79,10 +81,12 @@ def _moved(command: Floats, shift: int) -> Floats:
     return moved
 
 
-def _left(found: Response, known: NDArray[np.bool_], command: Floats) -> tuple[float, float]:
-    """What is left of the acceleration in some rows with a command, and the share that it explains."""
-    known = known & np.isfinite(command)
-    target, others = found.acceleration[known], found.others[known]
-    alone, power = regress(target, others)[2], float(np.mean(target**2))
-    left = regress(target, np.column_stack([command[known], others]))[2]
-    return left / max(power, 1e-300), 1.0 - left / max(alone, 1e-300)
+def _beside(column: Floats, others: Floats) -> Floats:
+    """What orthonormal columns do not explain of another one."""
+    return np.asarray(column - others @ (others.T @ column))
+
+
+def _share(target: Floats, command: Floats) -> float:
+    """Share of the power of the target that the command explains."""
+    power = float(target @ target) * float(command @ command)
+    return float(target @ command) ** 2 / power if power > 0.0 else 0.0
