@@ -31,7 +31,7 @@ _ASTRAY = -100.0  # FIT of a velocity [%], which does not drift as a position do
 
 @dataclass(frozen=True)
 class FirstModel:
-    """What a model of one body is made of.
+    """What a first model is made of.
 
     Attributes
     ----------
@@ -41,6 +41,8 @@ class FirstModel:
         Unit by field.
     measured : bool
         The input was measured and is not held.
+    load : (str, str) or None
+        Name of the body that the joint drives, and unit of its position, where that was recorded.
     """
 
     name: str
@@ -48,14 +50,14 @@ class FirstModel:
     command_unit: str
     outputs: dict[str, str]
     measured: bool
+    load: tuple[str, str] | None = None
 
     def model(self, records: Sequence[Record] = ()) -> Model:
         """The model, with rough values from records where there are some."""
         from idloop.records.recognition.model_start import start_model
 
-        return start_model(
-            self.name, self.joint, self.command_unit, self.outputs, measured=self.measured, records=records
-        )
+        options = {"load": self.load, "measured": self.measured, "records": records}
+        return start_model(self.name, self.joint, self.command_unit, self.outputs, **options)  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)
@@ -100,7 +102,7 @@ class FirstFit:
 def first_fit(
     kind: FirstModel, bags: Sequence[Path], *, fitted: bool, refused: str = "", progress: Progress
 ) -> FirstFit:
-    """Fit a model of one body to bags.
+    """Fit a first model to bags.
 
     Parameters
     ----------
@@ -196,8 +198,8 @@ def judged(done: FirstFit) -> FirstFit:
         return replace(refused, why_not=why, incomplete=True)
     if _best(found) < _NOTHING:
         why = (
-            "one body with viscous friction predicts no signal of any record better than a constant does; let a"
-            " diagnosis find what the model lacks"
+            "inertia and viscous friction predict no signal of any record better than a constant does; let a diagnosis"
+            " find what the model lacks"
         )
         return replace(refused, why_not=why, incomplete=True)
     if why := _describes_nothing(found.train):

@@ -18,7 +18,7 @@ from idloop.api.next_commands import commands, diagnosing, held_out, with_purpos
 from idloop.api.result import Progress, Result, ignore_progress, part
 from idloop.errors import InputError
 from idloop.reporting.text.blocks import Block
-from idloop.reporting.text.first_fit import held_inertia, verdict
+from idloop.reporting.text.first_fit import held_inertia, referred_load, verdict
 from idloop.reporting.text.inspection import between_lines, recording_lines
 
 if TYPE_CHECKING:
@@ -136,6 +136,7 @@ class Start(Result):
             from idloop.reporting.text.comparison import measures_of
 
             yield self.fit.result.summary()
+            yield from referred_load(self.fit.model)
             yield from held_inertia(self.fit.model)
             yield ""
             yield from measures_of(self.fit.rows)
@@ -372,7 +373,8 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
     from idloop.records import compare_inspections
     from idloop.records.inspection.faults.late_velocity import KIND as LATE
     from idloop.records.inspection.measured_input import KIND as MEASURED
-    from idloop.records.recognition.mapping_file import motion_of, text_of
+    from idloop.records.recognition.guess import LOAD
+    from idloop.records.recognition.mapping_file import load_of, motion_of, text_of
     from idloop.records.recognition.role_units import base_unit_of
     from idloop.records.tables.importing import import_bag
     from idloop.reporting.plots.recognition import plot_recognition
@@ -389,6 +391,7 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
         inspections += (inspect_bag(bag),)
     command = log.recognition.of("command")
     outputs = {one.role: base_unit_of(one) for one in motion_of(log.recognition)}
+    driven = log.recognition.of(LOAD)
     late = any(fault.kind == LATE for one in inspections for fault in one.faults)
     if late:
         # The position says the same, and a model without the filter would take the delay for something else.
@@ -400,6 +403,7 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
         outputs,
         measured=(command is not None and command.measured)
         or any(one.kind == MEASURED for inspection in inspections for one in inspection.findings),
+        load=(load_of(joint), base_unit_of(driven)) if driven is not None else None,
     )
     plain = kind.model()
     inspections = tuple(without_modelled_faults(plain, one) for one in inspections)

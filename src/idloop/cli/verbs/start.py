@@ -22,6 +22,7 @@ SIGNALS = {
     "command": "Column of the force, torque, current, voltage or duty cycle; a number is a constant.",
     "position": "Column of the measured position; =counts/4096 is an encoder of 4096 counts per turn.",
     "velocity": "Column of the measured velocity.",
+    "load": "Column of a second position, at the load behind a gear, belt or spring: a model of two bodies.",
     "effort": "Column of a measured force or current beside the command.",
     "reference": "Column of the set-point that a controller follows.",
     "temperature": "Column of a temperature.",

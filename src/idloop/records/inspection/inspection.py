@@ -28,6 +28,7 @@ from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.bad_readings import without_bad_readings
 from idloop.records.inspection.between import between_records
 from idloop.records.inspection.clocks import StampStatistics, stamp_findings, stamp_statistics, while_measured
+from idloop.records.inspection.coupled import transmission
 from idloop.records.inspection.excitation import Excitation, analyse_command
 from idloop.records.inspection.faults.checks import inspect_axis
 from idloop.records.inspection.grade import grade
@@ -184,9 +185,8 @@ class Inspection:
         graded, reason = grade(self.verdict, findings)
         joints = {}
         for name, joint in self.joints.items():
-            left, why = grade(
-                _joint_verdict(joint.command, self.commands), [one for one in findings if one.kind in joint.faults]
-            )
+            own = [one for one in findings if one.kind in joint.faults]
+            left, why = grade(_joint_verdict(name, self.axes, self.commands), own)
             faults = tuple(kind for kind in joint.faults if kind not in kinds)
             joints[name] = replace(joint, grade=left, reason=why, faults=faults)
         return replace(self, findings=findings, grade=graded, grade_reason=reason, joints=joints)
@@ -312,7 +312,7 @@ def inspect_bag(
         joints={
             axis.joint: JointReport(
                 axis.command_name,
-                *grade(_joint_verdict(axis.command_name, commands), own[axis.joint]),
+                *grade(_joint_verdict(axis.joint, axes, commands), own[axis.joint]),
                 tuple(one.kind for one in own[axis.joint] if one.level == "warning"),
             )
             for axis in axes
@@ -329,9 +329,15 @@ def inspect_bag(
     )
 
 
-def _joint_verdict(command: str, commands: Mapping[str, Excitation]) -> str:
-    """A joint without a command beside joints that have one cannot be fitted."""
-    return "usable" if command or not commands else "no_command"
+def _joint_verdict(joint: str, axes: Iterable[Axis], commands: Mapping[str, Excitation]) -> str:
+    """A joint without a command beside joints that have one cannot be fitted, unless one of them drives it."""
+    by_name = {axis.joint: axis for axis in axes}
+    own = by_name[joint]
+    if own.command_name or not commands:
+        return "usable"
+    driving = [one.place for one in by_name.values() if one.command_name and one.place is not None]
+    driven = own.place is not None and any(transmission(place, own.place) for place in driving)
+    return "usable" if driven else "no_command"
 
 
 def compare_inspections(inspections: Iterable[Inspection]) -> list[Finding]:

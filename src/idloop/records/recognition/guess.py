@@ -11,9 +11,12 @@ from idloop.records.tables.base_units import COUNTS, SECONDS, known_unit, read_u
 from idloop.records.tables.csv_layout import is_number
 
 MOTION = ("position", "velocity")
+LOAD = "load"  # a second position, of what the axis drives through a gear, belt or spring
 SET_POINTS = ("reference", "reference velocity")
 # Roles that may stand in a mapping file, in its order.
-ROLES = ("command", "position", "velocity", "effort", "reference", "reference velocity", "temperature", "supply")
+ROLES = (
+    "command", "position", "velocity", LOAD, "effort", "reference", "reference velocity", "temperature", "supply",
+)  # fmt: skip
 NONE = "none"
 
 
@@ -24,8 +27,8 @@ class Guess:
     Attributes
     ----------
     role : str
-        ``command``, ``position``, ``velocity``, ``effort``, ``reference``, ``reference velocity``, or the name of a
-        condition.
+        ``command``, ``position``, ``velocity``, ``load``, ``effort``, ``reference``, ``reference velocity``, or the
+        name of a condition.
     column : str
         Column or formula; empty where the value stands elsewhere, such as in the name of the file.
     unit : str

@@ -9,7 +9,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap
 from ruamel.yaml.scalarstring import LiteralScalarString
 
-from idloop.records.recognition.guess import MOTION, Guess
+from idloop.records.recognition.guess import LOAD, MOTION, Guess
 from idloop.records.recognition.recognise import Recognition
 from idloop.records.tables.csv_file import SKIPPED
 from idloop.records.tables.mapping import SCHEMA, Time
@@ -46,6 +46,8 @@ def mapping_of(found: Recognition, name: str, joint: str, *, files: tuple[str, .
             conditions[guess.role] = channel
         elif guess.role.startswith("reference"):
             reference["velocity" if guess.role.endswith("velocity") else "position"] = channel
+        elif guess.role == LOAD:
+            mapping["position"] = [mapping["position"], {**channel, "joint": load_of(joint)}]
         else:
             mapping[guess.role] = channel
             mapping.yaml_add_eol_comment(_one_line(guess.reason), guess.role)
@@ -54,6 +56,11 @@ def mapping_of(found: Recognition, name: str, joint: str, *, files: tuple[str, .
         if section:
             mapping[key] = section
     return mapping
+
+
+def load_of(joint: str) -> str:
+    """Name of the load that a joint drives."""
+    return LOAD if joint != LOAD else f"{LOAD}_side"
 
 
 def text_of(mapping: CommentedMap) -> str:

@@ -1,4 +1,4 @@
-"""A model file to start with: one body, as many signals as were recorded, values of the right size."""
+"""A model file to start with: one body or a motor and its load, the signals that were recorded, rough values."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from idloop.physics.model import Model
 from idloop.physics.model_file import build_model
 from idloop.physics.schema import SCHEMA, ModelFile
+from idloop.records.inspection.coupled import transmission
 from idloop.records.inspection.motion import white_noise
 from idloop.records.record import Record
 
@@ -20,6 +21,10 @@ Floats = NDArray[np.float64]
 _FORCES = {"rad": "N·m", "m": "N"}
 _WINDOWS = 400
 _FEWEST = 8
+# Of a load: the damping ratio of the spring to it, and samples in a period of its resonance where the data show none.
+_DAMPED, _PER_PERIOD = 0.05, 20
+# Accuracy to which a gear ratio that was found from the data is a whole number.
+_WHOLE = 2e-3
 
 
 def start_model(
@@ -28,10 +33,11 @@ def start_model(
     command_unit: str,
     outputs: dict[str, str],
     *,
+    load: tuple[str, str] | None = None,
     measured: bool = False,
     records: Sequence[Record] = (),
 ) -> Model:
-    """Return a model of one body.
+    """Return a model of one body, or of two where the position of the load was recorded as well.
 
     A command in the unit of the position, or of its rate, is the set-point of a loop in the drive: a proportional gain
     and the damping show in the motion, both per inertia.
@@ -43,6 +49,8 @@ def start_model(
         Unit of the command on the topics.
     outputs : dict of str to str
         Unit by field: ``position``, ``velocity``.
+    load : (str, str), optional
+        Name of the body that the joint drives, and unit of its position.
     measured : bool
         The input was measured and is not held.
     records : sequence of Record
@@ -60,17 +68,20 @@ def start_model(
         # Only ratios of inertia, friction and gain show in the motion.
         body["inertia"] = 1.0
         body["viscous_friction"] = {"value": _rounded(friction), "min": 0.0}
+    bodies, sensor = [body], []
+    couplings: list[dict[str, Any]] = []
+    if load is not None:
+        ratio, spring = _transmission(records, f"{joint}.position", f"{load[0]}.position")
+        bodies, couplings = _with_load(body, load[0], spring)
+        sensor = [_output(load[0], "position", load[1], records) | ({"scale": ratio} if ratio != 1.0 else {})]
     signal = {"topic": "joint_command", "joint": joint, "field": "effort", "unit": command_unit or _FORCES[place]}
     content = {
         "schema": SCHEMA,
         "name": name,
         "input": signal | ({"kind": "measured"} if measured else {}),
-        "outputs": [
-            {"topic": "joint_states", "joint": joint, "field": field, "unit": unit}
-            | _noise(records, f"{joint}.{field}")
-            for field, unit in outputs.items()
-        ],
-        "bodies": [body],
+        "outputs": [_output(joint, field, unit, records) for field, unit in outputs.items()] + sensor,
+        "bodies": bodies,
+        "couplings": couplings,
         "drive": _drive(loop, gain, force=force),
         "effects": [],
     }
@@ -81,6 +92,67 @@ def _drive(loop: str, gain: float, *, force: bool) -> dict[str, Any]:
     if loop:
         return {"kind": loop, "unit": "-", "proportional": {"value": _rounded(gain), "min": 0.0}}
     return {"gain": 1.0 if force else {"value": _rounded(gain)}}
+
+
+def _output(joint: str, field: str, unit: str, records: Sequence[Record]) -> dict[str, Any]:
+    signal = {"topic": "joint_states", "joint": joint, "field": field, "unit": unit}
+    return signal | _noise(records, f"{joint}.{field}")
+
+
+def _with_load(body: dict[str, Any], load: str, spring: float) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Return two bodies for one that has the inertia and friction of both, and the spring between them.
+
+    `spring` is the stiffness per inertia of the load.
+    """
+
+    def half(value: Any) -> Any:
+        return {**value, "value": _rounded(0.5 * value["value"])} if isinstance(value, dict) else value
+
+    motor = {key: value if key == "name" else half(value) for key, value in body.items()}
+    driven = {**motor, "name": load}
+    inertia = motor["inertia"]["value"] if isinstance(motor["inertia"], dict) else motor["inertia"]
+    driven["inertia"] = {"value": inertia, "min": 0.0}
+    stiffness = inertia * spring
+    damping = 2.0 * _DAMPED * inertia * spring**0.5
+    coupling = {
+        "from": motor["name"],
+        "to": load,
+        "stiffness": {"value": _rounded(stiffness), "min": 0.0},
+        "damping": {"value": _rounded(damping), "min": 0.0},
+    }
+    return [motor, driven], [coupling]
+
+
+def _transmission(records: Sequence[Record], axis: str, load: str) -> tuple[float, float]:
+    """Return how far the load moves beside the axis, and the stiffness between them per inertia of the load.
+
+    Over windows of a record the load is accelerated and braked by what the spring is wound up.
+    """
+    if not records:
+        return 1.0, 1.0
+    longest = max(records, key=lambda record: float(np.nanstd(record.output[:, record.column(axis)])))
+    place, other = (longest.output[:, longest.column(name)] for name in (axis, load))
+    known = np.isfinite(place) & np.isfinite(other)
+    time, place, other = longest.time[known], place[known], other[known]
+    if not transmission(place, other):
+        return 1.0, 1.0
+    width = max(time.size // _WINDOWS, 2)
+    speed = (other[width:] - other[:-width]) / (time[width:] - time[:-width])
+    gained = (speed[width:] - speed[:-width]) / (0.5 * (time[2 * width :] - time[: -2 * width]))
+    # Wound up by acceleration and friction, the load lags behind the axis.
+    table = np.column_stack([place[width:-width], gained, 0.5 * (speed[width:] + speed[:-width]), np.ones(gained.size)])
+    ratio, lag, *_ = np.linalg.lstsq(table, other[width:-width], rcond=None)[0].tolist()
+    fastest = (2.0 * np.pi / (_PER_PERIOD * float(np.median(np.diff(time))))) ** 2
+    return _usual_ratio(ratio), min(-1.0 / lag, fastest) if lag < 0.0 else fastest
+
+
+def _usual_ratio(ratio: float) -> float:
+    """A ratio with few digits; of a gear that of whole numbers, where it is one as accurately as the data show."""
+    times = ratio if abs(ratio) > 1.0 else 1.0 / ratio
+    whole = round(times)
+    if abs(times / whole - 1.0) < _WHOLE:
+        return float(whole) if times == ratio else 1.0 / whole
+    return float(f"{ratio:.6g}")
 
 
 def _noise(records: Sequence[Record], output: str) -> dict[str, float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Iterable
 from collections.abc import Mapping as Map
 from dataclasses import dataclass, field, replace
@@ -15,8 +16,9 @@ from numpy.typing import NDArray
 from idloop.errors import InputError
 from idloop.records.formats.clock_names import known_clock_unit
 from idloop.records.formats.known_columns import recognise as known_drive
+from idloop.records.inspection.coupled import has_slack
 from idloop.records.recognition.column_name import ColumnName, parse_column_name
-from idloop.records.recognition.guess import MOTION, NONE, ROLES, SET_POINTS, Given, Guess, quoted, with_unit
+from idloop.records.recognition.guess import LOAD, MOTION, NONE, ROLES, SET_POINTS, Given, Guess, quoted, with_unit
 from idloop.records.recognition.joint_choice import joints_by_name, one_joint
 from idloop.records.recognition.names_against_values import doubt_of_names
 from idloop.records.recognition.role_units import LINEAR_UNITS, doubt_of_left_out, set_units, set_wraps, unit_by_words
@@ -28,11 +30,13 @@ from idloop.records.recognition.roles import (
     may_be_measured,
     may_be_supply,
     role_by_name,
+    says_load,
+    says_motor,
     says_no_command,
 )
 from idloop.records.recognition.table_column import TableColumn, numbers_of, runs_of
 from idloop.records.recognition.time_base import TimeBase, base_of_clock, doubt_of_decimation, find_time_base
-from idloop.records.recognition.unnamed_columns import fill_by_values, find_set_point, follows
+from idloop.records.recognition.unnamed_columns import fill_by_values, find_set_point, follows, longest_way
 from idloop.records.tables.csv_layout import is_number
 from idloop.records.tables.expression import Expression, in_backquotes
 from idloop.records.tables.mapping import Time
@@ -153,6 +157,8 @@ def recognise_table(
             f"{table.path}: no column is a position or a velocity; name one with --position or --velocity (columns are"
             f" {listed(numbers, 20)}){_of_a_sensor(columns.values())}"
         )
+    if LOAD in chosen and "position" not in chosen:
+        raise InputError(f"{table.path}: a load is beside the position of the axis: name that with --position COLUMN")
     base = set_units(base, chosen, columns, given)
     of_values = (doubt_of_left_out(base, chosen, columns, given), doubt_of_names(base, chosen, columns, given))
     doubts += [doubt for doubt in (doubt_of_decimation(table, base), *of_values) if doubt]
@@ -242,8 +248,9 @@ def _by_names(
     _of_known_drive(columns, sources)
     columns = {name: one.with_sign() for name, one in columns.items()}
     _supplies(columns)
-    named = {one.column for one in given.values()}
-    columns = one_joint(columns, named, doubts, by_path=paths is not None)
+    named = {one.column for role, one in given.items() if role != LOAD}
+    every = columns
+    columns = one_joint(_without_load(columns, given), named, doubts, by_path=paths is not None)
     chosen: dict[str, Guess] = {}
     for role in ROLES:
         said = given.get(role, Given())
@@ -254,6 +261,7 @@ def _by_names(
             chosen[role] = guess
             columns |= _columns_of(guess, columns, numbers, base)
     _output(columns, chosen, given)
+    _load(every, columns, chosen, given)
     return columns, chosen
 
 
@@ -427,6 +435,8 @@ def _by_name(
     best = max(moving or free, key=lambda one: one.by_name.rank)
     guess = best.as_guess(role)
     also = [one.name for one in moving if one is not best and one.by_name.rank > best.by_name.rank - 1.0]
+    if role == "position":
+        also = [name for name in also if not _slack_between(best, columns[name])]
     if role == "command" and best.by_name.reason == BY_UNIT:
         # A unit alone says little: what has no name may be meant.
         also += [one.name for one in columns.values() if one.name not in taken and one.moves and not one.by_name.role]
@@ -444,6 +454,39 @@ def _by_name(
             " `input: {kind: measured}` in the model file"
         )
     return with_unit(guess, given.get(role, Given()).unit)
+
+
+def _without_load(columns: Map[str, TableColumn], given: Map[str, Given]) -> dict[str, TableColumn]:
+    """Return the columns that may be of the axis itself."""
+    load = given.get(LOAD, Given()).column
+    return {name: one for name, one in columns.items() if name != load}
+
+
+def _load(
+    every: Map[str, TableColumn], columns: Map[str, TableColumn], chosen: dict[str, Guess], given: Map[str, Given]
+) -> None:
+    """Name the columns that may be the position of the load, behind a gear, belt or spring."""
+    place = chosen.get("position")
+    if place is None or given.get(LOAD, Given()).column:
+        return
+    measured = [one for one in every.values() if one.by_name.role == "position" and one.name != place.column]
+    found = [one.name for one in measured if _slack_between(columns[place.column], one)]
+    if found:
+        other, turned = found[0], says_load(columns[place.column].parsed) or says_motor(every[found[0]].parsed)
+        both = f"--position {shlex.quote(other)} --load {shlex.quote(place.column)}"
+        chosen["position"] = place.with_doubt(
+            f"position: {listed(found)} {'runs' if len(found) == 1 else 'run'} with {place.column!r}, but for some"
+            " slack: if one sensor is at the motor and one at the load, behind a gear, belt or spring, a model of two"
+            f" bodies: {both if turned else f'--load {shlex.quote(other)}'}"
+        )
+
+
+def _slack_between(place: TableColumn, other: TableColumn) -> bool:
+    value, beside = (one.unwrapped(one.parsed.unit or "counts") for one in (place, other))
+    if value.size != beside.size:
+        return False
+    run = longest_way(value, place.runs)
+    return has_slack(value[run], beside[run])
 
 
 def _output(columns: dict[str, TableColumn], chosen: dict[str, Guess], given: Map[str, Given]) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.records.recognition.column_name import WANTED, ColumnName, parse_column_name
-from idloop.records.recognition.guess import MOTION, NONE, SET_POINTS, Given, Guess, quoted
+from idloop.records.recognition.guess import LOAD, MOTION, NONE, SET_POINTS, Given, Guess, quoted
 from idloop.records.recognition.roles import CURRENTS, TORQUES, role_by_name
 from idloop.records.recognition.signal_units import MotionUnits, motion_units, near_unit, slope_of, usual_resolution
 from idloop.records.recognition.table_column import TableColumn
@@ -92,6 +92,7 @@ def set_units(
             f"the size of a count is not known; one is taken as 1 rad: --velocity '{speed.column}=counts/N'"
         )
     _reference_units(chosen)
+    _load_unit(chosen)
     if wanted and command is not None:
         set_point = chosen.pop(wanted, None)
         chosen["command"] = replace(set_point, role="command") if set_point else _force_unit(command, columns)
@@ -104,7 +105,7 @@ def set_units(
 
 def set_wraps(chosen: dict[str, Guess], columns: dict[str, TableColumn]) -> None:
     """Find the ranges after which positions start again."""
-    for role in chosen.keys() & {"position", "reference"}:
+    for role in chosen.keys() & {"position", "reference", LOAD}:
         guess = chosen[role]
         column, scale = columns.get(guess.column), guess.options.get("scale", 1.0)
         if column is None or "wrap" in guess.options:
@@ -378,6 +379,16 @@ def _reference_units(chosen: dict[str, Guess]) -> None:
         )
 
 
+def _load_unit(chosen: dict[str, Guess]) -> None:
+    """The load has the unit of the position where it says none: how far it moves beside it is found from the data."""
+    place, load = chosen.get("position"), chosen.get(LOAD)
+    if place is None or load is None or (load.unit and load.unit != "counts"):
+        return
+    scale = {key: place.options[key] for key in ("scale",) if key in place.options}
+    reason = f"{load.reason}; unit of the position"
+    chosen[LOAD] = replace(load, unit=place.unit, options=scale | load.options, reason=reason)
+
+
 def _is_of_position(reference: Guess) -> bool:
     """Whether a name says that a set-point is of the position, not only that it is one."""
     name = parse_column_name(reference.column)
@@ -393,9 +404,8 @@ def _other_letters(reference: Guess, motion: Guess) -> bool:
 
 def base_field(role: str) -> str:
     """Field of JointState whose units a role may have."""
-    return {"command": "effort", "effort": "effort", "reference": "position", "reference velocity": "velocity"}.get(
-        role, role if role in MOTION else "condition"
-    )
+    fields = {"command": "effort", "reference": "position", LOAD: "position", "reference velocity": "velocity"}
+    return fields.get(role, role if role in (*MOTION, "effort") else "condition")
 
 
 def base_unit_of(guess: Guess) -> str:

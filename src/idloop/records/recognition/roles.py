@@ -82,6 +82,8 @@ _COMMANDS = {
 CURRENTS = {"current", "i", "iq", "strom", "corriente", "courant", "corrente", "cur", "curr", "amps"}
 TORQUES = {"torque", "tau", "effort", "efforts", "moment", "drehmoment", "trq"}
 _FORCE_NAMES = TORQUES | {"force", "kraft"}
+_AT_MOTOR = {"motor", "rotor", "drive"}
+_AT_LOAD = {"load", "link", "arm", "output", "joint", "stage", "abtrieb"}
 _COORDINATES = {"q", "x", "y", "z", "theta", "phi", "alpha", "beta"}
 # Which of several columns is the command: what says so, then what acts first in the chain from command to force.
 _ORDER = (
@@ -184,6 +186,16 @@ def is_called_command(name: ColumnName) -> bool:
 def says_no_command(name: ColumnName) -> bool:
     """Whether no word says that it was commanded, and what it names is measured as often as not: a current, a load."""
     return may_be_measured(name) or ("load" in name.words and not set(name.words) & (WANTED | _ORDER[0] | _ORDER[1]))
+
+
+def says_motor(name: ColumnName) -> bool:
+    """Whether a name says that a sensor is at the motor."""
+    return bool(set(name.words) & _AT_MOTOR)
+
+
+def says_load(name: ColumnName) -> bool:
+    """Whether a name says that a sensor is at what a motor drives."""
+    return bool(set(name.words) & _AT_LOAD)
 
 
 def _axes_joined(words: set[str]) -> set[str]:

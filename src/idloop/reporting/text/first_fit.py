@@ -64,6 +64,19 @@ def _recordings(inspections: Sequence[Inspection]) -> str:
     return "mind the warnings above" if any(one.faults for one in inspections) else "the recording shows no fault"
 
 
+def referred_load(model: Model) -> Iterator[Block]:
+    """Yield how far a load moves beside the axis that drives it, and that its values are those that the axis feels."""
+    first = model.bodies[0]
+    for output in model.outputs:
+        body = output.body
+        if body != first and output.field == "position" and output.scale != 1.0:
+            yield (
+                f"{output.joint}.position moves {output.scale:.6g} times as far as {first}, which the data show:"
+                f" inertia, friction and stiffness at {body} are those that {first} feels; divide them by"
+                f" {output.scale**2:.6g} for those at {body} itself"
+            )
+
+
 def held_inertia(model: Model) -> Iterator[Block]:
     """Yield that the inertia is not known, where the command is no force and only ratios to it show."""
     if model.loop is not None and _LOOP_GAIN in model.free:
