@@ -263,6 +263,9 @@ def test_runs_pieces_and_empty_columns_are_said(record, tmp_path):
     lines = list(found.blocks())
     assert "empty: spare, note" in lines
     assert not any(str(line).startswith("not used") for line in lines)
+    (tmp_path / "log.csv").write_text("\n".join([*text[:401], *(["0,0,0,,"] * 50)]))
+    found = recognise(tmp_path / "log.csv")
+    assert found.notes == ["log.csv: 50 rows are left out from row 400 on: the time is 0 s in all of them"]
 
 
 def test_a_record_too_short_for_a_fit_does_not_spoil_the_others(record, tmp_path):

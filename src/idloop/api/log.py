@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 _Read = TypeVar("_Read")
 _TURNED = re.compile(r"-(\w+|`[^`]*`)")
 _SHORTEST_NAME = 2  # letters that several names must have in common to give one
-# A time starts again at each run, and may stand where stamps are rounded.
-_MOST_FALLS, _FEWEST_RISES = 0.1, 0.05
 _OVERLAP = 0.5  # share of the shorter file that two files of one run have at least in common
 # What one file shows holds for the others: values that start again, and negative ones logged as unsigned.
 _OF_ALL = ("wrap", "decode")
@@ -171,7 +169,7 @@ class Log:
         """Yield a table of what each column is taken for, and what is uncertain."""
         found = self.recognition
         yield from self.notes
-        rows = [("time", str(found.base.time.column or "-"), _time_unit(found), found.base.reason)]
+        rows = [("time", str(found.base.time.source or "-"), _time_unit(found), found.base.reason)]
         rows += [(one.role, one.column or _constant(one.options), one.unit or "?", one.reason) for one in found.guesses]
         yield Table.of(("signal", "column", "unit", "why"), rows)
         yield from self.unused
@@ -219,9 +217,6 @@ def recognise(
     options = {"skip_text": True, **(csv or {})}
     tables = _each([partial(read_table, path, options=options) for path in paths], paths)
     said = _given(given or {}, [name for table in tables for name in table.columns])
-    if "time" in said:
-        for table in tables:
-            _check_time(table, said["time"].column)
     if any(set(one.columns) != set(tables[0].columns) for one in tables) or _are_signals(tables):
         return _joined(paths, tables, said, period)
     shown = shown_together(tables, said, period=period) if len(tables) > 1 and not tables[0].clocks else None
@@ -266,22 +261,6 @@ def _check_unit(role: str, unit: str) -> None:
 
     if role != "time" and known_unit(unit) not in ("", "counts", *SECONDS):
         base_unit(known_unit(unit), base_field(role), f"{role}={unit}")
-
-
-def _check_time(table: Columns, column: str) -> None:
-    """Refuse a given time that falls as often as a signal does, or stands still."""
-    if column not in table.columns:
-        return
-    try:
-        change = np.diff(table.numbers(column))
-    except InputError:
-        return  # a clock time, in words
-    rises, falls = int(np.count_nonzero(change > 0.0)), int(np.count_nonzero(change < 0.0))
-    if falls > _MOST_FALLS * rises or rises < _FEWEST_RISES * change.size:
-        raise InputError(
-            f"{table.path}: {column!r} is no time: from row to row it rises {rises} times and falls {falls} times, of"
-            f" {change.size}"
-        )
 
 
 # ---------------------------------------------------------------- several files
@@ -345,7 +324,7 @@ def _what(guess: Guess | None) -> object:
 
 def _described(found: Recognition, role: str) -> str:
     if role == "time":
-        return f"{found.base.time.column or '-'} in {_time_unit(found)}"
+        return f"{found.base.time.source or '-'} in {_time_unit(found)}"
     guess = found.of(role)
     return "none" if guess is None else f"{guess.column or _constant(guess.options)} in {guess.unit or '?'}"
 
@@ -466,10 +445,20 @@ def _records_in(found: Recognition) -> Iterator[str]:
     if len(found.rows) > 1:
         starts = [str(one.start) for one in found.rows[1:]]
         yield f"the time starts again in row {listed(starts, 6)}: {len(found.rows)} records, which become a bag each"
-    lost = found.base.seconds.size - sum(one.stop - one.start for one in found.rows)
-    if found.rows and lost:
-        rows = "1 row is" if lost == 1 else f"{lost} rows are"
-        yield f"{rows} left out: the time starts again there, and what follows is too short for a record"
+    if not found.rows:
+        return
+    edges = [0, *(edge for one in found.rows for edge in (one.start, one.stop)), found.base.seconds.size]
+    pieces = [slice(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b > a]
+    still = [one for one in pieces if found.base.stands_still(one)]
+    for one in still:
+        stamp = found.base.seconds[one.start]
+        yield f"{_rows(one.stop - one.start)} left out from row {one.start} on: the time is {stamp:g} s in all of them"
+    if lost := sum(one.stop - one.start for one in pieces if one not in still):
+        yield f"{_rows(lost)} left out: the time starts again there, and what follows is too short for a record"
+
+
+def _rows(count: int) -> str:
+    return "1 row is" if count == 1 else f"{count} rows are"
 
 
 def _is_empty(table: Columns, name: str) -> bool:

@@ -51,7 +51,7 @@ def document_of(files: list[Path], given: Mapping[str, str]) -> dict[str, Any]:
     by_role = {one.role: one for one in found.guesses}
     time = found.base.time
     unit, reason = (time.unit, found.base.reason) if time.period is None else ("", f"a row every {time.period:g} s")
-    signals = [{"role": "time", "column": str(time.column or ""), "unit": unit, "reason": reason}]
+    signals = [{"role": "time", "column": str(time.source or ""), "unit": unit, "reason": reason}]
     for role in ROLES:
         one = by_role.get(role)
         signals.append(

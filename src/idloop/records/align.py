@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias
@@ -88,7 +89,8 @@ def read_record(
     InputError
         Anything above, unknown topic or joint, clock running backwards, two clocks.
     """
-    records = _read_runs(Path(bag), model, stamps, distro, split=run is not None)
+    with Bag(bag, distro) as opened:
+        records = _read_runs(opened, model, stamps, split=run is not None)
     if run is None:
         record = records[0]
     elif 0 <= run < len(records):
@@ -104,7 +106,7 @@ def read_record(
 
 
 def read_records(
-    bags: Path | str | Iterable[Path | str],
+    bags: Path | str | Bag | Iterable[Path | str],
     model: ModelSignals,
     *,
     stamps: Literal["header", "receive"] = "header",
@@ -115,14 +117,17 @@ def read_records(
     """Read one or several bags as one experiment: a list of records.
 
     Parameters and errors as in `read_record`, but a command may be constant: beside other records, or for a comparison,
-    such a record is informative. With `split` a bag in which the clock was set back gives one record for each run
+    such a record is informative. A bag that is open already decodes a topic once for all models. With `split` a bag in
+    which the clock was set back gives one record for each run
     instead of an error. A record is cut where nothing was measured for long, see `cut_at_gaps`. A velocity that is not
     the derivative of the recorded position is left out of all records that do not contradict this.
     """
-    paths = [bags] if isinstance(bags, Path | str) else list(bags)
+    several: list[Path | str | Bag] = [bags] if isinstance(bags, Path | str | Bag) else list(bags)
     records = []
-    for path in paths:
-        for record in _read_runs(Path(path), model, stamps, distro, split=split):
+    for one in several:
+        with nullcontext(one) if isinstance(one, Bag) else Bag(one, distro) as bag:
+            runs = _read_runs(bag, model, stamps, split=split)
+        for record in runs:
             whole = record
             for name, span in (wrap or {}).items():
                 whole = whole.unwrapped(name, span)
@@ -135,23 +140,22 @@ def output_scales(model: ModelSignals) -> dict[str, float]:
     return {f"{one.joint}.{one.field}": float(getattr(one, "scale", 1.0)) for one in model.outputs}
 
 
-def _read_runs(path: Path, model: ModelSignals, stamps: str, distro: str | None, *, split: bool) -> list[Record]:
+def _read_runs(bag: Bag, model: ModelSignals, stamps: str, *, split: bool) -> list[Record]:
     if stamps not in ("header", "receive"):
         raise InputError(f"stamps {stamps!r} are unknown; use header or receive")
-    with Bag(path, distro) as bag:
-        topics = bag.topics
-        requested = resolve_topic(model.input.topic, topics, path)
-        command = applied_command_topic(requested, topics)
-        measured = [resolve_topic(output.topic, topics, path) for output in model.outputs]
-        extra = {
-            name: found
-            for name in _BESIDE
-            if (found := topic_beside(requested, name, topics)) in topics and topics[found].count
-        }
-        conditions = ConditionSources.of(model.conditions, topic_beside(requested, CONDITIONS, topics), topics)
-        streams = read_streams(bag, {command, *measured, *extra.values(), *conditions.topics})
-        units = condition_units(bag.custom)
-        common = _unit_findings(model, signal_units(bag.custom)) + applied_command_findings(requested, command)
+    path, topics = bag.path, bag.topics
+    requested = resolve_topic(model.input.topic, topics, path)
+    command = applied_command_topic(requested, topics)
+    measured = [resolve_topic(output.topic, topics, path) for output in model.outputs]
+    extra = {
+        name: found
+        for name in _BESIDE
+        if (found := topic_beside(requested, name, topics)) in topics and topics[found].count
+    }
+    conditions = ConditionSources.of(model.conditions, topic_beside(requested, CONDITIONS, topics), topics)
+    streams = read_streams(bag, {command, *measured, *extra.values(), *conditions.topics})
+    units = condition_units(bag.custom)
+    common = _unit_findings(model, signal_units(bag.custom)) + applied_command_findings(requested, command)
     if stamps == "receive":
         streams = {topic: replace(stream, stamp_ns=stream.receive_ns) for topic, stream in streams.items()}
     runs = {topic: split_runs(streams[topic]) for topic in dict.fromkeys((command, *measured))}

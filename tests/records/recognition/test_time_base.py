@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from idloop.errors import InputError
 from idloop.records.recognition.guess import Given
+from idloop.records.recognition.mapping_file import mapping_of
+from idloop.records.recognition.recognise import recognise_table
 from idloop.records.recognition.table_column import numbers_of
 from idloop.records.recognition.time_base import base_of_clock, doubt_of_decimation, find_time_base
+from idloop.records.tables.mapping import parse_mapping
 from idloop.records.tables.table import Table
 from idloop.records.tables.table_files import read_table
 
@@ -217,3 +223,63 @@ def test_rows_that_were_left_out_are_doubted(tmp_path, note, factor, doubtful):
     doubt = doubt_of_decimation(table, find_time_base(table, numbers_of(table), None, 50, None))
     assert ("but the rows are" in doubt) == doubtful
     assert ("rows are 0.1 s apart: what was faster than 5 Hz looks slower" in doubt) == (doubtful and factor == 10)
+
+
+def _recognised(columns, given=None):
+    table = Table(Path("log.csv"), columns)
+    return recognise_table(table, {"time": Given.parse(given, list(columns))} if given else None)
+
+
+STEPS = {
+    "voltage": np.repeat([1.0, -2.0, 3.0, -1.0], 50),
+    "angle [rad]": np.cumsum(np.repeat([1.0, -2.0, 3.0, -1.0], 50)),
+}
+
+
+@pytest.mark.parametrize(("formula", "unit"), [("tick / 200", "s"), ("tick * 0.005", "s"), ("5 * tick=ms", "ms")])
+def test_a_time_may_be_a_formula(formula, unit):
+    found = _recognised({"tick": np.arange(200.0), **STEPS}, formula)
+    np.testing.assert_allclose(found.base.seconds, 0.005 * np.arange(200), atol=1e-12)
+    time = parse_mapping(mapping_of(found, "log", "axis"), "mapping").time
+    assert (time.compute, time.column, time.unit) == (formula.partition("=")[0], None, unit)
+    assert "tick" not in found.other
+    assert found.base.doubt == ""
+
+
+@pytest.mark.parametrize(
+    ("formula", "message"),
+    [
+        ("tock / 200", "no column 'tock / 200' for the time"),
+        ("tick / 200=kg", "not a unit of time"),
+        ("-tick", "'-tick' is no time"),
+        ("tick / 0", "is no time"),
+        ("my tick / 200", "in backquotes: --time '`my tick` / 200'"),
+    ],
+)
+def test_a_formula_that_is_no_time_is_one_line(formula, message):
+    with pytest.raises(InputError, match=re.escape(message)):
+        _recognised({"tick": np.arange(200.0), "my tick": np.arange(200.0), **STEPS}, formula)
+
+
+@pytest.mark.parametrize("name", ["u", "voltage [V]", "pwm", "rpm"])
+def test_a_signal_by_its_name_is_no_time_however_evenly_it_rises(name):
+    rising = np.linspace(-5.0, 5.0, 120)
+    with pytest.raises(
+        InputError, match=rf"'{re.escape(name)}' rises evenly, but is the (command|velocity) by its name"
+    ):
+        _recognised({name: rising, "y": np.tanh(rising)})
+
+
+@pytest.mark.parametrize(("step", "said"), [(5.0, "rises from row to row"), (1.0, "may count the rows")])
+def test_a_time_that_no_name_says_is_doubted(step, said):
+    found = _recognised({"a": step * np.arange(200.0), **STEPS})
+    assert found.base.time.column == "a"
+    assert said in found.base.doubt
+    assert "--rate HZ" in found.base.doubt
+
+
+def test_a_buffer_that_was_not_filled_to_its_end_is_no_record():
+    columns = {"t": 0.005 * np.arange(200), **STEPS}
+    found = _recognised({name: np.concatenate([value, np.zeros(40)]) for name, value in columns.items()})
+    assert found.rows == (slice(0, 200),)
+    assert found.base.stands_still(slice(200, 240))

@@ -418,3 +418,12 @@ def test_a_constant_command_is_given_or_stands_in_the_name_of_the_file(tmp_path,
     import_bag(_clocks(tmp_path) / "encoder_80.csv", tmp_path / "b", parse_mapping(mapping, "steps.yaml"))
     values = read_streams(tmp_path / "b")["/joint_command"].columns()["m.effort"]
     np.testing.assert_allclose(values, 80.0 if "value" in command else 0.8)
+
+
+def test_stamps_by_a_formula(tmp_path):
+    source = _csv(tmp_path, tick=np.arange(40) * 5, u=np.arange(40) % 3, y=np.arange(40) * 0.1)
+    import_bag(source, tmp_path / "bag", _mapping(time={"compute": "tick / 1000"}, rows={"start": 10, "stop": 30}))
+    stamps = read_streams(tmp_path / "bag")["/joint_states"].stamp_ns
+    np.testing.assert_array_equal(np.diff(stamps), np.full(19, 5_000_000))
+    with pytest.raises(InputError, match="'tick / 0' is not a number in row 0"):
+        import_bag(source, tmp_path / "other", _mapping(time={"compute": "tick / 0"}))

@@ -68,6 +68,8 @@ BAD = {
     "excitation of nothing": ({"excitation": {"column": "e"}}, "name what the signal is added to"),
     "no schema": ({"schema": "idloop/model/1"}, "must be idloop/mapping/1"),
     "two sources of time": ({"time": {"period": 0.1, "column": "t"}}, "give one of column, period"),
+    "a formula of dates": ({"time": {"compute": "t + 1", "unit": "iso8601"}}, "gives numbers, not dates"),
+    "no formula of time": ({"time": {"compute": "t +"}}, "is no formula"),
     "negative period": ({"time": {"period": -1}}, "time.period"),
     "column and topic": ({"command": {"column": "u", "topic": "t"}}, "give either one of column"),
     "unknown decode": ({"command": {"column": "u", "decode": "int12"}}, "command.0.decode"),

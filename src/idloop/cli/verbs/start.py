@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from idloop.api.log import Log
 
 SIGNALS = {
-    "time": "Column of the stamps.",
+    "time": "Column of the stamps, or a formula such as 'tick / 1000'.",
     "command": "Column of the force, torque, current, voltage or duty cycle; a number is a constant.",
     "position": "Column of the measured position; =counts/4096 is an encoder of 4096 counts per turn.",
     "velocity": "Column of the measured velocity.",

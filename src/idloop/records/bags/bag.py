@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
     from rosbags.typesys.store import Typestore
 
+    from idloop.records.bags.stream import JointStream
+
 _MAGIC = b"\x89MCAP0\r\n"
 
 
@@ -47,6 +49,8 @@ class Bag:
         Messages of each topic according to the metadata; empty where the bag has none.
     unknown_types : set of str
         Types without a definition, known once `typestore` was read.
+    decoded : dict of str to JointStream
+        Topics that were read from it, by name.
 
     Raises
     ------
@@ -64,6 +68,7 @@ class Bag:
         self._scratch = Scratch()
         self._typestore: Typestore | None = None
         self.unknown_types: set[str] = set()
+        self.decoded: dict[str, JointStream] = {}
         if distro is not None and distro not in DISTROS:
             raise InputError(
                 f"unknown ROS distribution {distro!r}; known are {listed(DISTROS)}{did_you_mean(distro, DISTROS)}"

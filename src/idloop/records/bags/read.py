@@ -58,17 +58,19 @@ def read_streams(
         wanted = [known[resolve_topic(name, known, bag.path)] for name in topics]
         for topic in wanted:
             _check_readable(bag, topic)
-    raw = bag.raw([topic.name for topic in wanted])
-    streams = {}
+    # What an open bag was read for once is not decoded again: a robot's joints share their topics.
+    raw = bag.raw([topic.name for topic in wanted if topic.name not in bag.decoded])
     for topic in wanted:
+        if topic.name in bag.decoded:
+            continue
         receive, payloads = raw[topic.name]
         if not payloads:
             raise InputError(
                 f"{bag.path}: {topic.name} should have {topic.count} messages and has none; the file is damaged, copy"
                 f" it again, or save the rest with `idloop recover {bag.path}`"
             )
-        streams[topic.name] = decode_stream(bag, topic, np.array(receive, dtype=np.int64), payloads)
-    return streams
+        bag.decoded[topic.name] = decode_stream(bag, topic, np.array(receive, dtype=np.int64), payloads)
+    return {topic.name: bag.decoded[topic.name] for topic in wanted}
 
 
 def readable_topics(bag: Bag) -> list[str]:

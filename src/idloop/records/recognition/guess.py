@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from math import pi
 from typing import Any
@@ -9,6 +10,9 @@ from typing import Any
 from idloop.errors import InputError
 from idloop.records.tables.base_units import COUNTS, SECONDS, known_unit, read_unit
 from idloop.records.tables.csv_layout import is_number
+from idloop.records.tables.expression import Expression, in_backquotes
+from idloop.records.tables.table import Table
+from idloop.spelling import did_you_mean, listed
 
 MOTION = ("position", "velocity")
 LOAD = "load"  # a second position, of what the axis drives through a gear, belt or spring
@@ -104,6 +108,31 @@ def with_unit(guess: Guess, unit: str) -> Guess:
         raise InputError(f"{guess.role}: unknown unit {unit!r}; of an encoder give =counts/N with N counts per turn")
     options = guess.options if factor == 1.0 else guess.options | {"scale": factor}
     return replace(guess, unit=known, options=options, written="")
+
+
+def checked_formula(table: Table, role: str, said: Given, numbers: Iterable[str]) -> Expression:
+    """Return the formula that the user gives for a signal.
+
+    Raises
+    ------
+    InputError
+        It is none, or names what is no column of numbers.
+    """
+    names = list(numbers)
+    if (text := in_backquotes(said.column, names)) != said.column:
+        right = f"{text}={said.unit}" if said.unit else text
+        raise InputError(
+            f"{table.path}: in a formula the name of a column that is no plain word stands in backquotes:"
+            f" --{role} '{right}'"
+        )
+    formula = Expression(said.column)
+    missing = next((name for name in formula.columns if name not in names), None)
+    if missing is not None or not formula.columns:
+        raise InputError(
+            f"{table.path}: no column {said.column!r} for the {role}; it has"
+            f" {listed(names, 20)}{did_you_mean(said.column, names)}"
+        )
+    return formula
 
 
 def quoted(name: str) -> str:

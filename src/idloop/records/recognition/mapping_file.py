@@ -78,7 +78,7 @@ def _skips_text(table: Table) -> bool:
 
 
 def _time(time: Time) -> dict[str, Any]:
-    left_out = {"offset", "stretch", *({"unit"} if time.column is None else ())}
+    left_out = {"offset", "stretch", *({"unit"} if time.source is None else ())}
     return time.model_dump(exclude_none=True, exclude=left_out)
 
 

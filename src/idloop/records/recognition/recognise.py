@@ -18,7 +18,18 @@ from idloop.records.formats.clock_names import known_clock_unit
 from idloop.records.formats.known_columns import recognise as known_drive
 from idloop.records.inspection.coupled import has_slack
 from idloop.records.recognition.column_name import ColumnName, parse_column_name
-from idloop.records.recognition.guess import LOAD, MOTION, NONE, ROLES, SET_POINTS, Given, Guess, quoted, with_unit
+from idloop.records.recognition.guess import (
+    LOAD,
+    MOTION,
+    NONE,
+    ROLES,
+    SET_POINTS,
+    Given,
+    Guess,
+    checked_formula,
+    quoted,
+    with_unit,
+)
 from idloop.records.recognition.joint_choice import joints_by_name, one_joint
 from idloop.records.recognition.names_against_values import doubt_of_names
 from idloop.records.recognition.role_units import LINEAR_UNITS, doubt_of_left_out, set_units, set_wraps, unit_by_words
@@ -38,11 +49,11 @@ from idloop.records.recognition.table_column import TableColumn, numbers_of, run
 from idloop.records.recognition.time_base import TimeBase, base_of_clock, doubt_of_decimation, find_time_base
 from idloop.records.recognition.unnamed_columns import fill_by_values, find_set_point, follows, longest_way
 from idloop.records.tables.csv_layout import is_number
-from idloop.records.tables.expression import Expression, in_backquotes
+from idloop.records.tables.expression import Expression
 from idloop.records.tables.mapping import Time
 from idloop.records.tables.stamps import bad_stamps, in_order, missing_stamps, note_bad_stamps, note_missing_stamps
 from idloop.records.tables.table import Table
-from idloop.spelling import did_you_mean, listed
+from idloop.spelling import listed
 
 Floats = NDArray[np.float64]
 
@@ -165,7 +176,7 @@ def recognise_table(
     set_wraps(chosen, columns)
     _set_point_command(table, base, chosen, given)
     guesses = tuple(chosen[role] for role in ROLES if role in chosen)
-    used = {one.column for one in guesses} | {str(base.time.column)}
+    used = {one.column for one in guesses} | set(base.columns)
     clocks = {
         one.column: Time(
             column=table.clocks[one.column],
@@ -236,7 +247,7 @@ def _by_names(
     joints = joints if paths is None else paths
     for name, value in numbers.items():
         parsed = _parsed(table, name)
-        if name == base.time.column or name in table.clocks.values() or name in table.stamp_parts:
+        if name in base.columns or name in table.clocks.values() or name in table.stamp_parts:
             continue
         if joints is not None:
             parsed = replace(parsed, index=joints.get(name, ""))
@@ -390,19 +401,7 @@ def _given(table: Table, role: str, said: Given, numbers: dict[str, Floats], col
         raise InputError(f"{table.path}: column {said.column!r} holds no numbers; it cannot be the {role}")
     if is_number(said.column) and role not in MOTION:
         return with_unit(Guess(role, "", "", "as given", options={"value": float(said.column)}), unit)
-    if (formula_text := in_backquotes(said.column, numbers)) != said.column:
-        right = f"{formula_text}={unit}" if unit else formula_text
-        raise InputError(
-            f"{table.path}: in a formula the name of a column that is no plain word stands in backquotes:"
-            f" --{role} '{right}'"
-        )
-    formula = Expression(said.column)
-    missing = next((name for name in formula.columns if name not in numbers), None)
-    if missing is not None or not formula.columns:
-        raise InputError(
-            f"{table.path}: no column {said.column!r} for the {role}; it has"
-            f" {listed(numbers, 20)}{did_you_mean(said.column, numbers)}"
-        )
+    checked_formula(table, role, said, numbers)
     return with_unit(Guess(role, said.column, "", "as given", options={"compute": said.column}), unit)
 
 
@@ -547,7 +546,7 @@ def _set_point_command(table: Table, base: TimeBase, chosen: dict[str, Guess], g
     if command is not None or given.get("command", Given()).column == NONE:
         return
     if role is None:
-        stamps = {base.time.column, *table.clocks.values()}
+        stamps = {*base.columns, *table.clocks.values()}
         free = [name for name in table.columns if name not in stamps]
         raise InputError(
             f"{table.path}: no column is a command (force, torque, current, voltage, duty cycle, set-point); name one"

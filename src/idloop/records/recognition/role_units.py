@@ -18,7 +18,6 @@ from idloop.records.recognition.table_column import TableColumn
 from idloop.records.recognition.time_base import TimeBase
 from idloop.records.recognition.unnamed_columns import longest_way
 from idloop.records.tables.base_units import SECONDS, base_unit
-from idloop.records.tables.mapping import Time
 from idloop.spelling import joined_names
 
 Floats = NDArray[np.float64]
@@ -285,7 +284,7 @@ def _related(
         reason = f"{base.reason}; but with {found.time} the velocity is the slope of the position"
         base = replace(
             base,
-            time=Time(column=base.time.column, unit=found.time),  # type: ignore[arg-type]
+            time=base.time.model_copy(update={"unit": found.time}),
             seconds=base.seconds * factor,
             units=(found.time,),
             reason=reason,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from idloop.errors import InputError
 from idloop.records.recognition.column_name import is_counter, parse_column_name
-from idloop.records.recognition.guess import Given
+from idloop.records.recognition.guess import Given, checked_formula
 from idloop.records.recognition.roles import RoleByName, role_by_name
 from idloop.records.tables.base_units import SECONDS, known_unit
 from idloop.records.tables.dates import dates_ns
+from idloop.records.tables.expression import Expression
 from idloop.records.tables.mapping import Time
 from idloop.records.tables.table import Table
 from idloop.spelling import listed
@@ -43,6 +44,10 @@ _FEWEST_ROWS, _FEWEST_STAMPS = 10, 3
 _DECIMATED = 1.5  # periods that rows are apart at least where others between them were left out
 _NEAR = 0.05  # of its range, in which a time starts again
 _SAME = 0.02  # difference of two periods that agree
+# A given time starts again at each run, and may stand where stamps are rounded.
+_MOST_FALLS, _FEWEST_RISES = 0.1, 0.05
+# Names of a position that may be those of a clock: the axis of a plot, ticks of a timer.
+_OF_CLOCKS = {"x", "tick", "ticks", "count", "counts"}
 _BACKWARDS = "runs backwards: turn the order of the rows"
 _WAYS = "numbers nor times such as 10:03:29.5 or 2025-11-12T10:03:29.5"
 # Names whose one value is the sampling period [s]: of oscilloscopes, and beside arrays.
@@ -76,13 +81,29 @@ class TimeBase:
     units: tuple[str, ...] = ("s",)
 
     @property
+    def columns(self) -> tuple[str, ...]:
+        """Columns of the stamps: one, those of a formula, or none."""
+        if self.time.compute is not None:
+            return tuple(Expression(self.time.compute).columns)
+        return () if self.time.column is None else (str(self.time.column),)
+
+    @property
     def runs(self) -> list[slice]:
-        """Rows of each run, between which the time starts again; shorter ones than ten rows are left out."""
+        """Rows of each run, between which the time starts again.
+
+        Left out are runs of less than ten rows, and such in which it stands still: a buffer that was not filled to its
+        end holds zeros there.
+        """
         back = np.flatnonzero(np.diff(self.seconds) < 0) + 1
         edges = [0, *back.tolist(), self.seconds.size]
         pieces = [slice(a, b) for a, b in itertools.pairwise(edges)]
         longest = max(one.stop - one.start for one in pieces)
-        return [one for one in pieces if one.stop - one.start >= min(_FEWEST_ROWS, longest)]
+        enough = [one for one in pieces if one.stop - one.start >= min(_FEWEST_ROWS, longest)]
+        return [one for one in enough if not self.stands_still(one)] or enough
+
+    def stands_still(self, rows: slice) -> bool:
+        """Whether all rows of a piece have the same stamp."""
+        return bool(self.seconds[rows].min() == self.seconds[rows].max())
 
 
 def find_time_base(
@@ -115,7 +136,11 @@ def find_time_base(
             )
         doubt = _disagreement(table, numbers, period)
         return TimeBase(Time(period=period), "as given", doubt, np.arange(count, dtype=np.float64) * period)
+    if given is not None and given.column and given.column not in table.columns:
+        return _of_formula(table, numbers, given)
     if given is not None and given.column:
+        if given.column in numbers:
+            _check_given(table, given.column, numbers[given.column])
         return _of_column(table, numbers, given.column, given.unit, "as given")
     rows = max((len(column) for column in table.columns.values()), default=0)
     if rows < _FEWEST_STAMPS:
@@ -150,6 +175,8 @@ def find_time_base(
         for name, value in numbers.items()
         if not is_counter(parse_column_name(name, table.units.get(name, "")))
     }
+    # What a name says to be another signal is no time, however evenly it rises: a table of steady states has none.
+    may_be = {name: value for name, value in may_be.items() if _may_be_clock(table, name)}
     steady = [name for name, value in may_be.items() if _is_clock(value)] or [
         name for name, value in may_be.items() if value.size > _FEWEST_ROWS and (np.diff(value) > 0).all()
     ]
@@ -160,9 +187,7 @@ def find_time_base(
         base = _of_column(
             table, numbers, name, unit, "it rises from row to row" + (", and starts again" if again else "")
         )
-        return TimeBase(
-            base.time, base.reason, base.doubt or doubt_of_unit(name, base.time.unit), base.seconds, base.units
-        )
+        return replace(base, doubt=_doubt_of_unnamed(name, base, counts=counts_rows(numbers[name])))
     raise InputError(
         f"{table.path}: no column is a time{_why_not(table, numbers)}; name it with --time COLUMN, or say how often a"
         f" row was taken: --rate HZ or --period S (columns are {listed(table.columns, 20)})"
@@ -176,8 +201,13 @@ def _why_not(table: Table, numbers: dict[str, Floats]) -> str:
         if is_counter(parse_column_name(name, table.units.get(name, ""))):
             said.append(f"{name!r} counts the rows")
             continue
-        if _role(table, name).role != "time":
-            said += [f"{name!r} {_BACKWARDS}"] if name in numbers and _is_clock(-numbers[name]) else []
+        if (role := _role(table, name).role) != "time":
+            if name in numbers and _is_clock(-numbers[name]):
+                said.append(f"{name!r} {_BACKWARDS}")
+            elif role and name in numbers and _is_clock(numbers[name]):
+                said.append(
+                    f"{name!r} rises evenly, but is the {role} by its name: a table of steady states has no time"
+                )
             continue
         if name not in numbers:
             cell = next((str(cell) for cell in table.raw(name) if str(cell).strip()), "")
@@ -227,6 +257,12 @@ def base_of_clock(table: Table, name: str, said: str, given: str) -> TimeBase:
 
 def _role(table: Table, name: str) -> RoleByName:
     return role_by_name(parse_column_name(name, table.units.get(name, "")))
+
+
+def _may_be_clock(table: Table, name: str) -> bool:
+    """Whether a name does not say that a column is another signal than the time."""
+    words = parse_column_name(name, table.units.get(name, "")).words
+    return _role(table, name).role in ("", "other") or (bool(words) and set(words) <= _OF_CLOCKS)
 
 
 def _named(table: Table, numbers: dict[str, Floats]) -> str:
@@ -346,6 +382,44 @@ def _of_column(table: Table, numbers: dict[str, Floats], name: str, unit: str, r
     return TimeBase(time, f"{reason}; {units[0]} {why}", doubt, value * SECONDS[units[0]], units)
 
 
+def _check_given(table: Table, name: str, value: Floats) -> None:
+    """Refuse a given time that falls as often as a signal does, or stands still."""
+    change = np.diff(value)
+    rises, falls = int(np.count_nonzero(change > 0.0)), int(np.count_nonzero(change < 0.0))
+    if falls > _MOST_FALLS * rises or rises < _FEWEST_RISES * change.size:
+        raise InputError(
+            f"{table.path}: {name!r} is no time: from row to row it rises {rises} times and falls {falls} times, of"
+            f" {change.size}"
+        )
+
+
+def _of_formula(table: Table, numbers: dict[str, Floats], given: Given) -> TimeBase:
+    """Return the stamps of a formula over columns that the user gives: seconds, where the unit is left out."""
+    if given.unit and known_unit(given.unit) not in SECONDS:
+        raise InputError(
+            f"{table.path}: --time {given.column}={given.unit}: not a unit of time; known are {', '.join(SECONDS)}"
+        )
+    formula = checked_formula(table, "time", given, numbers)
+    value = formula.evaluate(numbers)
+    _check_given(table, given.column, value)
+    unit = known_unit(given.unit)
+    units, why = ((unit,), "as given") if unit else _units_of_time(value)
+    doubt = doubt_of_unit(given.column, units[0]) if len(units) > 1 else ""
+    doubt = doubt or _stands_still(given.column, value)
+    time = Time(compute=given.column, unit=units[0])  # type: ignore[arg-type]
+    return TimeBase(time, f"as given; {units[0]} {why}", doubt, value * SECONDS[units[0]], units)
+
+
+def _doubt_of_unnamed(name: str, base: TimeBase, *, counts: bool) -> str:
+    """Doubt about a time that no name says."""
+    how = "by one with each row, and may count the rows" if counts else "from row to row"
+    other = ", or if it counts --rate HZ" if counts else ", or --rate HZ"
+    return (
+        f"no name says that {name!r} is the time: it rises {how}, and is taken as a time in {base.time.unit}: --time"
+        f" COLUMN=UNIT{other}"
+    )
+
+
 def _stands_still(name: str, value: Floats) -> str:
     """Doubt about stamps that are too coarse; empty where they are not."""
     if np.nanmedian(np.abs(np.diff(value))) > 0.0 or value.size < _FEWEST_ROWS:
@@ -390,7 +464,7 @@ def doubt_of_decimation(table: Table, base: TimeBase) -> str:
     Of what was faster than half the rate of the rows nothing can be said: it looks like something slower.
     """
     noted = _period_in_notes(table)
-    step = float(np.median(np.diff(base.seconds))) if base.time.column is not None and base.seconds.size > 1 else 0.0
+    step = float(np.median(np.diff(base.seconds))) if base.time.source is not None and base.seconds.size > 1 else 0.0
     if noted is None or step < _DECIMATED * noted[0]:
         return ""
     return (

@@ -8,11 +8,14 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from idloop.documents import MOST_NAME, read_text, read_yaml
 from idloop.errors import InputError
 from idloop.records.tables.expression import Expression
+from idloop.records.tables.table import Table
 from idloop.spelling import did_you_mean, did_you_mean_or_known, listed
 
 SCHEMA = "idloop/mapping/1"
@@ -36,10 +39,11 @@ class SignBit(_Strict):
 
 
 class Time(_Strict):
-    """Where stamps come from: a column, a fixed period, or the stamps of a bag."""
+    """Where stamps come from: a column, a formula over columns, a fixed period, or the stamps of a bag."""
 
     column: str | int | None = None
     unit: Literal["s", "ms", "us", "ns", "iso8601"] = "s"
+    compute: Name | None = None
     period: float | None = Field(default=None, ge=_SHORTEST, allow_inf_nan=False)
     rate: float | None = Field(default=None, gt=0, le=1.0 / _SHORTEST, allow_inf_nan=False)
     stamps: Literal["header", "receive"] | None = None
@@ -49,9 +53,28 @@ class Time(_Strict):
 
     @model_validator(mode="after")
     def _one_source(self) -> Time:
-        if sum(item is not None for item in (self.column, self.period, self.rate, self.stamps)) != 1:
-            raise ValueError("give one of column, period, rate (tables) or stamps (bags)")
+        if sum(item is not None for item in (self.source, self.period, self.rate, self.stamps)) != 1:
+            raise ValueError("give one of column, period, rate, compute (tables) or stamps (bags)")
+        if self.compute is not None and (self.column is not None or self.unit == "iso8601"):
+            raise ValueError("compute: a formula stands in the place of a column and gives numbers, not dates")
         return self
+
+    @field_validator("compute")
+    @classmethod
+    def _formula(cls, value: str | None) -> str | None:
+        return _checked_formula(value)
+
+    @property
+    def source(self) -> str | int | None:
+        """Column or formula of the stamps; None without."""
+        return self.column if self.column is not None else self.compute
+
+    def read(self, table: Table, rows: slice = slice(None)) -> NDArray[np.float64]:
+        """Return the numbers of the column or the formula, shape (n,), in `unit`."""
+        if self.compute is None:
+            return table.numbers(self.column, rows)  # type: ignore[arg-type]
+        formula = Expression(self.compute)
+        return formula.evaluate({name: table.numbers(name, rows) for name in formula.columns})
 
 
 class Channel(_Strict):
@@ -108,12 +131,7 @@ class Channel(_Strict):
     @field_validator("compute")
     @classmethod
     def _formula(cls, value: str | None) -> str | None:
-        if value is not None:
-            try:
-                Expression(value)
-            except InputError as error:
-                raise ValueError(str(error)) from None
-        return value
+        return _checked_formula(value)
 
     @field_validator("file_name")
     @classmethod
@@ -133,6 +151,15 @@ class Channel(_Strict):
         if sum(source is not None for source in sources) != 1:
             raise ValueError("give either one of column, compute, value and file_name (of a table) or topic (of a bag)")
         return self
+
+
+def _checked_formula(value: str | None) -> str | None:
+    if value is not None:
+        try:
+            Expression(value)
+        except InputError as error:
+            raise ValueError(str(error)) from None
+    return value
 
 
 def _as_channel(value: Any) -> Any:

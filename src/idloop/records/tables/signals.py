@@ -271,7 +271,8 @@ def _time(table: Table, time: Time, count: int, rows: slice) -> tuple[Stamps, ND
     """Stamps of the selected rows as the file counts them [ns], and which rows are left out for theirs."""
     first = rows.start + table.first_row
     missing = np.zeros(count, dtype=bool)
-    if time.column is None:
+    name = time.source
+    if name is None:
         period = time.period if time.period is not None else 1.0 / (time.rate or 1.0)
         if (first + count) * period * 1e9 >= _LATEST_NS:
             raise InputError(
@@ -281,15 +282,15 @@ def _time(table: Table, time: Time, count: int, rows: slice) -> tuple[Stamps, ND
         stamp = np.asarray(np.round(np.arange(first, first + count) * period * 1e9).astype(np.int64))
         return stamp, missing
     if time.unit == "iso8601":
-        cells = table.raw(time.column)[rows]
+        cells = table.raw(name)[rows]
         stamp = _as_stamps(
             table,
-            time.column,
+            name,
             np.array([_iso(table, cell, row) for row, cell in enumerate(cells, first)], dtype=object),
             first,
         )
     else:
-        seconds = table.numbers(time.column, rows)
+        seconds = time.read(table, rows)
         missing = missing_stamps(seconds)
         if missing.any():
             table.notes.append(note_missing_stamps(np.flatnonzero(missing) + first))
@@ -297,18 +298,18 @@ def _time(table: Table, time: Time, count: int, rows: slice) -> tuple[Stamps, ND
         bad = np.flatnonzero(~np.isfinite(seconds))
         if bad.size:
             raise InputError(
-                f"{table.path}: time column {time.column!r} is not a number in row {first + bad[0]}; leave this row out"
+                f"{table.path}: time column {name!r} is not a number in row {first + bad[0]}; leave this row out"
                 " with `rows:`"
             )
         with np.errstate(over="ignore"):
             whole = np.round(seconds if time.unit == "ns" else seconds * SECONDS[time.unit] * 1e9)
-        stamp = _as_stamps(table, time.column, whole, first)
+        stamp = _as_stamps(table, name, whole, first)
     if stamp.size and (time.offset or time.stretch != 1.0):
         passed = np.round((stamp - stamp[0]) * time.stretch).astype(np.int64)
         stamp = stamp[0] + passed + round(time.offset * 1e9)
     if stamp.size != count:
         raise InputError(
-            f"{table.path}: time column {time.column!r} has {stamp.size} rows, the others {count}; choose columns"
+            f"{table.path}: time column {name!r} has {stamp.size} rows, the others {count}; choose columns"
             " of one record"
         )
     wrong = bad_stamps(stamp)
@@ -318,11 +319,11 @@ def _time(table: Table, time: Time, count: int, rows: slice) -> tuple[Stamps, ND
     back = np.flatnonzero(np.diff(stamp) < 0)
     if back.size:
         raise InputError(
-            f"{table.path}: time column {time.column!r} runs backwards in row {first + back[0] + 1}; cut the runs apart"
+            f"{table.path}: time column {name!r} runs backwards in row {first + back[0] + 1}; cut the runs apart"
             " with `rows:`"
         )
     if stamp.size and time.unit == "iso8601" and stamp[0] < 0:
-        raise InputError(f"{table.path}: time column {time.column!r} begins before 1970; stamps begin there")
+        raise InputError(f"{table.path}: time column {name!r} begins before 1970; stamps begin there")
     return stamp, wrong | missing
 
 
