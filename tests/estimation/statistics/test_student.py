@@ -30,3 +30,11 @@ def test_a_few_errors_far_out_hardly_move_the_scale() -> None:
     assert scale_of(spoilt) == pytest.approx(scale_of(errors), rel=0.05)
     assert weights(np.array([0.0]))[0] == pytest.approx(1.25)
     assert weights(np.array([100.0]))[0] < 1e-3
+
+
+@pytest.mark.parametrize("still", [0.0, 0.6])
+def test_the_scale_is_a_fixed_point_however_heavy_the_tails(still: float) -> None:
+    random = np.random.default_rng(2)
+    errors = random.laplace(size=2000) ** 3 * (random.uniform(size=2000) > still)
+    scale = scale_of(errors)
+    assert np.mean(weights(errors / scale) * errors**2) == pytest.approx(scale**2, rel=1e-6)

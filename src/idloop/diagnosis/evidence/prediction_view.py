@@ -182,20 +182,24 @@ class PredictionView(View[Refit]):
 
         A few samples decide on most effects: more are used only where these do not.
         """
-        step = self._evaluate_in(FEW, parent)
-        decided = step.decided or (self.promised > 0.0 and not step.tied)
-        return step if decided or step.whole is None else self._evaluate_in(ENOUGH, parent)
+        step = self._evaluate_in(FEW, parent, first_look=True)
+        return self._evaluate_in(ENOUGH, parent) if step.whole is not None and self._leaves_open(step) else step
 
-    def _evaluate_in(self, most: int, parent: Refit) -> PredictionStep:
-        """The same in about so many samples."""
+    def _leaves_open(self, step: PredictionStep) -> bool:
+        """Whether more samples may name another effect."""
+        return not step.decided and (self.promised == 0.0 or bool(step.tied))
+
+    def _evaluate_in(self, most: int, parent: Refit, *, first_look: bool = False) -> PredictionStep:
+        """The same in about so many samples; a first look that leaves open what is missing evaluates single effects."""
         some = self.estimation.subsampled(most)
         fit = parent if some is self.estimation else refit_or_none(some, parent.model, None, parent)
         if fit is None or fit is parent:
             return self._evaluate_all(parent, self.estimation)
-        step = PredictionView._evaluate_all(replace(self, estimation=some), fit, self.estimation)
+        view = replace(self, estimation=some)
+        step = PredictionView._evaluate_all(view, fit, self.estimation, first_look=first_look)
         return replace(step, parent=parent, whole=self.estimation)
 
-    def _evaluate_all(self, parent: Refit, whole: EstimationProblem) -> PredictionStep:
+    def _evaluate_all(self, parent: Refit, whole: EstimationProblem, *, first_look: bool = False) -> PredictionStep:
         """The same in all samples; what excites the axis is said of the whole records."""
         effects, options = self.choices(parent.model), self.options
         proposed = proposals(parent.model, effects, self.estimation.conditions)
@@ -217,6 +221,8 @@ class PredictionView(View[Refit]):
             unseen=(self.estimation if self.held_out is None else self.held_out).records,
         )  # fmt: skip
         step = self._judged(step, responds)
+        if first_look and self._leaves_open(step):
+            return step
         left = fitted_curves(screen, options.level)
         step = replace(step, residual_curves=tuple(PredictionCurve.evaluated(screen, left, evaluator.innovations)))
         if self.estimation.kind == PREDICTION and self.force_model is None and not step.tied and not step.confounded:

@@ -28,6 +28,7 @@ from idloop.diagnosis.search.step import EvaluatedModel
 from idloop.estimation.force_balance.weak_fit import WeakFit
 from idloop.estimation.force_balance.weak_form import BLOCKS
 from idloop.estimation.statistics.student import log_density, scale_of, weights
+from idloop.estimation.statistics.truncated import directions
 
 Array = NDArray[np.float64]
 
@@ -167,11 +168,14 @@ def _scores(fit: WeakFit, columns: Array) -> Scores:
     residual, found = fit.residual[:, 0], []
     folds, blocks = deal(fit.form.starts)
     columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    parts = [columns[fold] for fold in folds]
+    grams = [part.T @ part for part in parts]
+    moments = [part.T @ residual[fold] for part, fold in zip(parts, folds, strict=True)]
     for index, fold in enumerate(folds):
-        rest = np.sort(others(folds, index))
-        heights = np.linalg.lstsq(columns[rest], residual[rest], rcond=_LEAST_WEIGHT)[0]
-        scale = scale_of(residual[rest] - columns[rest] @ heights)
-        found.append(log_density(residual[fold] - columns[fold] @ heights, scale))
+        vectors, values = directions(np.sum(grams, axis=0) - grams[index], _LEAST_WEIGHT)
+        heights = vectors @ ((vectors.T @ (np.sum(moments, axis=0) - moments[index])) / values**2)
+        left = residual - columns @ heights
+        found.append(log_density(left[fold], scale_of(left[others(folds, index)])))
     return Scores(np.concatenate(found), blocks)
 
 

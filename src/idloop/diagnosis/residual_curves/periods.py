@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 _MOST = 400
 # Least part of the windows' power that a wave keeps.
 _LEAST_KEPT = 0.1
+# Bands of speed and cells of a turn over which forces are summed; most periods in a window of which some are kept.
+_SPEEDS, _CELLS, _LONGEST = 128, 4096, 4.0
 # Step between neighbouring frequencies [periods within the travel].
 _STEP = 0.25
 
@@ -98,24 +100,27 @@ def harmonics(fit: WeakFit, body: int) -> tuple[tuple[int, ...], int]:
     form = fit.form
     angle, speed = form.along("position", body), np.abs(form.along("velocity", body))
     turns = float(np.ptp(angle)) / (2.0 * np.pi)
-    # Of more windows every n-th is enough.
-    stride = max(len(angle) // 20_000, 1)
-    left = fit.residual[::stride, body]
+    left = fit.residual[:, body]
     left = left * weights(left / fit.scale[body])
-    turned = np.exp(1j * angle[::stride])
-    per_window = form.width * form.sample_time * speed[::stride] / (2.0 * np.pi)
+    # Sums over cells of equal speed and angle, whose spectra over the angle give all harmonics at once.
+    per_window = form.width * form.sample_time * speed / (2.0 * np.pi)
+    edges = np.geomspace(0.1 / _MOST, _LONGEST, _SPEEDS)
+    band = np.searchsorted(edges, per_window)
+    cell = np.minimum((angle % (2.0 * np.pi)) * (_CELLS / (2.0 * np.pi)), _CELLS - 1).astype(np.int64)
+    sums = np.bincount(band * _CELLS + cell, left, (_SPEEDS + 1) * _CELLS).reshape(-1, _CELLS)
+    counts = np.bincount(band, minlength=_SPEEDS + 1)
+    typical = np.bincount(band, per_window, _SPEEDS + 1) / np.maximum(counts, 1)
     # What the test function keeps of a wave, by the periods in a window.
-    periods = np.linspace(0.0, 4.0, 201)
+    periods = np.linspace(0.0, _LONGEST, 201)
     shape = test_functions(form.width, form.sample_time)[0]
     share = np.abs(np.exp(2j * np.pi * np.outer(periods, np.arange(form.width) / form.width)) @ shape)
     # Two periods within the motion show a wave.
     lowest = max(2, int(np.ceil(2.0 / max(turns, 1e-12))))
-    power, wave = [], turned ** (lowest - 1)
-    for harmonic in range(lowest, _MOST + 1):
-        wave = wave * turned
-        kept = np.interp(harmonic * per_window, periods, share, right=0.0)
-        count = float(kept @ kept)
-        if count < _LEAST_KEPT * len(left):
-            break
-        power.append(abs(np.vdot(wave, kept * left)) / np.sqrt(count))
-    return tuple(int(lowest + place) for place in np.argsort(power)[::-1][:3]), len(power)
+    orders = np.arange(lowest, _MOST + 1)
+    kept = np.interp(np.outer(typical, orders), periods, share, right=0.0)
+    power = counts @ kept**2
+    weak = np.flatnonzero(power < _LEAST_KEPT * len(left))
+    tried = int(weak[0]) if len(weak) else len(orders)
+    wave = np.sum(kept * np.fft.rfft(sums, axis=1)[:, lowest : _MOST + 1], axis=0)[:tried]
+    strongest = np.argsort(np.abs(wave) / np.sqrt(power[:tried]))[::-1][:3]
+    return tuple(int(order) for order in orders[strongest]), tried

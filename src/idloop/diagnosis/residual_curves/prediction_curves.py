@@ -19,6 +19,7 @@ from idloop.diagnosis.search.step import EvaluatedModel
 from idloop.estimation.likelihood.heteroscedasticity import segment_starts
 from idloop.estimation.likelihood.parallel import in_parallel
 from idloop.estimation.likelihood.refit import Refit
+from idloop.estimation.statistics.truncated import directions
 
 Array = NDArray[np.float64]
 
@@ -78,9 +79,9 @@ def _fit(screen: Screen, curve: TrialCurve) -> FittedCurve | None:
     known = size > _LEAST_INFLUENCE * max(float(np.max(size)), 1e-300)
     if not np.any(known):
         return None
-    left, weight, right = np.linalg.svd(own[:, known] / size[known], full_matrices=False)
-    kept = weight > _LEAST_WEIGHT * weight[0]
-    left, weight, right = left[:, kept], weight[kept], right[kept]
+    scaled = own[:, known] / size[known]
+    vectors, weight = directions(scaled.T @ scaled, _LEAST_WEIGHT)
+    left = scaled @ (vectors / weight)
     scores = -(left.T @ errors)
     rest = errors + left @ scores
     freedom = max(len(rest) - len(scores) - screen.basis.shape[1], 1)
@@ -89,7 +90,7 @@ def _fit(screen: Screen, curve: TrialCurve) -> FittedCurve | None:
     meat = (left * rest[:, None] ** 2).T @ left
     sums = np.add.reduceat(left * rest[:, None], segment_starts(len(rest)), axis=0)
     uneven = max(1.0, *(float(np.max(np.linalg.eigvalsh(m))) / variance for m in (meat, sums.T @ sums)))
-    solve = (right.T / weight) / size[known][:, None] * curve.step
+    solve = (vectors / weight) / size[known][:, None] * curve.step
     value, spread = np.full((2, len(known)), np.nan)
     value[known] = solve @ scores
     spread[known] = np.sqrt(np.sum(solve**2, axis=1) * variance * uneven)
