@@ -19,6 +19,7 @@ LOGS = {
     "Dynamixel X": ["time", "Present Position", "Present Velocity", "Present Current", "Goal PWM"],
     "Dynamixel AX": ["time", "Goal Position", "Moving Speed", "Present Position", "Present Speed", "Present Load"],
     "Feetech STS": ["timestamp", "Present_Position", "Present_Velocity", "Present_Load", "Present_Current"],
+    "Pololu Jrk": ["Time (ms)", "Input", "Target", "Feedback", "Scaled feedback", "Duty cycle target", "Duty cycle"],
     "RCbenchmark": ["Time (s)", "ESC signal (µs)", "Torque (N·m)", "Thrust (N)", "Motor Optical Speed (RPM)"],
 }
 

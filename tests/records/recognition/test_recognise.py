@@ -741,3 +741,30 @@ def test_of_two_names_the_one_with_a_d_behind_it_was_desired():
     assert (roles["command"][0], roles["position"][0], roles["reference"][0]) == ("tau_J_d", "q", "q_d")
     # Along the field of a motor it is a direction.
     assert _roles({"t": T, "i": U, "i_d": 0.1 * U, "q": ANGLE})[0]["command"][0] == "i"
+
+
+def test_pulses_in_hertz_have_the_number_in_a_turn_that_the_position_shows():
+    columns = {"t": T, "voltage [V]": U, "angle [rad]": ANGLE, "speed [Hz]": 14.0 * SPEED / (2.0 * pi)}
+    _, found = _roles(columns)
+    (number,) = [doubt for doubt in found.all_doubts() if "N is" in doubt]
+    assert number == "velocity: N is 14 by the slope of 'angle [rad]'"
+    roles, _ = _roles(columns, given={"velocity": Given.parse("`speed [Hz]` / 14=rev/s", list(columns))})
+    assert roles["velocity"] == ("`speed [Hz]` / 14", "rev/s")
+
+
+def test_a_frequency_is_a_set_point_of_the_speed():
+    roles, found = _roles({"t": T, "output frequency (Hz)": 10.0 * U, "speed [rpm]": SPEED})
+    assert roles["command"] == ("output frequency (Hz)", "rev/s")
+    assert any("--command '`output frequency (Hz)` / N=rev/s'" in doubt for doubt in found.all_doubts())
+
+
+def test_a_command_that_is_named_takes_the_motion_of_its_joint():
+    columns = {"t": T, "a1 torque cmd [Nm]": U, "a1 position [rad]": ANGLE, "a1 velocity [rad/s]": SPEED}
+    columns |= {"a2 torque cmd [Nm]": U, "a2 position [rad]": -3.0 * ANGLE, "a2 velocity [rad/s]": -3.0 * SPEED}
+    roles, found = _roles(columns, given={"command": Given("a1 torque cmd [Nm]")})
+    assert roles["position"][0] == "a1 position [rad]"
+    assert roles["velocity"][0] == "a1 velocity [rad/s]"
+    assert not any("joints" in doubt for doubt in found.doubts)
+    # A motion that is named beside it says more.
+    roles, _ = _roles(columns, given={"command": Given("a1 torque cmd [Nm]"), "position": Given("a2 position [rad]")})
+    assert roles["velocity"][0] == "a2 velocity [rad/s]"

@@ -9,8 +9,8 @@ from unicodedata import normalize
 from idloop.records.recognition.unit_behind_name import is_in_volts, is_unit_behind
 from idloop.records.tables.base_units import known_unit, read_unit
 
-# A unit behind a name: in brackets, or as in "speed in rpm" and "n / rpm".
-BRACKETS = re.compile(r"\s*[\[(<{]\s*([^\])>}]*?)\s*[\])>}]")
+# A unit behind a name: in brackets, or as in "speed in rpm" and "n / rpm". A bracket without its other half is none.
+BRACKETS = re.compile(r"\s*[\[(<{]\s*([^\[(<{\])>}]*?)\s*[\])>}]")
 _BEHIND = re.compile(r"(?:\s+in\s+|\s+/\s+|\s*,\s+)(\S+)\s*$")
 _WORD = re.compile(r"[A-ZÄÖÜ]+(?![a-zäöüß])|[A-ZÄÖÜ]?[a-zäöüß]+|\d+|µ[a-z]+|[%°]|[^\W\d_A-Za-zÄÖÜäöüßµ]+")
 # A remark in a name, as in "Time (samples) TM=1000us": its unit is not that of the column.
@@ -27,6 +27,8 @@ MEASURED = frozenset({
     "estimated", "present", "sensor", "filtered", "filt", "adc",
     "messwert", "mesure", "mesuree", "medida", "medido", "misurata", "misurato", "ärvärde", "gemeten",
 })  # fmt: skip
+# What is added to the output of a loop: a force that is commanded.
+FEED_FORWARD = frozenset({"ff", "feedforward"})
 # A number of the row or of the sample; it says neither when it was taken nor what was measured.
 _COUNTERS = frozenset({
     "sample", "samples", "seq", "sequence", "index", "idx", "row", "rows", "line", "record", "no", "nr", "data",
@@ -128,6 +130,8 @@ def parse_column_name(name: str, unit: str = "") -> ColumnName:
     rest = [word for word in plain if word.lower() not in WANTED | MEASURED]
     letter = rest[0] if len(rest) == 1 and len(rest[0]) == 1 else ""
     parts = tuple(part for word in plain for part in _parts(word.lower()))
+    if FEED_FORWARD & set(parts):
+        parts = tuple("torque" if part == "t" else part for part in parts)  # t_ff of the MIT protocol
     return ColumnName(parts, found, index or (numbers[-1] if numbers else ""), letter, factor, "" if found else written)
 
 

@@ -68,8 +68,11 @@ def one_joint(
     roles = [(one.by_name.role, own[one.name]) for some in by_joint.values() for one in some]
     if len(by_joint) < 2 or len(set(roles)) == len(roles):
         return columns
-    chosen = next((index for index, some in by_joint.items() if any(one.name in named for one in some)), None)
-    if chosen is None:
+    # A motion that is named says more than the command that is named beside it.
+    said = [one.parsed.index for some in by_joint.values() for one in some if one.name in named]
+    said += [one.parsed.index for one in columns.values() if one.name in named and one.parsed.index in by_joint]
+    chosen = said[0] if said else ""
+    if not chosen:
         commanded = {one.parsed.index for one in columns.values() if one.moves and is_called_command(one.parsed)}
         among = {index: some for index, some in by_joint.items() if index in commanded} or by_joint
         chosen = _moving_most(among)

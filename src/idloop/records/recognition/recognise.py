@@ -31,6 +31,7 @@ from idloop.records.recognition.guess import (
     with_unit,
 )
 from idloop.records.recognition.joint_choice import joints_by_name, one_joint
+from idloop.records.recognition.loop_in_drive import loop_beside_command
 from idloop.records.recognition.names_against_values import doubt_of_names
 from idloop.records.recognition.role_units import LINEAR_UNITS, doubt_of_left_out, set_units, set_wraps, unit_by_words
 from idloop.records.recognition.roles import (
@@ -174,6 +175,7 @@ def recognise_table(
     of_values = (doubt_of_left_out(base, chosen, columns, given), doubt_of_names(base, chosen, columns, given))
     doubts += [doubt for doubt in (doubt_of_decimation(table, base), *of_values) if doubt]
     set_wraps(chosen, columns)
+    doubts += loop_beside_command(columns, chosen, given)
     _set_point_command(table, base, chosen, given)
     guesses = tuple(chosen[role] for role in ROLES if role in chosen)
     used = {one.column for one in guesses} | set(base.columns)

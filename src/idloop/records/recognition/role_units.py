@@ -77,10 +77,8 @@ def set_units(
         base = _related(base, chosen, columns, linear=linear, given=given, counted=counted)
     elif place is not None and not place.unit:
         chosen["position"] = _position_alone(place, columns[place.column], linear=linear)
-    elif speed is not None and not speed.unit and _IN_HERTZ.search(speed.column):
-        chosen["velocity"] = replace(speed, unit="rev/s").with_doubt(
-            f"the velocity is in hertz, taken as turns per second: --velocity '{speed.column}=UNIT'"
-        )
+    elif speed is not None and not speed.unit and _in_hertz(speed):
+        chosen["velocity"] = _turns_per_second(speed)
     elif speed is not None and not speed.unit:
         unit = "m/s" if linear else "rad/s"
         chosen["velocity"] = replace(speed, unit=unit).with_doubt(
@@ -143,6 +141,8 @@ def _force_unit(one: Guess, columns: Map[str, TableColumn]) -> Guess:
         return replace(one, unit=unit).with_doubt(
             f"{_without_unit(one)} and taken as {unit}: --{one.role} '{one.column}=UNIT'"
         )
+    if one.role == "command" and _in_hertz(one):
+        return _turns_per_second(one)
     # A duty cycle has no unit, and of an unknown one only ratios of the parameters matter.
     duty = bool(words & {"pwm", "duty", "dutycycle", "throttle"})
     what = f"the unit {one.written!r}" if one.written else "the unit"
@@ -158,6 +158,19 @@ def _without_unit(guess: Guess) -> str:
     if guess.written:
         return f"the unit {guess.written!r} of the {guess.role} is not known"
     return f"the unit of the {guess.role} is not written down"
+
+
+def _in_hertz(one: Guess) -> bool:
+    """Whether a signal is in hertz by its name or by what stands as its unit."""
+    return one.written.lower() == "hz" or bool(_IN_HERTZ.search(one.column))
+
+
+def _turns_per_second(one: Guess) -> Guess:
+    """Velocity, or command of one, in hertz: turns in a second, or what one turn has several of."""
+    return replace(one, unit="rev/s", written="").with_doubt(
+        f"the {one.role} is in hertz, taken as turns per second; if it counts pulses of an encoder, steps or periods of"
+        f" the currents, of which a turn has N: --{one.role} '{quoted(one.column)} / N=rev/s'"
+    )
 
 
 def _pulse_width(command: Guess) -> Guess:
@@ -253,7 +266,11 @@ def _related(
             )
         _unrelated(base, chosen, linear=linear)
         slope = slope_of(base.seconds, value, rate * speed.options.get("scale", 1.0), column.runs)
-        if slope is not None and not speed_unit:
+        base_place, factor = base_unit(chosen["position"].unit, "position", place.column)
+        if slope is not None and not speed_unit and _in_hertz(speed) and base_place == "rad":
+            said = f"velocity: N is {2.0 * pi * abs(slope.value) / factor:.4g} by the slope of {place.column!r}"
+            chosen["velocity"] = chosen["velocity"].with_doubt(said)
+        elif slope is not None and not speed_unit:
             said = _no_unit(slope.value, chosen["position"])
             chosen["velocity"] = chosen["velocity"].with_doubt(said) if said else chosen["velocity"]
         elif slope is not None and counted:
@@ -351,6 +368,8 @@ def _count_by_slope(place: Guess, speed: Guess, slope: float) -> tuple[Guess, Gu
 
 
 def _unrelated(base: TimeBase, chosen: dict[str, Guess], *, linear: bool) -> TimeBase:
+    if not chosen["velocity"].unit and _in_hertz(chosen["velocity"]):
+        chosen["velocity"] = _turns_per_second(chosen["velocity"])
     for role, usual in (("position", "m" if linear else "rad"), ("velocity", "m/s" if linear else "rad/s")):
         one = chosen[role]
         if not one.unit or one.unit == "counts":

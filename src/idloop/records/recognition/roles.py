@@ -6,7 +6,15 @@ from dataclasses import dataclass
 from typing import Literal
 
 from idloop.records.formats.clock_names import TIME_WORDS
-from idloop.records.recognition.column_name import FLAGS, MEASURED, WANTED, ColumnName, is_counter, parse_column_name
+from idloop.records.recognition.column_name import (
+    FEED_FORWARD,
+    FLAGS,
+    MEASURED,
+    WANTED,
+    ColumnName,
+    is_counter,
+    parse_column_name,
+)
 from idloop.records.tables.base_units import SECONDS
 
 Signal = Literal[
@@ -36,7 +44,7 @@ _RATES = {"dot", "rate", "derivative"}
 # Names that are no signal of an axis whatever else they say, without a unit, and by themselves.
 _NEVER = {
     "error", "errors", "err", "deviation", "lag", "residual", "fehler", "abweichung", "regelabweichung",
-    "schleppfehler", "schleppabstand", "pe", "enable", "enabled",
+    "schleppfehler", "schleppabstand", "pe", "enable", "enabled", "kp", "ki", "kd",
 }  # fmt: skip
 _WITHOUT_UNIT = {"acc", "accel", "acceleration", "accelerations", "qdd", "ddq"}
 _OTHER = FLAGS | {
@@ -145,6 +153,7 @@ def role_by_name(name: ColumnName) -> RoleByName:
         order = next((k for k, some in enumerate(_ORDER) if words & some), len(_ORDER) - 1)
         if measured and not wanted:
             return RoleByName("effort", 1.0 + (len(_ORDER) - order) / 10, _because(measured, unit))
+        wanted = wanted | words & FEED_FORWARD
         rank = 2.0 + (len(_ORDER) - order) / 10 + 2.0 * bool(wanted)
         return RoleByName("command", rank, _because(wanted | words & _FORCES, unit))
     if kind == "position":
@@ -186,6 +195,11 @@ def is_called_command(name: ColumnName) -> bool:
 def says_no_command(name: ColumnName) -> bool:
     """Whether no word says that it was commanded, and what it names is measured as often as not: a current, a load."""
     return may_be_measured(name) or ("load" in name.words and not set(name.words) & (WANTED | _ORDER[0] | _ORDER[1]))
+
+
+def is_feed_forward(name: ColumnName) -> bool:
+    """Whether a name says that a force is added to the output of a loop."""
+    return bool(set(name.words) & FEED_FORWARD) and role_by_name(name).role == "command"
 
 
 def says_motor(name: ColumnName) -> bool:
