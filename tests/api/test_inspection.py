@@ -77,3 +77,34 @@ def test_a_set_point_is_no_fault_for_a_model_of_the_loop_in_the_drive(tmp_path, 
         begun = idloop.start(log, tmp_path / unit, {"command": f"servo_cmd={unit}"}, fitted=False)
         (found,) = bag_grades(begun.bags, begun.model)
         assert [one.kind for one in found.faults if one.kind == "inner_loop"] == kinds
+
+
+def test_no_diagnosis_is_offered_after_a_fit_of_what_is_of_no_use(tmp_path, record, capsys):
+    truth = MODEL.with_effects(["dead_zone@input(width=2.0)"])
+    levels = np.repeat(np.random.default_rng(1).uniform(-5.0, 5.0, 40), 20)
+    sound = idloop.simulate(truth, levels, sample_time=0.01)
+    unsigned = replace(sound, input=np.abs(sound.input))
+    offered = {}
+    for name, one in {"sound": sound, "unsigned": unsigned}.items():
+        bag = write_bag(tmp_path / name, one)
+        assert main.run(["fit", "dc_motor", str(bag), "--quiet"]) == 0
+        offered[name] = "idloop diagnose" in capsys.readouterr().out
+    assert bag_grades([tmp_path / "unsigned"], MODEL)[0].useless
+    assert offered == {"sound": True, "unsigned": False}
+
+
+def test_a_measured_command_is_no_fault_of_a_model_that_says_so(tmp_path, record):
+    time, random = np.arange(3000) * 0.01, np.random.default_rng(4)
+    waves = [(0.5 + 1.3 * k, k * k) for k in range(12)]
+    position, velocity, acceleration = (
+        sum(f**n * np.sin(f * time + p + n * np.pi / 2) for f, p in waves) for n in range(3)
+    )
+    output = np.column_stack([position, velocity]) + random.normal(size=(time.size, 2)) * [1e-4, 1e-3]
+    smooth = replace(
+        record, time=time, input_time=time, input=(acceleration + 2.0 * velocity) / 8.0, output=output, findings=()
+    )
+    bag = write_bag(tmp_path / "bag", smooth)
+    measured = replace(MODEL, input=replace(MODEL.input, kind="measured"))
+    held, modelled = ([one.kind for one in bag_grades([bag], model)[0].faults] for model in (MODEL, measured))
+    assert held == ["measured_input"]
+    assert modelled == []

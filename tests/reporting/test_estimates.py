@@ -105,6 +105,7 @@ def test_a_resolution_that_was_read_off_is_told_by_itself(capsys):
 def test_a_percentage_has_no_power_of_ten_and_a_large_one_is_a_factor_in_words() -> None:
     assert fit_text(-983.2, 3, " %") == "−983 %"
     assert fit_text(-4583.2, 3, " %") == "worse than a constant by a factor 47"
+    assert fit_text(-math.inf, 3, " %") == "worse than a constant"
     assert fit_text(-4.58e5) == "worse than a constant by a factor 4581"
     assert fit_text(-1.24068e8) == "worse than a constant by a factor 1.2 · 10⁶"
     assert force_text(2.1704, 3, " %") == "217 %"

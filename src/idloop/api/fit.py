@@ -33,12 +33,15 @@ class Fit(Result):
         The fitted model beside each record that the fit has seen, and that it has not seen.
     unrelated : str
         That the motion does not follow the command; empty where it does.
+    unusable : bool
+        Whether the inspection of a bag that was fitted says that it is of no use: a diagnosis would explain its fault.
     """
 
     result: FitResult
     train: tuple[RecordComparison, ...]
     validation: tuple[RecordComparison, ...] = ()
     unrelated: str = ""
+    unusable: bool = False
 
     @property
     def model(self) -> Model:
@@ -65,7 +68,7 @@ class Fit(Result):
         yield self.result.summary()
         yield ""
         yield from measures_of(self.rows)
-        if not self.unrelated:
+        if not (self.unrelated or self.unusable):
             yield from hint(self.rows)
 
     def plot(self) -> Figure:

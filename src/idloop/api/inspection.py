@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from idloop.api.single_thread import single_threaded
+from idloop.called_as import program
 
 if TYPE_CHECKING:
     from idloop.physics import Model
@@ -31,6 +32,13 @@ class BagGrade:
     reason: str
     faults: tuple[Finding, ...]
 
+    @property
+    def useless(self) -> bool:
+        """Whether nothing can be identified from it."""
+        from idloop.records.inspection.grade import EVERYTHING, NOT_USABLE
+
+        return self.grade == f"{NOT_USABLE} {EVERYTHING}"
+
     def line(self, said: Container[str] = ()) -> str:
         """What there is to say before a fit; empty without a fault that is new or spoils something.
 
@@ -40,7 +48,7 @@ class BagGrade:
             Texts of findings that the user has seen.
         """
         new = [one for one in self.faults if one.spoils or one.text not in said]
-        return f"{self.bag}: {self.grade}: {self.reason} (idloop inspect {self.bag})" if new else ""
+        return f"{self.bag}: {self.grade}: {self.reason} ({program()} inspect {self.bag})" if new else ""
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values."""
@@ -57,10 +65,15 @@ def inspect_bag(bag: Path, *, command: str | None = None, distro: str | None = N
 
 
 def without_modelled_faults(model: Model, inspection: Inspection) -> Inspection:
-    """Return an inspection without the faults that a model describes: a set-point, where it has the drive's loop."""
-    from idloop.records.inspection.faults.inner_loop import KIND as SET_POINT
+    """Return an inspection without the faults that a model describes.
 
-    return inspection if model.loop is None else inspection.with_modelled(SET_POINT)
+    These are a set-point, where it has the drive's loop, and a command that was measured, where its input is.
+    """
+    from idloop.records.inspection.faults.inner_loop import KIND as SET_POINT
+    from idloop.records.inspection.measured_input import KIND as MEASURED
+
+    kinds = [*([SET_POINT] if model.loop is not None else []), *([MEASURED] if model.input.kind == "measured" else [])]
+    return inspection.with_modelled(*kinds) if kinds else inspection
 
 
 def bag_grades(bags: Sequence[Path], model: Model) -> list[BagGrade]:

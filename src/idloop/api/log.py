@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from idloop.called_as import program
 from idloop.errors import InputError
 from idloop.reporting.text.blocks import Block, Table
 from idloop.spelling import joined_names, listed
@@ -281,7 +282,7 @@ def _each(readers: Sequence[Callable[[], _Read]], paths: Sequence[Path]) -> list
     sound = [str(path) for path in paths if path not in errors]
     raise InputError(
         f"{next(iter(errors.values()))}; or leave {joined_names([path.name for path in errors])} out, with the options"
-        f" as they are: idloop start {shlex.join(sound)}"
+        f" as they are: {program()} start {shlex.join(sound)}"
     )
 
 

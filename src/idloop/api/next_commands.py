@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.called_as import program
+
 if TYPE_CHECKING:
     from idloop.records import Inspection
 
@@ -68,7 +70,7 @@ def with_purpose(lines: Sequence[str]) -> Iterator[str]:
     """Yield commands, each below a comment that says what it is for where that is another one than before."""
     before = ""
     for line in lines:
-        purpose = _PURPOSE.get(line.split()[1], "")
+        purpose = _PURPOSE.get(shlex.split(line)[1], "")
         if purpose != before:
             yield f"  # {purpose}"
         yield f"  {line}"
@@ -77,7 +79,7 @@ def with_purpose(lines: Sequence[str]) -> Iterator[str]:
 
 def commands(lines: Sequence[Sequence[str]]) -> list[str]:
     """Return lines of words as commands of a shell."""
-    return [f"idloop {shlex.join(line)}" for line in lines]
+    return [f"{program()} {shlex.join(line)}" for line in lines]
 
 
 def _commands(inspection: Inspection) -> NDArray[np.float64]:

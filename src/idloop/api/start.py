@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -183,8 +182,8 @@ class Start(Result):
     def _import_again(self) -> str:
         """The command that imports the first record by the mapping that was written, beside its bag."""
         name, (source, window) = next(iter(self.log.runs.items()))
-        words = ["idloop", "import", "--map", str(self.folder / MAPPING), *(["--part", name] if window else [])]
-        command = shlex.join([*words, str(source), str(self.folder / BAGS / f"{name}_changed")])
+        words = ["import", "--map", str(self.folder / MAPPING), *(["--part", name] if window else [])]
+        (command,) = commands([[*words, str(source), str(self.folder / BAGS / f"{name}_changed")]])
         return f"{command}; so with every other record" if len(self.log.runs) > 1 else command
 
     def said(self) -> Iterator[str]:
@@ -372,6 +371,7 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
     from idloop.output_files import write_text
     from idloop.records import compare_inspections
     from idloop.records.inspection.faults.late_velocity import KIND as LATE
+    from idloop.records.inspection.grade import what
     from idloop.records.inspection.measured_input import KIND as MEASURED
     from idloop.records.recognition.guess import LOAD
     from idloop.records.recognition.mapping_file import load_of, motion_of, text_of
@@ -396,13 +396,13 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
     if late:
         # The position says the same, and a model without the filter would take the delay for something else.
         outputs.pop("velocity")
+    shown = next((one for inspection in inspections for one in inspection.findings if one.kind == MEASURED), None)
     kind = FirstModel(
         log.name,
         joint,
         base_unit_of(command) if command is not None else "",
         outputs,
-        measured=(command is not None and command.measured)
-        or any(one.kind == MEASURED for inspection in inspections for one in inspection.findings),
+        measured=(command is not None and command.measured) or shown is not None,
         load=(load_of(joint), base_unit_of(driven)) if driven is not None else None,
     )
     plain = kind.model()
@@ -419,6 +419,8 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
         refused = inspections[0].grade_reason if _is_useless(inspections) else ""
         done = first_fit(kind, bags, fitted=fitted, refused=refused, progress=part(progress, 0.4, 1.0))
     done = with_causes(done, inspections, f"{joint}.velocity is late and left out of the model" if late else "")
+    if shown is not None:
+        done = replace(done, notes=(*done.notes, f"{what(shown)}: the model takes it so (`input: {{kind: measured}}`)"))
     write_text(folder / MODEL, done.model.to_yaml())
     if done.fit is not None:
         write_text(folder / FITTED, done.fit.model.to_yaml())

@@ -37,8 +37,10 @@ def figure_text(value: float | None, digits: int = 4) -> str:
 def fit_text(value: float | None, digits: int = 4, unit: str = "") -> str:
     """Write a FIT [%], with more digits where it would look perfect and is not: "99.96".
 
-    Below -1000 % it is a factor in words. `unit` follows a number, as " %" does in a sentence.
+    Below -1000 % it is a factor in words, without a number where that is infinite. `unit` follows a number, as " %" does in a sentence.
     """
+    if value == -math.inf:
+        return "worse than a constant"
     if value is not None and math.isfinite(value):
         if value < -_BEYOND:
             factor = 1.0 - 0.01 * value

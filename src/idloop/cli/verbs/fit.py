@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -79,6 +80,7 @@ def command(
     grades = log_grades((*bags, *validate), model, (*train, *validation))
     with progress(f"fitting {model.name}") as update:
         found = fit(model, train, validation, criterion=criterion, progress=update)
+    found = replace(found, unusable=any(one.useless for one in grades[: len(bags)]))
     if output is not None:
         write_text(output, found.model.to_yaml())
     save_plot(found.plot, plot)
