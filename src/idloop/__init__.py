@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from idloop.api.diagnosis import Diagnosis, diagnose
     from idloop.api.export import export, to_control
     from idloop.api.fit import Fit, fit
+    from idloop.api.fleet import Fleet, identify_fleet
     from idloop.api.identification import Identification, identify
     from idloop.api.ladder import Ladder, refine
     from idloop.api.monitor import Monitor
@@ -47,6 +48,7 @@ __all__ = [
     "Diagnosis",
     "Exported",
     "Fit",
+    "Fleet",
     "Identification",
     "IdloopError",
     "InputError",
@@ -67,6 +69,7 @@ __all__ = [
     "export",
     "fit",
     "identify",
+    "identify_fleet",
     "identify_robot",
     "load_model",
     "preset_names",
@@ -86,6 +89,7 @@ _WHERE = {
     "Diagnosis": "api.diagnosis",
     "Exported": "exporters",
     "Fit": "api.fit",
+    "Fleet": "api.fleet",
     "IdloopError": "errors",
     "Identification": "api.identification",
     "InputError": "errors",
@@ -106,6 +110,7 @@ _WHERE = {
     "export": "api.export",
     "fit": "api.fit",
     "identify": "api.identification",
+    "identify_fleet": "api.fleet",
     "identify_robot": "api.robot",
     "load_model": "physics.model_file",
     "preset_names": "physics.model_file",

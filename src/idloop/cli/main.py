@@ -43,6 +43,7 @@ VERBS: dict[str, Verb] = {
     "diagnose": Verb("idloop.cli.verbs.diagnose", "Name the physical effects that a model lacks."),
     "refine": Verb("idloop.cli.verbs.refine", "Add what is missing, step by step: the ladder."),
     "robot": Verb("idloop.cli.verbs.robot", "Identify a whole robot: its links, and every joint of a bag."),
+    "fleet": Verb("idloop.cli.verbs.fleet", "Identify the joints of many robots over time: who wears, what changed."),
     "workbench": Verb("idloop.cli.verbs.workbench", "Look, find what is missing and add it, in a browser."),
     "suggest": Verb("idloop.cli.verbs.suggest", "Choose the next experiment, within limits."),
     "report": Verb("idloop.cli.verbs.report", "Write a ladder as one HTML page that can be mailed."),

@@ -1,0 +1,402 @@
+"""A fleet: the joints of many robots identified day by day, and compared with their kind and with themselves."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import re
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from idloop.api.result import Progress, Result, ignore_progress, part
+from idloop.errors import InputError
+from idloop.reporting.text.blocks import Block
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from idloop.fleet.bags import FleetBag
+    from idloop.fleet.engine import Workers
+    from idloop.fleet.joint_day import Settings
+    from idloop.fleet.statistics import Components, Finding
+    from idloop.fleet.store import Store
+    from idloop.physics import Model
+
+WORST = 5  # joints that are diagnosed
+MEMORY = "2GB"
+_BATCH = 16  # recordings of a task, at most
+JOINTS = "joints"
+LOST = "the worker process ended, perhaps at its limit of memory; give more by --memory"
+
+
+@dataclass(frozen=True)
+class Fleet(Result):
+    """What is known of a fleet.
+
+    Attributes
+    ----------
+    source : str
+        Table, folder or pattern.
+    folder : Path
+        Of the results.
+    settings : idloop.fleet.joint_day.Settings
+        Models and seed.
+    bags, new : int
+        Recordings, and those of them that were identified now.
+    joint_days : int
+        Recordings of joints that were identified.
+    failed : tuple of dict
+        What could not be identified: robot, joint, time, bag and reason.
+    components : tuple of Components
+        Kind, unit and day of every parameter of every kind.
+    tests : int
+        Hypotheses that share the rate of false discoveries.
+    findings : tuple of Finding
+        Odd units, changes and odd days, the most certain first.
+    level : float
+        Rate of false discoveries.
+    periods : tuple of Finding
+        What changed between two periods: kinds first, then the units that the rate leaves.
+    diagnoses : tuple of dict
+        What the catalogue finds of the worst joints, each with its report.
+    """
+
+    source: str
+    folder: Path
+    settings: Settings
+    bags: int
+    new: int
+    joint_days: int
+    failed: tuple[dict[str, Any], ...]
+    components: tuple[Components, ...]
+    tests: int
+    findings: tuple[Finding, ...]
+    level: float
+    periods: tuple[Finding, ...] = ()
+    diagnoses: tuple[dict[str, Any], ...] = ()
+
+    def blocks(self) -> Iterator[Block]:
+        """Yield what was done, the kinds, the findings and the diagnoses."""
+        from idloop.fleet.words import fleet_blocks
+
+        yield from fleet_blocks(self.to_dict())
+
+    def plot(self) -> Figure:
+        """Draw the parameters of every kind over time, with the bands of the units."""
+        from idloop.fleet.figures import plot_fleet
+
+        return plot_fleet(self.components)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the document of schema ``idloop/fleet/1``."""
+        from idloop import __version__
+        from idloop.fleet.words import component_row, finding_row
+
+        return {
+            "schema": "idloop/fleet/1",
+            "source": self.source,
+            "folder": str(self.folder),
+            "version": __version__,
+            "settings": self.settings.digest,
+            "seed": self.settings.seed,
+            "bags": self.bags,
+            "new": self.new,
+            "joint_days": self.joint_days,
+            "failed": [{**one, "time": one["time"] and one["time"].isoformat()} for one in self.failed],
+            "kinds": [component_row(one) for one in self.components],
+            "level": self.level,
+            "tests": self.tests,
+            "findings": [finding_row(one) for one in self.findings],
+            "periods": [finding_row(one) for one in self.periods],
+            "diagnoses": list(self.diagnoses),
+        }
+
+    def save(self) -> Path:
+        """Write fleet.json, fleet.html, and units.parquet and findings.parquet for SQL, beside the rows."""
+        from idloop.fleet.page import render_fleet
+        from idloop.fleet.store import write_table
+        from idloop.fleet.words import FINDING_COLUMNS, UNIT_COLUMNS, finding_row, unit_rows
+        from idloop.json_values import to_json
+        from idloop.output_files import make_folder, write_text
+
+        make_folder(self.folder, parents=True)
+        document = to_json(self.to_dict())
+        write_text(self.folder / "fleet.json", json.dumps(document, indent=2, ensure_ascii=False) + "\n")
+        write_table(self.folder / "units.parquet", list(unit_rows(self.components)), UNIT_COLUMNS)
+        write_table(self.folder / "findings.parquet", [finding_row(one) for one in self.findings], FINDING_COLUMNS)
+        write_text(self.folder / "fleet.html", render_fleet(document, self.components))
+        return self.folder
+
+
+def identify_fleet(
+    source: str | Path,
+    models: Model | Mapping[str, Model],
+    folder: str | Path,
+    *,
+    since: str | None = None,
+    against: str | None = None,
+    level: float = 0.05,
+    diagnose: int | str = WORST,
+    workers: int | None = None,
+    memory: str = MEMORY,
+    cluster: str | None = None,
+    seed: int = 0,
+    progress: Progress = ignore_progress,
+) -> Fleet:
+    """Identify and validate every joint of every recording of a fleet, and find what differs and what changes.
+
+    What is in the folder already is not done again: a recording counts as done by its checksum, the version, the models
+    and the seed. Work that was interrupted goes on where it ended.
+
+    Parameters
+    ----------
+    source : str or Path
+        A table (``.csv``, ``.parquet``) with the columns robot, joint, time, bag, and kind if wanted; a folder of
+        ROBOT/DATE/BAG; a pattern; or an address of these, such as ``s3://bucket/fleet.parquet``.
+    models : Model or mapping of str to Model
+        One for all joints, or by kind: a name of the table's column, or a pattern of joint names such as ``wrist*``.
+    folder : str or Path
+        Of the results.
+    since, against : str, optional
+        Dates. Compares the recordings from `since` on with those before, not earlier than `against`.
+    level : float
+        Rate of false discoveries among all that is reported.
+    diagnose : int or "all"
+        So many of the worst joints, or all joints, go through the whole catalogue of effects and get a report.
+    workers : int, optional
+        Processes on this machine; one for each core where left out, 0: this one. A script that starts processes needs
+        ``if __name__ == "__main__":`` around its work.
+    memory : str
+        Limit of each process, such as "2GB".
+    cluster : str, optional
+        Address of a scheduler of Dask, in place of processes here. Its workers need this version and the bags.
+    seed : int
+    progress : callable, optional
+        Called with the share done in [0, 1] and a short text.
+
+    Returns
+    -------
+    Fleet
+
+    Raises
+    ------
+    InputError
+        The extra ``fleet`` is not installed, nothing to read, dates that are none, no cluster.
+    """
+    from idloop.fleet.bags import find_bags
+
+    with _work(
+        source, models, folder, since=since, against=against, level=level, diagnose=diagnose, workers=workers,
+        memory=memory, cluster=cluster, seed=seed, progress=progress,
+    ) as work:  # fmt: skip
+        return work.run(find_bags(str(source)))
+
+
+def watch_fleet(
+    source: str | Path,
+    models: Model | Mapping[str, Model],
+    folder: str | Path,
+    *,
+    ended: threading.Event,
+    on_change: Callable[[Fleet], None],
+    period: float = 10.0,
+    **options: Any,
+) -> None:
+    """Follow a place in which recordings land.
+
+    A recording is taken when two looks find it unchanged: a recorder writes for as long as it records.
+
+    Parameters
+    ----------
+    source, models, folder, **options
+        As of `identify_fleet`.
+    ended : threading.Event
+        Ends it when set.
+    on_change : callable
+        Called with the fleet after new recordings.
+    period : float
+        Between two looks [s].
+    """
+    from idloop.fleet.bags import find_bags
+
+    before: dict[str, str] = {}
+    known: set[tuple[str, str]] = set()
+    with _work(source, models, folder, **options) as work:
+        while True:
+            bags = find_bags(str(source), empty=True)
+            still = [one for one in bags if before.get(one.bag) == one.stamp]
+            before = {one.bag: one.stamp for one in bags}
+            fresh = {(one.bag, one.stamp) for one in still} - known
+            if fresh:
+                known |= fresh
+                on_change(work.run(still))
+            if ended.wait(period):
+                return
+
+
+@contextlib.contextmanager
+def _work(
+    source: str | Path,
+    models: Model | Mapping[str, Model],
+    folder: str | Path,
+    *,
+    since: str | None = None,
+    against: str | None = None,
+    level: float = 0.05,
+    diagnose: int | str = WORST,
+    workers: int | None = None,
+    memory: str = MEMORY,
+    cluster: str | None = None,
+    seed: int = 0,
+    progress: Progress = ignore_progress,
+) -> Iterator[_Work]:
+    """Check what is asked for; the workers end with the block."""
+    from idloop.fleet.engine import Workers
+    from idloop.fleet.joint_day import Settings
+    from idloop.fleet.store import Store
+
+    if not 0.0 < level < 1.0:
+        raise InputError(f"level is {level}: the rate of false discoveries is between 0 and 1, such as 0.05")
+    if diagnose != "all" and (not isinstance(diagnose, int) or diagnose < 0):
+        raise InputError(f"diagnose is {diagnose!r}: give a number of joints, or all")
+    if since is None and against is not None:
+        raise InputError("against is given without since, which begins the later period")
+    later, earlier = (None if one is None else _day(one) for one in (since, against))
+    if later is not None and earlier is not None and earlier >= later:
+        raise InputError(f"against {against} is not before since {since}: it begins the earlier period")
+    settings = Settings(tuple(models.items()) if isinstance(models, Mapping) else (("*", models),), seed)
+    with Workers(workers, memory, cluster) as started:
+        yield _Work(started, str(source), Store(Path(folder)), settings, later, earlier, level, diagnose, progress)
+
+
+@dataclass(frozen=True)
+class _Work:
+    """What is done with recordings, once or again and again."""
+
+    workers: Workers
+    source: str
+    store: Store
+    settings: Settings
+    since: float | None
+    against: float | None
+    level: float
+    diagnose: int | str
+    progress: Progress
+
+    def run(self, bags: Sequence[FleetBag]) -> Fleet:
+        """Identify what is new, compare all, and diagnose the worst."""
+        from idloop.fleet import statistics
+
+        new = self._identify(bags, part(self.progress, 0.0, 0.9))
+        self.progress(0.9, "comparing")
+        joint_days, failed = self.store.counts(bags, self.settings)
+        columns = self.store.series(bags, self.settings)
+        components = tuple(statistics.take_apart(one) for one in statistics.series_of(columns))
+        several = [test for parts in components for test in statistics.hypotheses(parts)]
+        findings = statistics.found(several, self.level)
+        periods: list[Finding] = []
+        if self.since is not None:
+            compared = [statistics.between_periods(one.series, self.since, self.against) for one in components]
+            periods = [one for kinds, _ in compared for one in kinds]
+            periods += statistics.found([one for _, units in compared for one in units], self.level)
+        diagnoses = self._diagnose(bags, self._worst(components, findings), part(self.progress, 0.92, 1.0))
+        return Fleet(
+            self.source, self.store.folder, self.settings, len(bags), new, joint_days, tuple(failed), components,
+            len(several), tuple(findings), self.level, tuple(periods), tuple(diagnoses),
+        )  # fmt: skip
+
+    def _identify(self, bags: Sequence[FleetBag], progress: Progress) -> int:
+        """Identify what is not there yet, and return the number of recordings."""
+        from idloop.fleet.joint_day import failed_rows, identify_bag
+
+        done = self.store.done(self.settings)
+        left = done.open(bags, self.settings)
+        if not left:
+            return 0
+        progress(0.0, "starting the workers")
+        ended, new, seen = 0, 0, set(done.keys)
+        size = min(_BATCH, max(len(left) // (8 * self.workers.count), 1))
+        lost = partial(failed_rows, settings=self.settings, reason=LOST)
+        for batch, results in self.workers.map(identify_bag, left, self.settings, done.keys, size=size, lost=lost):
+            rows = [row for key, several in _keyed(results) if key not in seen for row in several]
+            seen |= {key for key, _ in _keyed(results)}
+            if rows:
+                self.store.add(rows)
+            ended, new = ended + len(batch), new + sum(one is not None for one in results)
+            progress(ended / len(left), f"{ended} of {len(left)} recordings")
+        return new
+
+    def _worst(self, components: Sequence[Components], findings: Sequence[Finding]) -> list[tuple[str, str]]:
+        """Robot and joint of what is diagnosed, the most certain finding first."""
+        if self.diagnose == "all":
+            return list(dict.fromkeys(name for one in components for name in one.series.names))
+        return list(dict.fromkeys((one.robot, one.joint) for one in findings if one.robot))[: int(self.diagnose)]
+
+    def _diagnose(
+        self, bags: Sequence[FleetBag], worst: Sequence[tuple[str, str]], progress: Progress
+    ) -> list[dict[str, Any]]:
+        from idloop.output_files import make_folder, write_text
+
+        if not worst:
+            return []
+        place, tasks = self.store.folder / JOINTS, []
+        for one in self.store.newest(worst, bags, self.settings):
+            key = hashlib.sha256(f"{one['sha256']} {self.settings.digest}".encode()).hexdigest()[:8]
+            tasks.append({**one, "stem": re.sub(r"[^\w.-]+", "_", f"{one['robot']}-{one['joint']}-{key}")})
+        left = [one for one in tasks if not (place / f"{one['stem']}.json").exists()]
+        make_folder(place, parents=True)
+        ended = self.workers.map(diagnose_joint, left, self.settings, size=1, lost=undiagnosed) if left else ()
+        for count, (_, ((found, page),)) in enumerate(ended, start=1):
+            if page:
+                write_text(place / f"{found['stem']}.html", page)
+            write_text(place / f"{found['stem']}.json", json.dumps(found, indent=2, ensure_ascii=False) + "\n")
+            progress(count / len(left), f"{count} of {len(left)} joints diagnosed")
+        return [json.loads((place / f"{one['stem']}.json").read_text(encoding="utf-8")) for one in tasks]
+
+
+def _keyed(results: Sequence[list[dict[str, Any]] | None]) -> Iterator[tuple[str, list[dict[str, Any]]]]:
+    from idloop.fleet.joint_day import key_of
+
+    return ((key_of(rows[0]), rows) for rows in results if rows)
+
+
+def diagnose_joint(task: dict[str, Any], settings: Settings) -> tuple[dict[str, Any], str]:
+    """Climb the ladder of a joint on its newest recording; return what it finds, and the page of its report."""
+    import tempfile
+
+    from idloop.api.ladder import refine
+    from idloop.errors import IdloopError, one_line
+    from idloop.fleet.joint_day import joint_records, local_copy
+    from idloop.json_values import to_json
+
+    try:
+        with local_copy(task["bag"]) as path, tempfile.TemporaryDirectory() as scratch:
+            records = joint_records(path, settings.model_of(task["kind"], task["joint"]))
+            ladder = refine(settings.model_of(task["kind"], task["joint"]), records, criterion="force",
+                            seed=settings.seed)  # fmt: skip
+            document = ladder.to_dict()
+            page = ladder.report(Path(scratch) / "report.html").read_text(encoding="utf-8")
+    except IdloopError as error:
+        return undiagnosed(task, one_line(str(error)))
+    found = {"added": list(ladder.added), "verdict": ladder.verdict, "conclusion": document["conclusion"],
+             "parameters": document["parameters"], "report": f"{JOINTS}/{task['stem']}.html"}  # fmt: skip
+    return to_json({**task, **found}), page
+
+
+def undiagnosed(task: dict[str, Any], reason: str = LOST) -> tuple[dict[str, Any], str]:
+    """What there is of a joint that could not be diagnosed."""
+    return {**task, "added": [], "verdict": None, "conclusion": reason, "parameters": {}, "report": None}, ""
+
+
+def _day(text: str) -> float:
+    """Day of a date, counted from 1970."""
+    try:
+        return float((date.fromisoformat(text) - date(1970, 1, 1)).days)
+    except ValueError:
+        raise InputError(f"{text!r} is no date: write it as 2026-03-01") from None

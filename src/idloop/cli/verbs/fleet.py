@@ -1,0 +1,142 @@
+"""`idloop fleet`: the joints of many robots over time, on Dask, into Parquet."""
+
+from __future__ import annotations
+
+import re
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from idloop.cli._common import (
+    ListOptionCommand,
+    json_option,
+    log,
+    log_written,
+    open_model,
+    plot_option,
+    print_found,
+    save_plot,
+    trust_option,
+)
+from idloop.cli._places import OutputFolder
+from idloop.cli._progress import progress, quiet_option
+from idloop.errors import InputError
+
+if TYPE_CHECKING:
+    from idloop.api.fleet import Fleet
+    from idloop.physics import Model
+
+EXAMPLE = """\b
+Examples:
+  idloop fleet recordings.csv --model base=base.yaml --model wrist=wrist.yaml --output runs/fleet
+  idloop fleet bags/fleet --model 'j[1-3]=base.yaml' --model 'j*=wrist.yaml' --output runs/fleet --since 2026-03-15
+  idloop fleet s3://robots/recordings.parquet --model joint.yaml --output runs/fleet --cluster tcp://scheduler:8786
+  idloop fleet bags/fleet --model joint.yaml --output runs/fleet --watch
+"""
+
+
+class FleetCommand(ListOptionCommand):
+    """`--model A=X B=Y` takes several values at once."""
+
+    list_options = ("--model",)
+
+
+@click.command(cls=FleetCommand, epilog=EXAMPLE)
+@click.argument("source", metavar="TABLE_OR_FOLDER")
+@click.option(
+    "--model",
+    "models",
+    multiple=True,
+    required=True,
+    metavar="[KIND=]MODEL",
+    help="Model of a kind of joints, a file or a preset; KIND is a name of the table or a pattern of joint names.",
+)
+@click.option("--output", type=OutputFolder(parents=True), required=True, metavar="DIR", help="Folder of the results.")
+@click.option("--since", metavar="DATE", help="Compare the recordings from this date on with those before.")
+@click.option("--against", metavar="DATE", help="First date of the earlier period [the first one that there is].")
+@click.option("--level", type=float, default=0.05, show_default=True, help="Rate of false discoveries.")
+@click.option(
+    "--diagnose",
+    default="5",
+    show_default=True,
+    metavar="NUMBER|all",
+    help="So many of the worst joints go through the catalogue of effects, and get a report.",
+)
+@click.option("--watch", is_flag=True, help="Follow the place in which recordings land, until Ctrl-C.")
+@click.option("--period", type=click.FloatRange(0.1), default=10.0, show_default=True, help="Of --watch [s].")
+@click.option("--workers", type=click.IntRange(min=0), help="Processes on this machine (default: one for each core).")
+@click.option("--memory", default="2GB", show_default=True, metavar="SIZE", help="Limit of each process.")
+@click.option("--cluster", metavar="ADDRESS", help="Scheduler of Dask, in place of processes here.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Equal seeds give equal answers.")
+@trust_option
+@plot_option
+@quiet_option
+@json_option
+def command(
+    source: str,
+    models: tuple[str, ...],
+    *,
+    output: Path,
+    watch: bool,
+    period: float,
+    diagnose: str,
+    memory: str,
+    plot: Path | None,
+    as_json: bool,
+    **given: Any,
+) -> None:
+    """Identify the joints of many robots over time, and say which differ, which change, and what changed since a date.
+
+    TABLE_OR_FOLDER is a table (.csv, .parquet) with the columns robot, joint, time, bag, and kind if wanted, a folder
+    of ROBOT/DATE/BAG, a pattern, or an address of these. What is in the folder of --output already is not done again:
+    the same command goes on where it was interrupted, and takes in what is new.
+    """
+    from idloop.api.fleet import identify_fleet, watch_fleet
+
+    if not re.fullmatch(r"\d+(\.\d+)?\s*[kMGT]?i?B", memory):
+        raise InputError(f"--memory {memory}: write a size, such as 2GB")
+    if diagnose != "all" and not diagnose.isdigit():
+        raise InputError(f"--diagnose {diagnose}: give a number of joints, or all")
+    if watch and as_json:
+        raise InputError("--watch prints after every look, --json one document: use one of them")
+    several = _models(models)
+    options = {"memory": memory, "diagnose": diagnose if diagnose == "all" else int(diagnose), **given}
+
+    def show(fleet: Fleet) -> None:
+        fleet.save()
+        save_plot(fleet.plot, plot)
+        print_found(fleet, as_json=as_json, plot=plot)
+        log_written(output / "fleet.html", plot)
+
+    try:
+        if watch:
+            log(f"watching {source}; Ctrl-C ends it")
+            with progress(f"fleet {source}", writes=True) as update:
+                watch_fleet(
+                    source, several, output, ended=threading.Event(), on_change=show, period=period, progress=update,
+                    **options,
+                )  # fmt: skip
+        else:
+            with progress(f"fleet {source}", writes=True) as update:
+                found = identify_fleet(source, several, output, progress=update, **options)
+            show(found)
+    except KeyboardInterrupt:
+        kept = f"interrupted: what was finished is kept in {output}; the same command goes on from there"
+        raise KeyboardInterrupt(kept) from None
+
+
+def _models(given: tuple[str, ...]) -> dict[str, Model]:
+    """Models by kind; one without a kind is that of all other joints."""
+    found: dict[str, Model] = {}
+    for text in given:
+        kind, equals, source = text.partition("=")
+        kind, source = (kind.strip(), source) if equals else ("*", text)
+        if not kind or not source:
+            raise InputError(f"--model {text}: write KIND=MODEL, such as wrist=wrist.yaml")
+        if kind in found:
+            raise InputError(f"--model {text}: there is a model for {kind} already")
+        found[kind] = open_model(source)
+    # The pattern of all joints comes last: the first that matches counts.
+    return dict(sorted(found.items(), key=lambda one: one[0] == "*"))

@@ -1,0 +1,115 @@
+"""The work on Dask: local worker processes or a cluster, few batches in flight, a lost worker costs a repetition."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, TypeVar
+
+from idloop.errors import InputError
+from idloop.fleet.libraries import library
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+_AHEAD = 2  # batches in flight for each worker: the one that it works on, and one that waits there
+_PATIENCE = "30s"  # for an answer of a cluster
+
+
+class Workers:
+    """Processes that do the work, started when there is some, ended with the block.
+
+    Parameters
+    ----------
+    count : int, optional
+        Processes on this machine, one for each core where left out; 0: this one. They need no server.
+    memory : str
+        Limit of each, as "2GB"; one that exceeds it is replaced by a new one.
+    cluster : str, optional
+        Address of the scheduler of a cluster, as "tcp://host:8786", in place of processes here.
+    """
+
+    def __init__(self, count: int | None = None, memory: str = "2GB", cluster: str | None = None) -> None:
+        self._given, self._memory, self._cluster = count, memory, cluster
+        self._open = contextlib.ExitStack()
+        self._client: Any = None
+
+    def __enter__(self) -> Workers:  # noqa: PYI034 - Self needs Python 3.11
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._open.close()
+
+    @property
+    def client(self) -> Any:
+        """Client of Dask; None where the work is done in this process.
+
+        Raises
+        ------
+        InputError
+            Dask is not installed, or no cluster answers.
+        """
+        if self._client is None and (self._cluster is not None or self._given != 0):
+            distributed = library("distributed")
+            logging.getLogger("distributed").setLevel(logging.CRITICAL)  # a lost worker is ours to report
+            address = self._cluster or self._open.enter_context(
+                distributed.LocalCluster(
+                    n_workers=self._given, threads_per_worker=1, processes=True, memory_limit=self._memory,
+                    host="127.0.0.1", dashboard_address=None, silence_logs=logging.CRITICAL,
+                )
+            )  # fmt: skip
+            try:
+                self._client = self._open.enter_context(distributed.Client(address, timeout=_PATIENCE))
+            except (OSError, ValueError) as error:
+                raise InputError(f"--cluster {self._cluster}: no scheduler of Dask answers there ({error})") from error
+        return self._client
+
+    @property
+    def count(self) -> int:
+        """Workers that there are."""
+        return 1 if self.client is None else max(len(self.client.nthreads()), 1)
+
+    def map(
+        self, function: Callable[..., R], items: Sequence[T], *shared: Any, size: int, lost: Callable[[T], R]
+    ) -> Iterator[tuple[Sequence[T], list[R]]]:
+        """Yield batches of items with what a function made of each, as they end.
+
+        Parameters
+        ----------
+        function : callable
+            Called with an item and the shared arguments, which travel to each worker once.
+        items : sequence
+        shared : any
+        size : int
+            Items in a batch.
+        lost : callable
+            Result of an item under which worker after worker ended. A batch that loses its workers is repeated by
+            others, and then item by item.
+        """
+        waiting = [items[first : first + size] for first in range(0, len(items), size)][::-1]
+        client = self.client
+        if client is None:
+            yield from ((batch, each(function, batch, *shared)) for batch in reversed(waiting))
+            return
+        distributed = library("distributed")
+        held = client.scatter(list(shared), broadcast=True, hash=False)
+        flying: dict[Any, Sequence[T]] = {}
+        while waiting or flying:
+            # No more than the workers need: what is not done waits here, and results do not pile up.
+            while waiting and len(flying) < _AHEAD * self.count:
+                batch = waiting.pop()
+                flying[client.submit(each, function, batch, *held, pure=False)] = batch
+            for future in distributed.wait(list(flying), return_when="FIRST_COMPLETED").done:
+                batch = flying.pop(future)
+                if not isinstance(future.exception(), distributed.scheduler.KilledWorker):
+                    yield batch, future.result()
+                elif len(batch) == 1:
+                    yield batch, [lost(batch[0])]
+                else:
+                    waiting += [[one] for one in reversed(batch)]
+
+
+def each(function: Callable[..., R], batch: Sequence[T], *shared: Any) -> list[R]:
+    """Results of a batch."""
+    return [function(one, *shared) for one in batch]

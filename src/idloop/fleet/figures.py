@@ -1,0 +1,169 @@
+"""Figures of a fleet: a heat map of joints over dates, and every parameter of every kind over time with its bands."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.fleet.joint_day import FORCE_ERROR
+from idloop.fleet.statistics import Components
+from idloop.fleet.words import day_text
+
+if TYPE_CHECKING:
+    from bokeh.plotting import figure
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+MOST_ROWS = 150  # joints in the heat map
+_MOST_LINES = 5
+_BANDS = ((2.5, 97.5), (16.0, 84.0))
+_MOST = 6.0  # standard deviations of the strongest colour
+_DAY = 86_400_000.0  # [ms]
+
+
+def deviations(components: Sequence[Components]) -> tuple[list[tuple[str, str]], Array, Array, NDArray[np.str_]]:
+    """Largest deviation of each joint and date from its kind, in standard deviations.
+
+    Returns
+    -------
+    names : list of (str, str)
+        Robot and joint; the largest deviations first.
+    days : array, shape (d,)
+    size : array, shape (joints, d)
+        NaN without a recording.
+    parameter : array of str, shape (joints, d)
+    """
+    names = sorted({name for parts in components for name in parts.series.names})
+    days = np.unique(np.concatenate([parts.series.days for parts in components])) if components else np.zeros(0)
+    size = np.full((len(names), len(days)), np.nan)
+    parameter = np.full(size.shape, "", dtype=object)
+    row = {name: place for place, name in enumerate(names)}
+    for parts in components:
+        rows = np.array([row[name] for name in parts.series.names])
+        place = np.ix_(rows, np.searchsorted(days, parts.series.days))
+        own = np.abs(parts.left - parts.mean) / np.sqrt(np.maximum(parts.unit_deviation**2 + parts.total, 1e-300))
+        larger = np.isfinite(own) & ~(size[place] >= own)
+        size[place] = np.where(larger, own, size[place])
+        parameter[place] = np.where(larger, parts.series.parameter, parameter[place])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        order = np.argsort(-np.nan_to_num(np.nanmax(size, axis=1))) if len(days) else np.arange(len(names))
+    return [names[k] for k in order], days, size[order], parameter[order]
+
+
+def heat_map(components: Sequence[Components], reports: Mapping[tuple[str, str], str]) -> list[figure]:
+    """Draw the joints that deviate most; a click on one with a report opens it."""
+    from bokeh.models import ColumnDataSource, HoverTool, OpenURL, TapTool
+    from bokeh.transform import linear_cmap
+
+    from idloop.reporting.figures.theme import LIGHT, new_figure
+
+    names, days, size, parameter = deviations(components)
+    names, size, parameter = names[:MOST_ROWS], size[:MOST_ROWS], parameter[:MOST_ROWS]
+    labels, dates = [" ".join(one) for one in names], [day_text(one) for one in days]
+    plot = new_figure(
+        LIGHT,
+        ("", None),
+        ("", None),
+        height=90 + 14 * len(labels),
+        x_range=dates,
+        y_range=labels[::-1],
+        min_border_left=140,
+    )
+    plot.xaxis.major_label_orientation = 1.2
+    plot.grid.visible = False
+    colours = linear_cmap("size", _palette(), 0.0, _MOST)
+    for linked in (False, True):
+        rows, columns = np.nonzero(np.isfinite(size) & np.array([(one in reports) == linked for one in names])[:, None])
+        data: dict[str, Any] = {
+            "date": [dates[k] for k in columns], "joint": [labels[k] for k in rows],
+            "size": np.round(size[rows, columns], 2), "parameter": parameter[rows, columns].tolist(),
+            "report": [reports.get(names[k], "") for k in rows],
+        }  # fmt: skip
+        drawn = plot.rect(
+            "date", "joint", width=1.0, height=0.9, source=ColumnDataSource(data), fill_color=colours,
+            line_color=LIGHT.found if linked else None, nonselection_fill_alpha=1.0,
+        )  # fmt: skip
+        words = [("joint", "@joint"), ("date", "@date"), ("deviation", "@size σ of @parameter")]
+        plot.add_tools(HoverTool(renderers=[drawn], tooltips=[*words, *([("report", "click")] if linked else [])]))
+        if linked:
+            plot.add_tools(TapTool(renderers=[drawn], callback=OpenURL(url="@report")))
+    return [plot]
+
+
+def _palette() -> list[str]:
+    """From a pale blue to red, readable on a light and on a dark page."""
+    from bokeh.palettes import interp_palette
+
+    return list(interp_palette(("#c6dbef", "#6baed6", "#fdae61", "#d7301f", "#7f0000"), 64))
+
+
+def bands(parts: Components) -> tuple[Array, list[tuple[Array, Array]]]:
+    """Median of a kind's units by date, and the bands that hold 95 % and 68 % of them, as percentiles, (d,) each."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        value = parts.series.value
+        if parts.series.parameter == FORCE_ERROR:
+            value = 100.0 * np.exp(value)
+        ends = [tuple(np.nanpercentile(value, pair, axis=0)) for pair in _BANDS]
+        return np.nanmedian(value, axis=0), [(low, high) for low, high in ends]
+
+
+def label_of(parts: Components) -> tuple[str, str]:
+    """Name and unit of an axis."""
+    force = parts.series.parameter == FORCE_ERROR
+    return ("force error, unseen", "%") if force else (parts.series.parameter, parts.series.unit)
+
+
+def trend(parts: Components, shown: Sequence[tuple[str, str]]) -> list[figure]:
+    """Draw a parameter of a kind over time: bands of the kind, and a line for each joint that is shown."""
+    from idloop.reporting.figures.theme import LIGHT, add_legend, new_figure
+
+    series = parts.series
+    time = series.days * _DAY
+    middle, ends = bands(parts)
+    plot = new_figure(LIGHT, ("", None), label_of(parts), height=240, x_axis_type="datetime")
+    drawn = [plot.varea(time, low, high, fill_color=LIGHT.band, fill_alpha=0.25) for low, high in ends]
+    line = plot.line(time, middle, color=LIGHT.measured, line_width=2)
+    entries: list[tuple[str, list[Any]]] = [(f"{series.kind}: median, 68 % and 95 % of the joints", [line, *drawn])]
+    log = series.parameter == FORCE_ERROR
+    for number, name in enumerate([one for one in shown if one in series.names][:_MOST_LINES]):
+        place = series.names.index(name)
+        known = np.isfinite(series.value[place])
+        y = series.value[place][known]
+        y = 100.0 * np.exp(y) if log else y
+        reach = np.zeros(len(y)) if log else 1.96 * np.sqrt(series.variance[place][known])
+        look = LIGHT.model(number)
+        own = [
+            plot.line(time[known], y, line_width=1.6, **look),
+            plot.scatter(time[known], y, color=look["color"], size=4),
+        ]
+        own.append(plot.segment(time[known], y - reach, time[known], y + reach, color=look["color"], line_width=0.8))
+        entries.append((" ".join(name), own))
+    add_legend(plot, LIGHT, entries)
+    return [plot]
+
+
+def plot_fleet(components: Sequence[Components]) -> Figure:
+    """Draw every parameter of every kind over time, for paper."""
+    from matplotlib.figure import Figure
+
+    from idloop import drawing
+
+    with drawing.styled():
+        figure = Figure(figsize=(9.0, 2.0 * max(len(components), 1) + 0.5), layout="constrained")
+        rows = figure.subplots(max(len(components), 1), 1, squeeze=False)
+        for (axis,), parts in zip(rows, components, strict=False):
+            middle, ends = bands(parts)
+            time = parts.series.days.astype("datetime64[D]")
+            for low, high in ends:
+                axis.fill_between(time, low, high, color="0.6", alpha=0.25, linewidth=0.0)
+            axis.plot(time, middle, color=drawing.MEASURED, linewidth=1.4)
+            axis.set_title(f"{parts.series.kind}: {len(parts.series.names)} joints", fontsize="small", loc="left")
+            axis.set_ylabel(drawing.label(*label_of(parts)))
+    return figure

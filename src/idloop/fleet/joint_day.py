@@ -1,0 +1,204 @@
+"""One recording of a robot: each of its joints identified and validated, as rows of the results."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tempfile
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from datetime import datetime, timezone
+from fnmatch import fnmatchcase
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from idloop import __version__
+from idloop.errors import IdloopError, InputError, one_line
+from idloop.estimation import fit
+from idloop.fleet.bags import FleetBag, open_place
+from idloop.physics import Model
+from idloop.physics.model_file import with_joints
+from idloop.records import Record, check_commands, check_identifiable, read_records, read_streams
+from idloop.records.bags.bag import Bag
+from idloop.records.bags.topics import resolve_topic
+from idloop.reporting.provenance import checksum
+from idloop.spelling import listed
+from idloop.validation.drive import force_error
+
+# Row that has the error of the drive force on the unseen half in the place of a parameter: what no parameter explains.
+FORCE_ERROR = "force_error"
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the numbers of a joint depend on besides its recording.
+
+    Attributes
+    ----------
+    kinds : tuple of (str, Model)
+        Model of each kind of joint, or of the joints whose names match a pattern.
+    seed : int
+    """
+
+    kinds: tuple[tuple[str, Model], ...]
+    seed: int = 0
+    _models: dict[tuple[str, str], Model] = field(default_factory=dict, compare=False, repr=False)
+
+    @cached_property
+    def digest(self) -> str:
+        """Hash of version, models and seed."""
+        given = [__version__, self.seed, [(kind, model.to_yaml()) for kind, model in self.kinds]]
+        return hashlib.sha256(json.dumps(given).encode()).hexdigest()[:16]
+
+    def job(self, bag: FleetBag) -> str:
+        """Hash of what is done with a bag: settings, robot, time and joints."""
+        given = [self.digest, bag.robot, None if bag.time is None else bag.time.isoformat(), bag.joints]
+        return hashlib.sha256(json.dumps(given).encode()).hexdigest()[:16]
+
+    def kind_of(self, joint: str, stated: str = "") -> str | None:
+        """Kind of a joint: the one that is stated, or the first whose pattern matches its name; None without one."""
+        same = (name for name, _ in self.kinds if (name == stated if stated else fnmatchcase(joint, name)))
+        return next(same, None)
+
+    def model_of(self, kind: str, joint: str) -> Model:
+        """Model of a kind with the signals of one joint; its body keeps its name."""
+        if (kind, joint) not in self._models:
+            model = dict(self.kinds)[kind]
+            same = model.input.joint == joint
+            self._models[kind, joint] = model if same else with_joints(model, {model.input.joint: joint})
+        return self._models[kind, joint]
+
+
+def identify_bag(bag: FleetBag, settings: Settings, done: Collection[str] = ()) -> list[dict[str, Any]] | None:
+    """Identify and validate the joints of one recording.
+
+    Parameters
+    ----------
+    bag : FleetBag
+    settings : Settings
+    done : collection of str
+        Checksums and jobs, see `key_of`, of which the results are there already.
+
+    Returns
+    -------
+    list of dict or None
+        A row for each parameter of each joint, in the columns of `idloop.fleet.store.SCHEMA`. What cannot be done is
+        one row without a parameter, with the reason. None where it is done already.
+    """
+    common = _common(bag, settings)
+    try:
+        with local_copy(bag.bag) as path:
+            if not path.exists():
+                return failed_rows(bag, settings, f"no bag {bag.bag}: check the path")
+            common["sha256"] = checksum(path)["sha256"]
+            if key_of(common) in done:
+                return None
+            return list(_rows(path, bag, settings, common))
+    except Exception as error:  # noqa: BLE001  (a bag may hold anything, and costs its own row only)
+        return [common | {"reason": _reason(error)}]
+
+
+def failed_rows(bag: FleetBag, settings: Settings, reason: str) -> list[dict[str, Any]]:
+    """Row of a recording of which nothing was identified."""
+    return [_common(bag, settings) | {"reason": reason}]
+
+
+def _common(bag: FleetBag, settings: Settings) -> dict[str, Any]:
+    return {
+        "robot": bag.robot, "time": bag.time, "bag": bag.bag, "stamp": bag.stamp, "job": settings.job(bag),
+        "settings": settings.digest, "version": __version__, "seed": settings.seed,
+    }  # fmt: skip
+
+
+def key_of(row: dict[str, Any]) -> str:
+    """Checksum and job of a row: equal ones give equal results."""
+    return f"{row.get('sha256') or row['bag']} {row['job']}"
+
+
+def _rows(path: Path, bag: FleetBag, settings: Settings, common: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    with Bag(path) as opened:
+        for joint, kind in bag.joints or _joints_in(opened, settings):
+            named = common | {"joint": joint, "kind": kind or None}
+            found = settings.kind_of(joint, kind)
+            if found is None:
+                what = f"of kind {kind}" if kind else "of that name"
+                yield named | {"reason": f"joint {joint}: no model for one {what}; give --model KIND=FILE"}
+                continue
+            try:
+                yield from identify_joint(opened, settings.model_of(found, joint), named | {"kind": found})
+            except Exception as error:  # noqa: BLE001  (as above: the other joints are identified)
+                yield named | {"reason": _reason(error)}
+
+
+def _reason(error: Exception) -> str:
+    known = isinstance(error, IdloopError)
+    return one_line(str(error)) if known else f"{type(error).__name__}: {one_line(str(error))}"
+
+
+def _joints_in(bag: Bag, settings: Settings) -> Sequence[tuple[str, str]]:
+    """Joints of a bag that have a model."""
+    topics = {model.outputs[0].topic: None for _, model in settings.kinds}
+    names = [
+        name
+        for topic in topics
+        for stream in read_streams(bag, [resolve_topic(topic, bag.topics, bag.path)]).values()
+        for name in stream.names
+    ]
+    found = [(name, "") for name in dict.fromkeys(names) if settings.kind_of(name) is not None]
+    if not found:
+        raise InputError(f"{bag.path}: no model fits a joint of it: it has {listed(names)}; give --model 'NAME=FILE'")
+    return found
+
+
+def joint_records(bag: Bag | Path, model: Model) -> list[Record]:
+    """Read the records of one joint that a fit can use."""
+    return [check_identifiable(one) for one in check_commands(read_records(bag, model))]
+
+
+def identify_joint(bag: Bag | Path, model: Model, common: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """Yield the rows of one joint: its parameters, and the error of the drive force.
+
+    The parameters are those of the whole recording. Validated is a fit of its first half, on the second half.
+    """
+    records = joint_records(bag, model)
+    found = fit(model, records, criterion="force")
+    longest = max(records, key=lambda one: one.duration)
+    fitted = force_error(found.model, longest).relative
+    middle = 0.5 * float(longest.time[0] + longest.time[-1])
+    half = fit(found.model, [longest.cut(None, middle)], criterion="force")
+    unseen = force_error(half.model, longest.cut(middle, None)).relative
+    residual = found.residuals[0].value[:, 0]
+    started = datetime.fromtimestamp(records[0].start_ns * 1e-9, tz=timezone.utc)
+    common = common | {
+        "time": common["time"] or started, "seconds": sum(one.duration for one in records),
+        "samples": sum(one.time.size for one in records), "error_fitted": fitted, "error_unseen": unseen,
+        "force_residual": float(np.sqrt(np.mean(residual**2))), "force_unit": model.units.force,
+        "notes": "; ".join(dict.fromkeys((*found.warnings, *_warnings(records)))) or None,
+    }  # fmt: skip
+    units = {one.name: one.unit for one in found.model.parameters}
+    for name, value, stderr in zip(found.names, found.values.tolist(), found.stderr.tolist(), strict=True):
+        known = stderr if np.isfinite(stderr) else None
+        yield common | {"parameter": name, "value": value, "stderr": known, "unit": units[name]}
+    yield common | {"parameter": FORCE_ERROR, "value": unseen, "stderr": None, "unit": "1"}
+
+
+def _warnings(records: Sequence[Record]) -> Iterator[str]:
+    return (one.text for record in records for one in record.findings if one.level == "warning")
+
+
+@contextmanager
+def local_copy(bag: str) -> Iterator[Path]:
+    """Path of a bag on this machine: its own, or that of a copy that is removed afterwards."""
+    if "://" not in bag:
+        yield Path(bag)
+        return
+    fs, path = open_place(bag)
+    with tempfile.TemporaryDirectory(prefix="idloop-fleet-") as folder:
+        target = Path(folder) / path.rstrip("/").rpartition("/")[2]
+        if fs.exists(path):
+            fs.get(path, str(target), recursive=True)
+        yield target

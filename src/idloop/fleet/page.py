@@ -1,0 +1,42 @@
+"""The page of a fleet: heat map of joints, trends of the kinds with bands, what was found, reports of the worst."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from idloop.fleet.figures import MOST_ROWS, heat_map, trend
+from idloop.fleet.statistics import Components
+from idloop.fleet.words import failed_table, finding_table, headline, kind_table
+from idloop.reporting.page.sheet import render_sheet
+from idloop.reporting.terms import capitalised
+
+TEMPLATE = Path(__file__).parent / "templates" / "fleet.html"
+
+
+def render_fleet(document: Mapping[str, Any], components: Sequence[Components]) -> str:
+    """Write the page of a fleet and its document of schema ``idloop/fleet/1``."""
+    reports = {(one["robot"], one["joint"]): one["report"] for one in document["diagnoses"] if one["report"]}
+    places = {"heat": heat_map(components, reports)} if components else {}
+    for number, parts in enumerate(components):
+        own = [
+            (one["robot"], one["joint"])
+            for one in document["findings"]
+            if one["robot"] and (one["kind"], one["parameter"]) == (parts.series.kind, parts.series.parameter)
+        ]
+        places[f"trend-{number}"] = trend(parts, list(dict.fromkeys(own)))
+    return render_sheet(
+        TEMPLATE,
+        places,
+        name=document["source"],
+        document=document,
+        headline=headline(document),
+        findings=finding_table(document["findings"]),
+        periods=finding_table(document["periods"]),
+        failed=failed_table(document),
+        kinds=kind_table(document),
+        trends=[f"{one.series.kind}: {one.series.parameter}" for one in components],
+        most=MOST_ROWS,
+        capitalised=capitalised,
+    )

@@ -1,0 +1,390 @@
+"""What belongs to the kind, the unit and the day; units that are odd, changes, and days that are, at one rate.
+
+The estimate of a parameter is  kind + date + unit + day + error:  a mean of the kind, an effect of the date that all
+units of the kind share, a unit's own deviation, a deviation of the single recording, and the error that the fit
+states. Mean and effects of dates are medians (median polish, Tukey, Exploratory Data Analysis, 1977). The variances of
+units and days are those at which the standardised deviations have the median of a normal distribution: the equation of
+Paule and Mandel (J. Res. NBS 87, 1982) for a random effect with known errors, with the median in the place of the mean,
+so that odd units do not hide themselves. A unit's own value is shrunk towards its kind by its share of the variance.
+
+Tested are each unit (is it odd among its kind?), each unit over time (a trend or a step, against its kind), each kind
+over time, and each recording (does it leave the course of its unit?). All p-values together are held to one rate of
+false discoveries (Benjamini and Hochberg, J. Royal Statistical Society B 57, 1995, by SciPy).
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.fleet.joint_day import FORCE_ERROR
+
+Array = NDArray[np.float64]
+
+LEVEL = 0.05
+_NORMAL_MEDIAN = 0.6744897501960817  # of the absolute value of a standard normal variable
+_Z95 = 1.959963984540054
+FEWEST_UNITS = 5  # that share the effect of a date, or among which one can be odd
+_FEWEST_DAYS = 4  # of a trend or a step
+_SIDE = 2  # recordings on either side of a step
+_EFFICIENCY = 0.37  # of the median of absolute deviations: degrees of freedom of a variance from it
+_POLISHES = 4
+
+
+@dataclass(frozen=True)
+class Series:
+    """One parameter of one kind in every recording, units in rows and dates in columns.
+
+    Attributes
+    ----------
+    kind, parameter, unit : str
+        The last is the physical unit.
+    names : tuple of (str, str)
+        Robot and joint of each row.
+    days : array, shape (d,)
+        Dates [days since 1970].
+    value, variance : array, shape (units, d)
+        Estimates, and the squares of their standard errors; NaN where there is none.
+    """
+
+    kind: str
+    parameter: str
+    unit: str
+    names: tuple[tuple[str, str], ...]
+    days: Array
+    value: Array
+    variance: Array
+
+
+@dataclass(frozen=True)
+class Components:
+    """A series taken apart.
+
+    Attributes
+    ----------
+    series : Series
+    mean : float
+        Of the kind.
+    date, date_stderr : array, shape (d,)
+        Effect of each date; 0 where fewer than five units share it.
+    level, level_stderr, shrunk : array, shape (units,)
+        Mean of each unit without the dates, its standard error, and its best prediction.
+    unit_deviation, day_deviation : float
+        Standard deviations of units and of days, beyond the errors.
+    memory : float
+        Correlation of a unit's successive recordings.
+    left : array, shape (units, d)
+        Estimates without the effects of dates.
+    total : array, shape (units, d)
+        Variances of single recordings: error and day.
+    freedom : float
+        Degrees of freedom of the day's variance.
+    """
+
+    series: Series
+    mean: float
+    date: Array
+    date_stderr: Array
+    level: Array
+    level_stderr: Array
+    shrunk: Array
+    unit_deviation: float
+    day_deviation: float
+    memory: float
+    left: Array
+    total: Array
+    freedom: float
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One test.
+
+    Attributes
+    ----------
+    what : str
+        ``odd`` unit, ``trend``, ``step``, or ``day``.
+    robot, joint : str
+        Empty for a kind.
+    day : float
+        First day of a step, the recording of a day, or the last one [days since 1970].
+    size, low, high : float
+        Deviation or change with its 95 % interval; of the force error as a share.
+    p_value, q_value : float
+        The second is the rate of false discoveries at which it is found.
+    """
+
+    what: str
+    kind: str
+    parameter: str
+    unit: str
+    robot: str
+    joint: str
+    day: float
+    size: float
+    low: float
+    high: float
+    p_value: float
+    q_value: float = 1.0
+
+
+def series_of(columns: Mapping[str, NDArray[np.generic]]) -> Iterator[Series]:
+    """Yield every parameter of every kind.
+
+    Parameters
+    ----------
+    columns : mapping of str to array, shape (n,)
+        robot, joint, kind, parameter, unit, day, value, stderr. Of several recordings of a date the last counts. An
+        error of the force is taken as its logarithm.
+    """
+    if not len(columns["robot"]):
+        return
+    texts = {key: np.asarray(columns[key]).astype(str) for key in ("robot", "joint", "kind", "parameter", "unit")}
+    groups, group = np.unique(np.stack([texts["kind"], texts["parameter"]]), axis=1, return_inverse=True)
+    for number, (kind, parameter) in enumerate(groups.T.tolist()):
+        rows = np.flatnonzero(group.ravel() == number)
+        names, row = np.unique(np.stack([texts["robot"][rows], texts["joint"][rows]]), axis=1, return_inverse=True)
+        days, column = np.unique(np.floor(np.asarray(columns["day"], dtype=float)[rows]), return_inverse=True)
+        value, variance = np.full((2, names.shape[1], len(days)), np.nan)
+        y, error = (np.asarray(columns[key], dtype=float)[rows] for key in ("value", "stderr"))
+        if parameter == FORCE_ERROR:
+            y, error = np.log(np.maximum(y, 1e-12)), np.zeros(len(y))
+        known = np.isfinite(y) & np.isfinite(error)
+        place = (row.ravel()[known], column.ravel()[known])
+        value[place], variance[place] = y[known], error[known] ** 2
+        if known.any():
+            unit = texts["unit"][rows[0]]
+            yield Series(kind, parameter, unit, tuple(map(tuple, names.T.tolist())), days, value, variance)
+
+
+def spread(deviation: Array, variance: Array) -> float:
+    """Variance of a random effect under deviations with known variances of their errors; see the top of this file."""
+    from scipy.optimize import brentq
+
+    known = np.isfinite(deviation) & np.isfinite(variance)
+    size, own = np.abs(deviation[known]), variance[known]
+    if not len(size) or not size.any():
+        return 0.0
+
+    def excess(effect: float) -> float:
+        return float(np.median(size / np.sqrt(np.maximum(own + effect, 1e-300)))) - _NORMAL_MEDIAN
+
+    if excess(0.0) <= 0.0:
+        return 0.0
+    return float(brentq(excess, 0.0, 4.0 * float(np.max(size)) ** 2, xtol=1e-12 * float(np.max(size)) ** 2))
+
+
+def take_apart(series: Series) -> Components:
+    """Tell kind, date, unit and day apart."""
+    y, own = series.value, series.variance
+    shared = np.sum(np.isfinite(y), axis=0) >= FEWEST_UNITS
+    date = np.zeros(len(series.days))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # the median of nothing is NaN
+        for _ in range(_POLISHES):
+            level = np.nanmedian(y - date, axis=1)
+            date = np.where(shared, np.nanmedian(y - level[:, None], axis=0), 0.0)
+            date = date - np.median(date[shared]) if shared.any() else date
+        left = y - date
+        step, errors, memory = _successive(left, own)
+        day = 0.5 * spread(step, errors)
+        rho = float(np.clip(np.nan_to_num(np.nanmedian(memory)), 0.0, 0.9)) if len(memory) else 0.0
+        # Of successive differences with memory: the variance of a mean of many is larger by so much.
+        total = (own + day) * (1.0 + rho) / (1.0 - rho) ** 2
+        weight = np.where(np.isfinite(left), 1.0 / np.maximum(total, 1e-300), 0.0)
+        level = np.nansum(weight * np.nan_to_num(left), axis=1) / np.maximum(np.sum(weight, axis=1), 1e-300)
+        error = np.where(np.any(weight > 0.0, axis=1), 1.0 / np.maximum(np.sum(weight, axis=1), 1e-300), np.nan)
+        count = np.maximum(np.sum(np.isfinite(left), axis=0), 1)
+        date_stderr = np.sqrt(np.nanmedian(total, axis=0) * (np.pi / 2.0) / count)
+    mean = float(np.nanmedian(level))
+    between = spread(level - mean, error)
+    shrunk = mean + (level - mean) * between / np.maximum(between + error, 1e-300)
+    freedom = max(_EFFICIENCY * np.isfinite(step).sum(), 1.0)
+    return Components(
+        series, mean, date, date_stderr, level, np.sqrt(error), shrunk, float(np.sqrt(between)), float(np.sqrt(day)),
+        rho, left, total, freedom,
+    )  # fmt: skip
+
+
+def _successive(left: Array, own: Array) -> tuple[Array, Array, Array]:
+    """Differences of each unit's successive recordings, the variances of their errors, and each unit's memory."""
+    steps, errors, memory = [np.zeros(0)], [np.zeros(0)], []
+    for row, variance in zip(left, own, strict=True):
+        known = np.isfinite(row)
+        y, v = row[known], variance[known]
+        steps.append(np.diff(y))
+        errors.append(v[1:] + v[:-1])
+        if len(y) >= 2 * _FEWEST_DAYS:
+            centred = y - np.mean(y)
+            power = float(centred @ centred)
+            # The correlation of a short series about its own mean is too small by one over its length.
+            memory.append(float(centred[1:] @ centred[:-1]) / power + 1.0 / len(y) if power > 0.0 else 0.0)
+    return np.concatenate(steps), np.concatenate(errors), np.array(memory)
+
+
+def hypotheses(parts: Components) -> Iterator[Finding]:
+    """Yield every test of a parameter of a kind."""
+    series, scale = parts.series, _scale(parts.series)
+    among = np.hypot(parts.unit_deviation, parts.level_stderr)
+    freedom = max(_EFFICIENCY * np.isfinite(parts.level).sum(), 1.0)
+    for place, (robot, joint) in enumerate(series.names):
+        own = replace(_BLANK, kind=series.kind, parameter=series.parameter, unit=series.unit, robot=robot, joint=joint)
+        seen = np.isfinite(parts.left[place])
+        if not seen.any():
+            continue
+        last = float(series.days[seen][-1])
+        if len(series.names) >= FEWEST_UNITS:
+            away, error = parts.level[place] - parts.mean, float(among[place])
+            yield scale(replace(own, what="odd", day=last), away, parts.level_stderr[place], _p(away, error, freedom))
+        days, y, variance = series.days[seen], parts.left[place][seen], parts.total[place][seen]
+        course = np.full(len(y), parts.level[place])
+        if len(y) >= _FEWEST_DAYS:
+            change = best_change(days, y, variance, parts.freedom)
+            yield scale(replace(own, what=change.what, day=change.day), change.size, change.stderr, change.p_value)
+            course = change.course if change.p_value < LEVEL else course
+        if len(y) >= _FEWEST_DAYS - 1:
+            # A recording is a part of its own unit's mean.
+            leverage = 1.0 - (1.0 / variance) / np.sum(1.0 / variance)
+            for day, away, error in zip(days, y - course, np.sqrt(variance * leverage), strict=True):
+                yield scale(replace(own, what="day", day=float(day)), away, error, _p(away, error, parts.freedom))
+    kind = _dates(parts)
+    if kind is not None:
+        own = replace(_BLANK, kind=series.kind, parameter=series.parameter, unit=series.unit)
+        yield scale(replace(own, what=kind.what, day=kind.day), kind.size, kind.stderr, kind.p_value)
+
+
+_BLANK = Finding("", "", "", "", "", "", 0.0, 0.0, 0.0, 0.0, 1.0)
+
+
+def _scale(series: Series) -> Callable[[Finding, float, float, float], Finding]:
+    """Write size and interval of a finding; those of a logarithm as shares."""
+
+    def write(found: Finding, size: float, stderr: float, p_value: float) -> Finding:
+        ends = np.array([size, size - _Z95 * stderr, size + _Z95 * stderr])
+        if series.parameter == FORCE_ERROR:
+            ends = np.expm1(ends)
+        return replace(found, size=float(ends[0]), low=float(ends[1]), high=float(ends[2]), p_value=p_value)
+
+    return write
+
+
+def _dates(parts: Components) -> Change | None:
+    """Change of a kind: of what its units share."""
+    shared = np.sum(np.isfinite(parts.left), axis=0) >= FEWEST_UNITS
+    if shared.sum() < _FEWEST_DAYS:
+        return None
+    y, own = parts.date[shared], parts.date_stderr[shared] ** 2
+    wander = 0.5 * spread(np.diff(y), own[1:] + own[:-1])
+    return best_change(parts.series.days[shared], y, own + wander, max(_EFFICIENCY * (len(y) - 1), 1.0))
+
+
+@dataclass(frozen=True)
+class Change:
+    """The likelier of a trend and a step: its size over all days, and the course that it describes, shape (n,)."""
+
+    what: str
+    day: float
+    size: float
+    stderr: float
+    p_value: float
+    course: Array
+
+
+def best_change(days: Array, y: Array, variance: Array, freedom: float) -> Change:
+    """Test a trend and a step at every day; the level is divided by their number (Bonferroni).
+
+    Parameters
+    ----------
+    days, y, variance : array, shape (n,)
+        In the order of time.
+    freedom : float
+        Degrees of freedom of the variance.
+    """
+    weight = 1.0 / np.maximum(variance, 1e-300)
+    shapes = [("trend", float(days[-1]), (days - days[0]) / (days[-1] - days[0]))]
+    splits = range(_SIDE, len(days) - _SIDE + 1)
+    shapes += [("step", float(days[first]), (np.arange(len(days)) >= first).astype(float)) for first in splits]
+    mean = np.sum(weight * y) / np.sum(weight)
+    x = np.array([shape for _, _, shape in shapes])
+    x = x - (x @ weight / np.sum(weight))[:, None]
+    information = (x**2) @ weight
+    size = (x @ (weight * (y - mean))) / information
+    z = np.abs(size) * np.sqrt(information)
+    steps = max(len(shapes) - 1, 1)
+    # Half of the level for the trend, half for the steps together.
+    p = np.array([_p(one, 1.0, freedom) for one in (z[0], float(np.max(z[1:], initial=0.0)))]) * [2.0, 2.0 * steps]
+    place = int(np.argmax(z))  # the likelier one
+    what, day, _ = shapes[place]
+    course = mean + size[place] * x[place]
+    stderr = float(1.0 / np.sqrt(information[place]))
+    return Change(what, day, float(size[place]), stderr, float(min(np.min(p), 1.0)), course)
+
+
+def _p(away: float, error: float, freedom: float) -> float:
+    from scipy.special import stdtr
+
+    return float(2.0 * stdtr(freedom, -abs(away) / max(error, 1e-300)))
+
+
+def found(several: list[Finding], level: float = LEVEL) -> list[Finding]:
+    """Those of all tests that one rate of false discoveries leaves, by their p-values."""
+    from scipy.stats import false_discovery_control
+
+    if not several:
+        return []
+    rates = false_discovery_control([one.p_value for one in several])
+    kept = [replace(one, q_value=float(q)) for one, q in zip(several, rates, strict=True) if q <= level]
+    return sorted(kept, key=lambda one: (one.p_value, -abs(one.size), one.robot, one.joint))
+
+
+def between_periods(series: Series, since: float, against: float | None) -> tuple[list[Finding], list[Finding]]:
+    """Change of a kind and of its units from the days of ``[against, since)`` to those from ``since`` on.
+
+    Each unit is compared with itself. The change of the kind is the mean of its units' changes under a random effect
+    (DerSimonian and Laird, Controlled Clinical Trials 7, 1986).
+
+    Parameters
+    ----------
+    since, against : float
+        First day of the later and of the earlier period [days since 1970]; None: everything before.
+
+    Returns
+    -------
+    kind, units : list of Finding
+        Their tests.
+    """
+    before = (series.days < since) & (series.days >= (-np.inf if against is None else against))
+    after = series.days >= since
+    step, errors, _ = _successive(series.value, series.variance)
+    day = 0.5 * spread(step, errors)
+    freedom = max(_EFFICIENCY * len(step), 1.0)
+    names, sizes, variances = [], [], []
+    for name, y, own in zip(series.names, series.value, series.variance, strict=True):
+        parts = [(y[period & np.isfinite(y)], own[period & np.isfinite(y)] + day) for period in (before, after)]
+        if all(len(value) for value, _ in parts):
+            means = [np.sum(value / v) / np.sum(1.0 / v) for value, v in parts if np.all(v > 0.0)]
+            if len(means) == len(parts):
+                names.append(name)
+                sizes.append(means[1] - means[0])
+                variances.append(sum(1.0 / np.sum(1.0 / v) for _, v in parts))
+    if not names:
+        return [], []
+    size, variance, scale = np.array(sizes), np.array(variances), _scale(series)
+    weight = 1.0 / variance
+    fixed = np.sum(weight * size) / np.sum(weight)
+    spare = np.sum(weight) - np.sum(weight**2) / np.sum(weight)
+    effect = max((np.sum(weight * (size - fixed) ** 2) - (len(size) - 1)) / spare, 0.0) if len(size) > 1 else 0.0
+    weight = 1.0 / (variance + effect)
+    mean, stderr = float(np.sum(weight * size) / np.sum(weight)), float(1.0 / np.sqrt(np.sum(weight)))
+    own = replace(_BLANK, what="period", kind=series.kind, parameter=series.parameter, unit=series.unit, day=since)
+    few = min(freedom, max(len(size) - 1.0, 1.0)) if effect > 0.0 else freedom
+    kind = [scale(own, mean, stderr, _p(mean, stderr, few))]
+    units = [
+        scale(replace(own, robot=robot, joint=joint), one, float(np.sqrt(v)), _p(one, float(np.sqrt(v)), freedom))
+        for (robot, joint), one, v in zip(names, size.tolist(), variance.tolist(), strict=True)
+    ]
+    return kind, units

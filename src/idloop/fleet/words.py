@@ -1,0 +1,147 @@
+"""A fleet in words and rows: what was done, the kinds, what differs, what has changed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict
+from datetime import date, timedelta
+from typing import Any
+
+import numpy as np
+
+from idloop.estimation.statistics.interval_text import interval_text
+from idloop.fleet.joint_day import FORCE_ERROR
+from idloop.fleet.statistics import Components, Finding
+from idloop.p_values import p_value_text
+from idloop.reporting.text.blocks import Block, Table, number
+
+FINDING_COLUMNS = {
+    "what": "string", "kind": "string", "parameter": "string", "unit": "string", "robot": "string", "joint": "string",
+    "day": "string", "size": "double", "low": "double", "high": "double", "p_value": "double", "q_value": "double",
+}  # fmt: skip
+UNIT_COLUMNS = {
+    "robot": "string", "joint": "string", "kind": "string", "parameter": "string", "unit": "string", "level": "double",
+    "stderr": "double", "shrunk": "double", "kind_mean": "double", "unit_deviation": "double",
+    "day_deviation": "double",
+}  # fmt: skip
+_MOST = 20  # findings and failures in the text
+_WHAT = {
+    "odd": "differs from its kind", "trend": "changes steadily", "step": "changes at once", "day": "single recording",
+    "period": "after the date",
+}  # fmt: skip
+
+
+def day_text(day: float) -> str:
+    """Date of a day counted from 1970."""
+    return str(date(1970, 1, 1) + timedelta(days=int(day)))
+
+
+def finding_row(found: Finding) -> dict[str, Any]:
+    """Row of a finding."""
+    return {**asdict(found), "day": day_text(found.day)}
+
+
+def component_row(parts: Components) -> dict[str, Any]:
+    """Row of a parameter of a kind; of the force error in its logarithm."""
+    series = parts.series
+    error = np.sqrt(np.nanmedian(series.variance))
+    return {
+        "kind": series.kind, "parameter": series.parameter, "unit": series.unit, "units": len(series.names),
+        "recordings": int(np.isfinite(series.value).sum()), "mean": parts.mean,
+        "unit_deviation": parts.unit_deviation, "date_deviation": float(np.std(parts.date)),
+        "day_deviation": parts.day_deviation, "error": float(error), "memory": parts.memory,
+    }  # fmt: skip
+
+
+def unit_rows(components: Iterable[Components]) -> Iterator[dict[str, Any]]:
+    """Yield a row for each parameter of each unit."""
+    for parts in components:
+        series = parts.series
+        for place, (robot, joint) in enumerate(series.names):
+            yield {
+                "robot": robot, "joint": joint, "kind": series.kind, "parameter": series.parameter,
+                "unit": series.unit, "level": float(parts.level[place]), "stderr": float(parts.level_stderr[place]),
+                "shrunk": float(parts.shrunk[place]), "kind_mean": parts.mean,
+                "unit_deviation": parts.unit_deviation, "day_deviation": parts.day_deviation,
+            }  # fmt: skip
+
+
+def fleet_blocks(document: Mapping[str, Any]) -> Iterator[Block]:
+    """Yield the parts of the summary of a document of schema ``idloop/fleet/1``."""
+    yield headline(document)
+    yield f"{document['new']} of {document['bags']} recordings were identified now, the others before"
+    yield ""
+    yield kind_table(document)
+    yield ""
+    yield f"{document['tests']} tests; false discoveries among what is listed: {100.0 * document['level']:g} % at most"
+    yield from _first(finding_table(document["findings"]), "findings", "findings.parquet")
+    if document["periods"]:
+        yield ""
+        yield "change between the periods, kinds first, then the units that the same rate leaves"
+        yield from _first(finding_table(document["periods"]), "changes", "fleet.json")
+    for one in document["diagnoses"]:
+        yield ""
+        yield f"{one['robot']} {one['joint']}: {one['conclusion']}"
+        if one["report"]:
+            yield f"  report: {document['folder']}/{one['report']}"
+    if document["failed"]:
+        yield ""
+        yield "not identified"
+        yield from _first(failed_table(document), "rows", "fleet.json")
+
+
+def headline(document: Mapping[str, Any]) -> str:
+    """What was found, in one line."""
+    units = {(one["robot"], one["joint"]) for one in document["findings"] if one["robot"] and one["what"] != "day"}
+    kinds = {one["kind"] for one in document["findings"] if not one["robot"]}
+    robots = max((one["units"] for one in document["kinds"]), default=0)
+    told = [f"{len(units)} joints differ or change"] if units else ["no joint differs or changes"]
+    told += [f"{len(kinds)} kinds change as a whole"] if kinds else []
+    failed = len(document["failed"])
+    told += [f"{failed} recordings or joints could not be identified"] if failed else []
+    return f"{document['joint_days']} recordings of joints: {'; '.join(told)}" if robots else "nothing was identified"
+
+
+def kind_table(document: Mapping[str, Any]) -> Table:
+    """Table of the kinds: mean, and what belongs to unit, date, day and error."""
+    rows = []
+    for one in document["kinds"]:
+        log = one["parameter"] == FORCE_ERROR
+        mean = f"{100.0 * np.exp(one['mean']):.3g} %" if log else number(one["mean"])
+        parts = ("unit_deviation", "date_deviation", "day_deviation", "error")
+        size = 1.0 if log else abs(one["mean"]) or 1.0
+        shares = [f"{100.0 * one[key] / size:.2g} %" for key in parts]
+        rows.append((one["kind"], one["parameter"], str(one["units"]), mean, one["unit"].strip("1"), *shares))
+    return Table.of(("kind", "parameter", "joints", "mean", "unit", "joints ±", "dates ±", "days ±", "error ±"), rows)
+
+
+def finding_table(findings: Iterable[Mapping[str, Any]]) -> Table:
+    """Table of findings."""
+    rows = []
+    for one in findings:
+        share = one["parameter"] == FORCE_ERROR
+        size, low, high = (100.0 * one[key] if share else one[key] for key in ("size", "low", "high"))
+        rows.append((
+            one["robot"] or f"all of {one['kind']}", one["joint"] or "-", one["parameter"], _WHAT[one["what"]],
+            one["day"], f"{size:+.3g}", interval_text(low, high), "%" if share else one["unit"],
+            p_value_text(one["p_value"]),
+        ))  # fmt: skip
+    return Table.of(("robot", "joint", "parameter", "finding", "date", "by", "95 % interval", "unit", "p"), rows)
+
+
+def failed_table(document: Mapping[str, Any]) -> Table:
+    """Table of what could not be identified."""
+    rows = [
+        (one["robot"], one["joint"] or "-", str(one["time"] or "-")[:10], one["bag"], one["reason"])
+        for one in document["failed"]
+    ]
+    return Table.of(("robot", "joint", "date", "bag", "reason"), rows)
+
+
+def _first(table: Table, what: str, file: str) -> Iterator[Block]:
+    if not table.rows:
+        yield f"no {what}"
+        return
+    yield Table(table.header, table.rows[:_MOST])
+    if len(table.rows) > _MOST:
+        yield f"and {len(table.rows) - _MOST} more {what}: {file}"

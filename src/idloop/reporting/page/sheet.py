@@ -1,0 +1,50 @@
+"""A page of tables and figures that loads nothing, from a template of its own on the common sheet."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from idloop import __version__
+from idloop.reporting.figures.theme import DARK, LIGHT
+from idloop.reporting.page.page import TEMPLATES, browser_code, figure_items
+
+if TYPE_CHECKING:
+    from bokeh.plotting import figure
+
+
+def render_sheet(template: Path, places: Mapping[str, Sequence[figure]], **words: Any) -> str:
+    """Write a page: HTML that loads nothing.
+
+    Parameters
+    ----------
+    template : Path
+        Extends ``sheet.html``.
+    places : mapping of str to sequence of figure
+        Figures that stand below one another, by the name of their place.
+    **words
+        For the template; ``name`` and ``headline`` among them.
+    """
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+    from markupsafe import Markup
+
+    environment = Environment(
+        loader=FileSystemLoader([template.parent, TEMPLATES]), autoescape=True, undefined=StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+    palettes = {theme.name: theme.colours for theme in (LIGHT, DARK)}
+    # Markup: our own files and JSON, and Bokeh's code; every word of the user's is escaped by the template.
+    return environment.get_template(template.name).render(
+        **words,
+        places=set(places),
+        light=LIGHT,
+        dark=DARK,
+        style=Markup((TEMPLATES / "report.css").read_text(encoding="utf-8")),  # noqa: S704
+        script=Markup((TEMPLATES / "report.js").read_text(encoding="utf-8")),  # noqa: S704
+        bokeh=Markup(browser_code()),  # noqa: S704
+        figures=Markup(figure_items(places)),  # noqa: S704
+        palettes=Markup(json.dumps(palettes)),  # noqa: S704
+        version=__version__,
+    )

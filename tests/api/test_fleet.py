@@ -1,0 +1,150 @@
+"""A whole fleet by the API: resumable, incremental, idempotent, with page, document and figure."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import threading
+
+import pytest
+
+import idloop
+from benchmarks import fleet as simulated
+from idloop.errors import InputError
+from idloop.fleet.bags import FleetBag
+from idloop.fleet.store import Store
+from idloop.physics.model_file import from_text
+
+pytest.importorskip("distributed")
+pytest.importorskip("duckdb")
+
+MODELS = {"j0": from_text(simulated.KINDS["base"], None), "j1": from_text(simulated.KINDS["wrist"], None)}
+BAGS, JOINTS = 4, 2
+
+
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("bags")
+    plan = simulated.Fleet(2, JOINTS, 2, missing=0.0, broken=0.0)
+    for robot in range(plan.robots):
+        simulated.write_robot(folder, plan, robot)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def first(bags, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("results")
+    found = idloop.identify_fleet(bags, MODELS, folder, workers=0, diagnose=0)
+    found.save()
+    return found
+
+
+def files(folder):
+    return {file.name: file.read_bytes() for file in (folder / "rows").iterdir()}
+
+
+def again(first, bags, **options):
+    return idloop.identify_fleet(bags, MODELS, first.folder, workers=0, diagnose=0, **options)
+
+
+def test_every_recording_is_identified(first):
+    assert (first.bags, first.new, first.joint_days, first.failed) == (BAGS, BAGS, BAGS * JOINTS, ())
+    assert {one.series.kind for one in first.components} == set(MODELS)
+
+
+def test_the_same_again_does_nothing_and_changes_nothing(first, bags):
+    before, document = files(first.folder), first.to_dict()
+    found = again(first, bags)
+    assert found.new == 0
+    assert files(first.folder) == before
+    assert found.to_dict() == document | {"new": 0}
+
+
+def test_only_what_is_new_is_done(first, bags, tmp_path):
+    shutil.copytree(bags, tmp_path / "bags")
+    shutil.copytree(first.folder, tmp_path / "results")
+    before = files(tmp_path / "results")
+    plan = simulated.Fleet(2, JOINTS, 3, missing=0.0, broken=0.0)
+    simulated.write_robot(tmp_path / "bags", plan, 0, range(2, 3))
+    found = idloop.identify_fleet(tmp_path / "bags", MODELS, tmp_path / "results", workers=0, diagnose=0)
+    # The copies have other paths and times: their checksums are those of recordings that are done.
+    assert (found.bags, found.new, found.joint_days) == (BAGS + 1, 1, (BAGS + 1) * JOINTS)
+    after = files(tmp_path / "results")
+    assert {name: after[name] for name in before} == before
+
+
+def test_a_broken_bag_is_one_line_of_the_answer(first, bags, tmp_path):
+    shutil.copytree(bags / "robot000", tmp_path / "bags" / "robot000")
+    (tmp_path / "bags" / "robot000" / "2026-03-09.mcap").write_bytes(b"not a bag")
+    found = idloop.identify_fleet(tmp_path / "bags", MODELS, tmp_path / "out", workers=0, diagnose=0)
+    assert found.joint_days == 2 * JOINTS
+    (failed,) = found.failed
+    assert failed["bag"].endswith("2026-03-09.mcap")
+    assert "2026-03-09.mcap" in found.summary()
+
+
+def test_results_are_written_for_sql_and_for_readers(first):
+    document = json.loads((first.folder / "fleet.json").read_text(encoding="utf-8"))
+    assert document["schema"] == "idloop/fleet/1"
+    assert document == json.loads(json.dumps(first.to_dict()))
+    page = (first.folder / "fleet.html").read_text(encoding="utf-8")
+    assert "default-src 'none'" in page
+    for place in ("heat", "trend-0", f"trend-{len(first.components) - 1}"):
+        assert f'data-place="{place}"' in page
+    assert first.plot().axes[0].get_title(loc="left").startswith("j0: 2 joints")
+    columns = Store(first.folder).query("select count(*), count(distinct sha256) from rows").fetchone()
+    assert columns == (BAGS * JOINTS * 4, BAGS)
+
+
+def test_what_changed_since_a_date_is_compared(first, bags):
+    found = again(first, bags, since="2026-03-02")
+    assert {one.kind for one in found.periods if not one.robot} == set(MODELS)
+    assert "change between the periods" in found.summary()
+
+
+@pytest.mark.slow
+def test_the_worst_joints_are_diagnosed_once_with_a_report(first, bags):
+    found = idloop.identify_fleet(bags, dict(list(MODELS.items())[:1]), first.folder, workers=0, diagnose="all")
+    assert len(found.diagnoses) == 2
+    pages = [first.folder / one["report"] for one in found.diagnoses]
+    before = [page.stat().st_mtime_ns for page in pages]
+    found = idloop.identify_fleet(bags, dict(list(MODELS.items())[:1]), first.folder, workers=0, diagnose="all")
+    assert [page.stat().st_mtime_ns for page in pages] == before
+    found.save()
+    page = (first.folder / "fleet.html").read_text(encoding="utf-8")
+    assert all(one["report"] in page for one in found.diagnoses)
+
+
+def test_a_watch_takes_what_has_come_to_rest(first, bags, monkeypatch):
+    looks = [[FleetBag("r", "a", stamp="1")], [FleetBag("r", "a", stamp="2")], [FleetBag("r", "a", stamp="2")]]
+    looks += [looks[-1], [*looks[-1], FleetBag("r", "b", stamp="1")], [*looks[-1], FleetBag("r", "b", stamp="1")]]
+    from idloop.api import fleet
+
+    ended, seen = threading.Event(), []
+    number = iter(range(len(looks)))
+
+    def find(source, *, empty):
+        place = next(number)
+        if place == len(looks) - 1:
+            ended.set()
+        return looks[place]
+
+    monkeypatch.setattr("idloop.fleet.bags.find_bags", find)
+    monkeypatch.setattr(fleet._Work, "run", lambda self, several: [one.bag for one in several])
+    fleet.watch_fleet("anywhere", MODELS, first.folder, ended=ended, on_change=seen.append, period=0.0, workers=0)
+    assert seen == [["a"], ["a", "b"]]
+
+
+@pytest.mark.parametrize(
+    ("options", "line"),
+    [
+        ({"level": 2.0}, "level is 2"),
+        ({"diagnose": -1}, "diagnose is -1"),
+        ({"since": "spring"}, "'spring' is no date"),
+        ({"against": "2026-01-01"}, "without since"),
+        ({"since": "2026-01-01", "against": "2026-01-02"}, "is not before"),
+    ],
+)
+def test_bad_options_are_one_line(bags, tmp_path, options, line):
+    with pytest.raises(InputError, match=line):
+        idloop.identify_fleet(bags, MODELS, tmp_path, workers=0, **options)

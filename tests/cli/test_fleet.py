@@ -1,0 +1,43 @@
+"""`idloop fleet`: bad input is one line; its work is tested in tests/api and tests/fleet."""
+
+from __future__ import annotations
+
+import pytest
+
+from idloop.cli import main
+
+pytest.importorskip("distributed")
+pytest.importorskip("duckdb")
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (("none.csv",), "there is no such table"),
+        ((".",), "there is no bag"),
+        ((".", "--since", "soon"), "'soon' is no date"),
+        ((".", "--memory", "much"), "--memory much"),
+        ((".", "--diagnose", "some"), "--diagnose some"),
+        ((".", "--level", "0"), "level is 0"),
+        ((".", "--model", "axis"), "there is a model for * already"),
+        ((".", "--model", "=axis"), "write KIND=MODEL"),
+        ((".", "--watch", "--json"), "--watch"),
+    ],
+)
+def test_bad_input_is_one_line(tmp_path, monkeypatch, capsys, words, line):
+    monkeypatch.chdir(tmp_path)
+    assert main.run(["fleet", "--model", "axis", "--output", "out", *words]) == 2
+    said = capsys.readouterr().err
+    assert line in said
+    assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize("name", ["distributed", "duckdb", "fsspec", "pyarrow.parquet"])
+def test_a_missing_extra_is_one_line(tmp_path, monkeypatch, capsys, name):
+    (tmp_path / "t.csv").write_text("robot,joint,time,bag\nr,j,2026-03-01,b\n")
+    monkeypatch.setitem(__import__("sys").modules, name, None)
+    words = ["fleet", str(tmp_path / "t.csv"), "--model", "axis", "--output", str(tmp_path / "out"), "--quiet"]
+    assert main.run(words) == 2
+    said = capsys.readouterr().err
+    assert "pip install 'idloop[fleet]'" in said
+    assert said.count("\n") == 1

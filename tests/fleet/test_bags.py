@@ -1,0 +1,108 @@
+"""Bags of a fleet: from a folder, a pattern, a table, and at an address."""
+
+from __future__ import annotations
+
+from datetime import datetime, timezone
+from pathlib import Path
+
+import fsspec
+import pyarrow as pa
+import pytest
+from pyarrow import parquet
+
+from idloop.errors import InputError
+from idloop.fleet.bags import find_bags
+
+MARCH = datetime(2026, 3, 1, tzinfo=timezone.utc)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for name in ("r2/2026-03-01/run", "r1/20260301_140500", "r1/2026-03-02"):
+        (tmp_path / name).mkdir(parents=True)
+        (tmp_path / name / "metadata.yaml").write_text("a")
+        (tmp_path / name / "run_0.mcap").write_text("b")
+    (tmp_path / "r3").mkdir()
+    (tmp_path / "r3" / "2026-03-05.mcap").write_text("cc")
+    (tmp_path / "r3" / "notes.txt").write_text("not a bag")
+    return tmp_path
+
+
+def test_a_folder_gives_robot_and_date_of_every_bag(folder):
+    found = [(one.robot, Path(one.bag).relative_to(folder).as_posix(), one.time) for one in find_bags(str(folder))]
+    assert found == [
+        ("r1", "r1/20260301_140500", MARCH.replace(hour=14, minute=5)),
+        ("r1", "r1/2026-03-02", MARCH.replace(day=2)),
+        ("r2", "r2/2026-03-01/run", MARCH),
+        ("r3", "r3/2026-03-05.mcap", MARCH.replace(day=5)),
+    ]
+
+
+def test_a_pattern_takes_a_part_of_it(folder):
+    found = find_bags(f"{folder}/r*/2026-03-0[12]*")
+    assert [(one.robot, one.time) for one in found] == [("r1", MARCH.replace(day=2)), ("r2", MARCH)]
+
+
+def test_a_stamp_changes_with_the_bag(folder):
+    before = {one.bag: one.stamp for one in find_bags(str(folder))}
+    (folder / "r3" / "2026-03-05.mcap").write_text("longer")
+    after = {one.bag: one.stamp for one in find_bags(str(folder))}
+    assert {bag for bag in before if before[bag] != after[bag]} == {str(folder / "r3" / "2026-03-05.mcap")}
+
+
+@pytest.mark.parametrize("form", ["csv", "parquet"])
+def test_the_joints_of_a_bag_are_rows_of_a_table(folder, form):
+    table = folder / f"table.{form}"
+    rows = [("7", "elbow", "2026-03-01", "r1/2026-03-02", "arm"), ("7", "wrist", "2026-03-01", "r1/2026-03-02", "hand")]
+    if form == "csv":
+        table.write_text("robot,joint,time,bag,kind\n" + "\n".join(map(",".join, rows)) + "\n")
+    else:
+        columns = dict(zip(("robot", "joint", "time", "bag", "kind"), zip(*rows, strict=True), strict=True))
+        parquet.write_table(pa.table({key: list(values) for key, values in columns.items()}), table)
+    (one,) = find_bags(str(table))
+    assert (one.robot, one.time, one.bag) == ("7", MARCH, str(folder / "r1/2026-03-02"))
+    assert one.joints == (("elbow", "arm"), ("wrist", "hand"))
+    assert one.stamp
+
+
+def test_a_missing_bag_of_a_table_is_no_error(folder):
+    (folder / "t.csv").write_text("robot,joint,time,bag\nr9,j,2026-03-01,r9/none\n")
+    (one,) = find_bags(str(folder / "t.csv"))
+    assert (one.robot, one.stamp) == ("r9", "")
+
+
+def test_an_address_is_another_file_system(folder):
+    memory = fsspec.filesystem("memory")
+    memory.put(str(folder / "r1"), "/fleet_of_test/r1", recursive=True)
+    found = find_bags("memory://fleet_of_test")
+    assert [(one.robot, one.bag) for one in found] == [
+        ("r1", "memory:///fleet_of_test/r1/20260301_140500"),
+        ("r1", "memory:///fleet_of_test/r1/2026-03-02"),
+    ]
+    memory.rm("/fleet_of_test", recursive=True)
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("robot,joint,time\nr,j,2026-03-01\n", "no column bag"),
+        ("robot,joint,time,bag\nr,j,soon,b\n", "row 1: time 'soon'"),
+        ("robot,joint,time,bag\n,j,2026-03-01,b\n", "row 1: no robot"),
+        ("robot,joint,time,bag,kind\nr,,2026-03-01,b,arm\n", "kind 'arm' without a joint"),
+        ("", "cannot be read as a table"),
+    ],
+)
+def test_a_bad_table_is_one_line(tmp_path, text, line):
+    (tmp_path / "t.csv").write_text(text)
+    with pytest.raises(InputError, match=line):
+        find_bags(str(tmp_path / "t.csv"))
+
+
+def test_no_bag_is_one_line(tmp_path):
+    with pytest.raises(InputError, match="there is no bag"):
+        find_bags(str(tmp_path))
+    assert find_bags(str(tmp_path), empty=True) == []
+    with pytest.raises(InputError, match="no such table or folder"):
+        find_bags(str(tmp_path / "none"))
+    with pytest.raises(InputError, match="nowhere"):
+        find_bags("nowhere://robots")

@@ -1,0 +1,91 @@
+"""One recording of a robot as rows."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+
+import fsspec
+import pytest
+
+from benchmarks import fleet as simulated
+from idloop import __version__
+from idloop.fleet.bags import find_bags
+from idloop.fleet.joint_day import FORCE_ERROR, Settings, identify_bag, key_of
+from idloop.reporting.provenance import checksum
+
+
+@pytest.fixture(scope="module")
+def bag(recordings):
+    return find_bags(str(recordings))[0]
+
+
+@pytest.fixture(scope="module")
+def rows(bag, settings):
+    return identify_bag(bag, settings)
+
+
+def test_each_joint_is_identified_and_validated(rows, settings):
+    by_name = {(one["joint"], one["parameter"]): one for one in rows}
+    assert len(by_name) == 8
+    for joint, kind in (("j0", "j0"), ("j1", "*")):
+        model = dict(settings.kinds)[kind]
+        for name in (simulated.NAMES["inertia"], simulated.NAMES["dry"]):
+            found = by_name[joint, name]
+            assert found["value"] == pytest.approx(model.values[name], rel=0.4)
+            assert 0.0 < found["stderr"] < 0.05 * found["value"]
+            assert found["kind"] == kind
+        assert by_name[joint, FORCE_ERROR]["value"] == by_name[joint, FORCE_ERROR]["error_unseen"] < 0.1
+    assert {one["reason"] for one in rows if "reason" in one} == set()
+
+
+def test_every_row_says_where_it_comes_from(rows, bag, recordings, settings):
+    digest = checksum(recordings / "robot000" / "2026-03-01")["sha256"]
+    expected = (digest, __version__, 0, settings.digest, "robot000", bag.bag)
+    keys = ("sha256", "version", "seed", "settings", "robot", "bag")
+    assert {tuple(one[key] for key in keys) for one in rows} == {expected}
+
+
+def test_the_same_again_gives_the_same(rows, bag, settings):
+    assert identify_bag(bag, settings) == rows
+
+
+def test_what_is_done_by_its_checksum_is_not_done_again(rows, bag, recordings, settings, tmp_path):
+    shutil.copytree(recordings / "robot000" / "2026-03-01", tmp_path / "moved")
+    moved = replace(bag, bag=str(tmp_path / "moved"), stamp="other")
+    assert identify_bag(moved, settings, {key_of(rows[0])}) is None
+    assert identify_bag(replace(moved, robot="another"), settings, {key_of(rows[0])}) is not None
+
+
+def test_models_seed_and_joints_are_a_part_of_what_is_done(bag, settings):
+    others = [Settings(settings.kinds[:1]), Settings(settings.kinds, seed=1)]
+    assert len({one.job(bag) for one in (settings, *others)} | {settings.job(replace(bag, joints=(("j0", ""),)))}) == 4
+
+
+def test_a_broken_bag_costs_its_own_row(bag, recordings, settings, tmp_path):
+    broken = tmp_path / "broken"
+    shutil.copytree(recordings / "robot000" / "2026-03-01", broken)
+    (file,) = broken.glob("*.mcap")
+    file.write_bytes(file.read_bytes()[:20000])
+    (row,) = identify_bag(replace(bag, bag=str(broken)), settings)
+    assert "cut off" in row["reason"]
+    assert row["robot"] == "robot000"
+    (row,) = identify_bag(replace(bag, bag=str(tmp_path / "none")), settings)
+    assert "no bag" in row["reason"]
+
+
+def test_a_joint_that_cannot_be_identified_leaves_the_others(bag, settings):
+    asked = (("j0", ""), ("nowhere", "j0"), ("j1", "unknown"))
+    found = identify_bag(replace(bag, joints=asked), settings)
+    reasons = {one["joint"]: one.get("reason") for one in found}
+    assert reasons["j0"] is None
+    assert "nowhere" in reasons["nowhere"]
+    assert "no model for one of kind unknown" in reasons["j1"]
+
+
+def test_a_bag_at_an_address_is_fetched(rows, bag, recordings, settings):
+    memory = fsspec.filesystem("memory")
+    memory.put(str(recordings / "robot000" / "2026-03-01"), "/bags_of_test/one", recursive=True)
+    found = identify_bag(replace(bag, bag="memory://bags_of_test/one"), settings)
+    assert [one["value"] for one in found] == [one["value"] for one in rows]
+    memory.rm("/bags_of_test", recursive=True)

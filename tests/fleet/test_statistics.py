@@ -1,0 +1,155 @@
+"""Kind, unit and day told apart, and what the one rate of false discoveries leaves: counted on simulated fleets."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from idloop.fleet.joint_day import FORCE_ERROR
+from idloop.fleet.statistics import (
+    Series,
+    best_change,
+    between_periods,
+    found,
+    hypotheses,
+    series_of,
+    spread,
+    take_apart,
+)
+
+UNITS, DAYS = 60, 20
+ODD, WORN, STEPPED = range(3), range(3, 6), range(6, 9)
+
+
+def fleet(seed: int, *, planted: bool = False, step: float = 0.0, memory: float = 0.0, missing: float = 0.03) -> Series:
+    """Units differ by 10 %, days by 3 %, and all units share 2 % from date to date."""
+    rng = np.random.default_rng(seed)
+    day = rng.normal(size=(UNITS, DAYS))
+    for k in range(1, DAYS):
+        day[:, k] = memory * day[:, k - 1] + np.sqrt(1.0 - memory**2) * day[:, k]
+    error = 0.01 * rng.uniform(0.5, 2.0, size=(UNITS, DAYS))
+    y = 1.0 + 0.1 * rng.normal(size=(UNITS, 1)) + 0.03 * day + error * rng.normal(size=day.shape)
+    y += 0.02 * rng.normal(size=DAYS)
+    if planted:
+        y[ODD] += 0.7
+        y[WORN] += 0.3 * np.arange(DAYS) / (DAYS - 1)
+        y[STEPPED, DAYS // 2 :] += 0.2
+    y[:, DAYS // 2 :] += step
+    y[rng.uniform(size=y.shape) < missing] = np.nan
+    names = tuple((f"r{k:02d}", "j") for k in range(UNITS))
+    return Series("kind", "p", "N", names, np.arange(DAYS) + 20000.0, y, error**2)
+
+
+def unit(finding) -> int:
+    return int(finding.robot[1:]) if finding.robot else -1
+
+
+def test_the_parts_of_the_variance_are_those_of_the_simulation():
+    several = [take_apart(fleet(seed)) for seed in range(20)]
+    for name, true in (("mean", 1.0), ("unit_deviation", 0.1), ("day_deviation", 0.03)):
+        values = np.array([getattr(one, name) for one in several])
+        error = np.std(values, ddof=1) / np.sqrt(len(values))
+        assert np.mean(values) == pytest.approx(true, abs=max(4.0 * error, 0.02 * true))
+    dates = np.array([np.std(one.date) for one in several])
+    assert np.mean(dates) == pytest.approx(0.02, rel=0.15)
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.5])
+def test_a_healthy_fleet_has_findings_as_seldom_as_stated(memory):
+    fleets = 60
+    with_findings = sum(bool(found(list(hypotheses(take_apart(fleet(seed, memory=memory)))))) for seed in range(fleets))
+    # Without anything to find, a rate of false discoveries of 5 % is that of fleets with any finding.
+    assert with_findings <= binom.ppf(0.999, fleets, 0.05)
+
+
+def test_what_is_planted_is_found_and_little_else():
+    false = every = odd = changed = fleets = 0
+    for seed in range(20):
+        fleets += 1
+        for one in found(list(hypotheses(take_apart(fleet(100 + seed, planted=True))))):
+            every += 1
+            false += unit(one) not in range(9)
+            odd += one.what == "odd" and unit(one) in ODD
+            changed += one.what in {"trend", "step"} and unit(one) in (*WORN, *STEPPED)
+    assert odd >= 0.9 * fleets * len(ODD)
+    assert changed >= 0.95 * fleets * (len(WORN) + len(STEPPED))
+    assert false <= binom.ppf(0.999, every, 0.05)
+
+
+def test_a_change_is_named_with_its_date_and_size():
+    parts = take_apart(fleet(1, planted=True))
+    several = {unit(one): one for one in found(list(hypotheses(parts))) if one.what in {"trend", "step"}}
+    for k in WORN:
+        assert (several[k].what, several[k].size) == ("trend", pytest.approx(0.3, abs=0.08))
+    for k in STEPPED:
+        assert (several[k].what, several[k].day) == ("step", pytest.approx(20000 + DAYS // 2, abs=1.0))
+        assert several[k].low < 0.2 < several[k].high
+
+
+def test_a_change_of_all_is_that_of_the_kind_and_of_no_unit():
+    several = found(list(hypotheses(take_apart(fleet(2, step=0.2)))))
+    assert [(one.what, one.robot, one.day) for one in several if one.what != "day"] == [("step", "", 20000 + DAYS // 2)]
+
+
+def test_a_single_recording_off_its_course_is_named():
+    series = fleet(3, missing=0.0)
+    series.value[7, 12] += 0.4
+    (one,) = found(list(hypotheses(take_apart(series))))
+    assert (one.what, one.robot, one.day) == ("day", "r07", 20012.0)
+
+
+def test_a_shrunken_level_is_nearer_to_its_kind_the_less_is_known():
+    series = fleet(4, missing=0.0)
+    series.value[0, 1:] = np.nan
+    parts = take_apart(series)
+    kept = (parts.shrunk - parts.mean) / (parts.level - parts.mean)
+    assert 0.5 < kept[0] < kept[1] < 1.0
+
+
+def test_periods_are_compared_unit_by_unit():
+    held, fleets = 0, 40
+    for seed in range(fleets):
+        (kind,), _ = between_periods(fleet(200 + seed, step=0.1), 20000.0 + DAYS // 2, None)
+        assert kind.p_value < 1e-3
+        held += kind.low < 0.1 < kind.high or abs(kind.size - 0.1) < 0.03
+    assert held >= binom.ppf(0.001, fleets, 0.95)
+    series = fleet(5)
+    series.value[9, DAYS // 2 :] += 0.3
+    _, units = between_periods(series, 20000.0 + DAYS // 2, 20000.0)
+    assert found(units)[0].robot == "r09"
+    assert between_periods(series, 30000.0, None) == ([], [])
+
+
+def test_a_small_fleet_has_no_tests_that_it_cannot_bear():
+    one = Series("k", "p", "N", (("r", "j"),), np.arange(3.0), np.array([[1.0, 1.1, 0.9]]), np.full((1, 3), 0.01))
+    assert {test.what for test in hypotheses(take_apart(one))} == {"day"}
+    empty = Series("k", "p", "N", (("r", "j"),), np.arange(1.0), np.array([[1.0]]), np.array([[0.01]]))
+    assert list(hypotheses(take_apart(empty))) == []
+
+
+def test_spread_is_what_the_errors_leave():
+    rng = np.random.default_rng(0)
+    error = rng.uniform(0.5, 2.0, size=20000)
+    assert spread(error * rng.normal(size=error.size), error**2) == pytest.approx(0.0, abs=0.05)
+    assert spread(np.hypot(error, 3.0) * rng.normal(size=error.size), error**2) == pytest.approx(9.0, rel=0.05)
+    assert spread(np.zeros(5), np.zeros(5)) == 0.0
+
+
+def test_a_step_is_no_trend():
+    y = np.where(np.arange(12) < 5, 0.0, 1.0)
+    change = best_change(np.arange(12.0), y, np.full(12, 0.01), 100.0)
+    assert (change.what, change.day, change.size) == ("step", 5.0, pytest.approx(1.0))
+
+
+def test_columns_become_series():
+    columns = {
+        "robot": ["a", "a", "b", "b"], "joint": ["j"] * 4, "kind": ["k"] * 4, "unit": ["1"] * 4,
+        "parameter": ["p", FORCE_ERROR, "p", FORCE_ERROR], "day": [10.2, 10.2, 11.9, 11.9],
+        "value": [2.0, 0.1, 3.0, 0.2], "stderr": [0.5, np.nan, np.nan, np.nan],
+    }  # fmt: skip
+    several = {one.parameter: one for one in series_of({key: np.array(one) for key, one in columns.items()})}
+    assert several["p"].names == (("a", "j"), ("b", "j"))
+    np.testing.assert_array_equal(several["p"].value, [[2.0, np.nan], [np.nan, np.nan]])
+    np.testing.assert_allclose(several[FORCE_ERROR].value, np.log([[0.1, np.nan], [np.nan, 0.2]]))
+    assert list(series_of({"robot": np.zeros(0)})) == []

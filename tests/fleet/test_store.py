@@ -1,0 +1,79 @@
+"""Results of a fleet in Parquet files."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from idloop.errors import IdloopError
+from idloop.fleet.bags import FleetBag
+from idloop.fleet.joint_day import Settings
+from idloop.fleet.store import Store
+
+
+@pytest.fixture
+def settings():
+    return Settings(())
+
+
+def row(bag: FleetBag, settings: Settings, sha: str | None, **more) -> dict:
+    own = {"robot": bag.robot, "joint": "j", "kind": "k", "parameter": "p", "value": 1.0, "stderr": 0.1}
+    named = {"bag": bag.bag, "stamp": bag.stamp, "job": settings.job(bag), "settings": settings.digest, "sha256": sha}
+    return {**own, **named, **more}
+
+
+ONE, TWO = FleetBag("r1", "one", stamp="10 100.0"), FleetBag("r2", "two", stamp="20 100.0")
+
+
+def test_a_batch_is_written_once_and_whole(tmp_path, settings):
+    store = Store(tmp_path)
+    rows = [row(ONE, settings, "a"), row(TWO, settings, "b")]
+    written = store.add(rows)
+    before = written.read_bytes()
+    assert store.add([{**one, "value": 9.0} for one in reversed(rows)]) == written
+    assert written.read_bytes() == before
+    assert [file.name for file in store.rows.iterdir()] == [written.name]
+
+
+def test_what_is_there_is_left_out(tmp_path, settings):
+    store = Store(tmp_path)
+    assert store.done(settings).open([ONE, TWO], settings) == [ONE, TWO]
+    store.add([row(ONE, settings, "a")])
+    changed = replace(ONE, stamp="11 101.0")
+    assert store.done(settings).open([ONE, TWO, changed], settings) == [TWO, changed]
+    other = Settings((), seed=1)
+    assert store.done(other).open([ONE], other) == [ONE]
+
+
+def test_a_bag_that_was_repaired_counts_as_it_is_now(tmp_path, settings):
+    store = Store(tmp_path)
+    store.add([row(ONE, settings, "broken", joint=None, parameter=None, value=None, reason="cut off")])
+    assert store.counts([ONE], settings)[1][0]["reason"] == "cut off"
+    store.add([row(replace(ONE, stamp="11 101.0"), settings, "whole")])
+    assert store.counts([ONE], settings) == (1, [])
+
+
+def test_one_recording_under_two_names_counts_once(tmp_path, settings):
+    store = Store(tmp_path)
+    store.add([row(ONE, settings, "a")])
+    store.add([row(replace(ONE, bag="copy", stamp="10 200.0"), settings, "a"), row(TWO, settings, "b")])
+    assert store.series([ONE, TWO], settings)["robot"].tolist() == ["r1", "r2"]
+
+
+def test_the_newest_recording_of_a_joint_is_named(tmp_path, settings):
+    from datetime import datetime, timezone
+
+    store, days = Store(tmp_path), [datetime(2026, 3, day, tzinfo=timezone.utc) for day in (1, 2)]
+    bags = [replace(ONE, bag=f"b{day.day}", time=day) for day in days]
+    store.add([row(one, settings, one.bag, time=one.time) for one in bags])
+    (found,) = store.newest([("r1", "j")], bags, settings)
+    assert found == {"robot": "r1", "joint": "j", "kind": "k", "bag": "b2", "sha256": "b2"}
+
+
+def test_a_damaged_file_is_one_line(tmp_path, settings):
+    store = Store(tmp_path)
+    store.rows.mkdir()
+    (store.rows / "x.parquet").write_text("no table")
+    with pytest.raises(IdloopError, match=r"x\.parquet"):
+        store.done(settings)
