@@ -26,9 +26,7 @@ def limit_bag_readers() -> None:
     from idloop.documents import LimitedYAML
 
     zstd: Any = vars(reader)["zstd"]
-    lz4: Any = vars(stream_reader)["lz4"]
-    unpack_zstd = _limited(zstd.ZstdDecompressor)
-    unpack_lz4 = _limited(lz4.LZ4FrameDecompressor)
+    unpack_zstd, unpack_lz4 = (_limited(_decompressors()[kind]) for kind in ("zstd", "lz4"))
 
     def open_zstd(file: BinaryIO, mode: str) -> Any:
         most = MOST_UNPACKED + _MOST_GROWTH * os.fstat(file.fileno()).st_size
@@ -41,6 +39,32 @@ def limit_bag_readers() -> None:
     ros1_reader.decompressors.update(lz4=unpack_lz4, bz2=_limited(bz2.BZ2Decompressor))
     _replace(stream_reader, "zstandard", SimpleNamespace(decompress=unpack_zstd))
     _replace(stream_reader, "lz4", SimpleNamespace(decompress=unpack_lz4))
+
+
+@cache
+def _decompressors() -> dict[str, Callable[[], Any]]:
+    """Makers of decompressors of one frame, by the name of the compression in an mcap file."""
+    from mcap import stream_reader
+    from rosbags.rosbag2 import reader  # brings the module of the standard library, or its backport
+
+    # Called before the modules are replaced.
+    zstd: Any = vars(reader)["zstd"]
+    lz4: Any = vars(stream_reader)["lz4"]
+    return {"zstd": zstd.ZstdDecompressor, "lz4": lz4.LZ4FrameDecompressor}
+
+
+def unpack_beginning(data: bytes, compression: str) -> bytes:
+    """Return what the first bytes of a chunk hold, as far as they can be unpacked and within the limit.
+
+    Raises
+    ------
+    Exception
+        Any, where they are damaged or the compression is unknown.
+    """
+    if not compression:
+        return data
+    limit_bag_readers()
+    return bytes(_decompressors()[compression]().decompress(data, MOST_UNPACKED))
 
 
 def unpack_message(data: bytes) -> bytes:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from idloop.records.bags.bag_limits import limit_bag_readers, unpack_message
+from idloop.records.bags.storage.cut_chunk import cut_chunk_records
 from idloop.records.bags.storage.ros1_records import Ros1Connection, read_ros1_records
 from idloop.records.bags.storage.ros1_types import ros1_typestore
 from idloop.records.bags.storage.sqlite_pages import SqlitePages
@@ -52,7 +54,10 @@ class Message:
 
 
 def mcap_messages(file: Path) -> Iterator[Message | None]:
-    """Yield the messages of every complete chunk of an mcap file in its order, then None where the file was cut."""
+    """Yield the messages of an mcap file in its order, then None where the file was cut.
+
+    Of a chunk that was cut the messages before the cut are read as well: a file may have one chunk only.
+    """
     from mcap import records
     from mcap.stream_reader import StreamReader
 
@@ -61,28 +66,35 @@ def mcap_messages(file: Path) -> Iterator[Message | None]:
     channels: dict[int, Channel] = {}
     foreign: set[int] = set()  # channels without a schema: no messages of ROS
     whole = False
+
+    def messages(found: Iterable[Any]) -> Iterator[Message]:
+        nonlocal whole
+        for record in found:
+            whole = whole or isinstance(record, records.Footer)
+            if isinstance(record, records.Schema):
+                schemas[record.id] = record
+            elif isinstance(record, records.Channel) and not record.schema_id:
+                foreign.add(record.id)
+            elif isinstance(record, records.Channel):
+                schema = schemas[record.schema_id]
+                channels[record.id] = Channel(
+                    topic=record.topic,
+                    message_type=schema.name,
+                    definition=schema.data.decode(),
+                    type_hash=record.metadata.get("topic_type_hash", ""),
+                    serialization=record.message_encoding,
+                )
+            elif isinstance(record, records.Message) and record.channel_id not in foreign:
+                yield Message(channels[record.channel_id], record.log_time, record.data)
+
     with file.open("rb") as stream:
         try:
-            for record in StreamReader(stream).records:
-                whole = whole or isinstance(record, records.Footer)
-                if isinstance(record, records.Schema):
-                    schemas[record.id] = record
-                elif isinstance(record, records.Channel) and not record.schema_id:
-                    foreign.add(record.id)
-                elif isinstance(record, records.Channel):
-                    schema = schemas[record.schema_id]
-                    channels[record.id] = Channel(
-                        topic=record.topic,
-                        message_type=schema.name,
-                        definition=schema.data.decode(),
-                        type_hash=record.metadata.get("topic_type_hash", ""),
-                        serialization=record.message_encoding,
-                    )
-                elif isinstance(record, records.Message) and record.channel_id not in foreign:
-                    yield Message(channels[record.channel_id], record.log_time, record.data)
+            yield from messages(StreamReader(stream).records)
         except Exception:  # noqa: BLE001 - the cut may fall anywhere, so any parsing error marks the end
             whole = False
     if not whole:
+        with suppress(Exception):
+            yield from messages(cut_chunk_records(file))
         yield None
 
 
