@@ -12,8 +12,18 @@ the middle of the days on). Some bags are missing, some are broken.
 
 from __future__ import annotations
 
+import argparse
+import contextlib
+import json
 import os
-from dataclasses import dataclass, field
+import resource
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
 from typing import Any
@@ -67,7 +77,6 @@ class Fleet:
     changed: int | None = None
     missing: float = 0.01
     broken: float = 0.01
-    kinds: dict[int, str] = field(default_factory=dict)
 
     def kind(self, joint: int) -> str:
         """Kind of a joint: the first half of a robot's joints are of its base."""
@@ -138,8 +147,163 @@ def write_robot(folder: Path, fleet: Fleet, robot: int, days: range | None = Non
             file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
 
 
-def write_models(folder: Path) -> list[str]:
-    """Write the model of each kind; return the arguments of `idloop fleet` for joints by name."""
-    for kind, text in KINDS.items():
-        (folder / f"{kind}.yaml").write_text(text, encoding="utf-8")
-    return []
+def models() -> dict[str, Any]:
+    """Model of each kind by the pattern of its joints' names, for six joints or two."""
+    from idloop.physics.model_file import from_text
+
+    return {kind: from_text(text, None) for kind, text in KINDS.items()}
+
+
+def write_table(folder: Path, fleet: Fleet) -> Path:
+    """Write the table of all joints and days, missing bags included."""
+    lines = ["robot,joint,time,bag,kind"]
+    for robot in range(fleet.robots):
+        for day in range(fleet.days):
+            date = f"{START + timedelta(days=day):%Y-%m-%d}"
+            name = robot_name(robot)
+            lines += [f"{name},j{joint},{date},{name}/{date},{fleet.kind(joint)}" for joint in range(fleet.joints)]
+    table = folder / "fleet.csv"
+    table.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return table
+
+
+def make(folder: Path, fleet: Fleet) -> Path:
+    """Simulate the fleet with two processes; return its table."""
+    with ProcessPoolExecutor(2) as pool:
+        list(pool.map(write_robot, *zip(*((folder, fleet, robot) for robot in range(fleet.robots)), strict=True)))
+    return write_table(folder, fleet)
+
+
+class Memory:
+    """Largest resident memory of any child process, looked at ten times a second."""
+
+    def __init__(self) -> None:
+        self.largest = 0
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._look, daemon=True)
+
+    def _look(self) -> None:
+        import psutil
+
+        while not self._ended.wait(0.1):
+            for child in psutil.Process().children(recursive=True):
+                with contextlib.suppress(psutil.Error):
+                    self.largest = max(self.largest, child.memory_info().rss)
+
+    def __enter__(self) -> Memory:  # noqa: PYI034 - Self needs Python 3.11
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+        self._thread.join()
+
+
+def processor_time() -> float:
+    """Processor time of this process and of its children that have ended [s]."""
+    return sum(sum(resource.getrusage(who)[:2]) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+
+
+def judge(fleet: Fleet, findings: Sequence[Any]) -> dict[str, Any]:
+    """Count what was found of what was planted, and what was found beside it, each with its 95 % interval."""
+    from interval_coverage import binomial_interval
+
+    planted_units = {(robot_name(robot), f"j{joint}") for robot, joint in (*fleet.odd, *fleet.worn)}
+
+    def units(which: Sequence[tuple[int, int]], *what: str) -> int:
+        named = {(one.robot, one.joint) for one in findings if one.what in what}
+        return sum((robot_name(robot), f"j{joint}") in named for robot, joint in which)
+
+    true_kind = [one for one in findings if not one.robot and one.kind == "base"]
+    false = [
+        one
+        for one in findings
+        if (one.robot and (one.robot, one.joint) not in planted_units) or (not one.robot and one.kind != "base")
+    ]
+    day = None if fleet.changed is None else (START + timedelta(days=fleet.changed)).timestamp() // 86400
+    firmware = [one for one in true_kind if one.what == "step" and abs(one.day - day) <= 1]
+    counts = {
+        "odd units found": (units(fleet.odd, "odd"), len(fleet.odd)),
+        "wear found": (units(fleet.worn, "trend", "step"), len(fleet.worn)),
+        "firmware found at its date": (min(len(firmware), 1), int(fleet.changed is not None)),
+        "false among what is listed": (len(false), len(findings)),
+    }
+    return {
+        name: {"count": count, "of": of, "interval": binomial_interval(count, of) if of else None}
+        for name, (count, of) in counts.items()
+    }
+
+
+def scaling(table: Path) -> dict[str, float]:
+    """Recordings a second of one worker and of two, after a first one on each."""
+    from idloop.fleet.bags import find_bags
+    from idloop.fleet.engine import Workers
+    from idloop.fleet.joint_day import Settings, identify_bag
+
+    settings, bags = Settings(tuple(models().items())), find_bags(str(table))
+    rates = {}
+    for count in (1, 2):
+        with Workers(count) as workers:
+            ways = {"size": 1, "lost": lambda one: None}
+            list(workers.map(identify_bag, bags[: 2 * count], settings, frozenset(), **ways))
+            begun = time.perf_counter()
+            list(workers.map(identify_bag, bags, settings, frozenset(), **ways))
+            rates[f"{count} workers"] = len(bags) / (time.perf_counter() - begun)
+    return rates | {"ratio": rates["2 workers"] / rates["1 workers"]}
+
+
+def run(arguments: argparse.Namespace, folder: Path) -> dict[str, Any]:
+    """Simulate, identify and judge."""
+    import idloop
+
+    fleet = planted(arguments.robots, arguments.joints, arguments.days, arguments.seed)
+    table = make(folder, fleet)
+    if arguments.scaling:
+        return scaling(table)
+    before, begun = processor_time(), time.perf_counter()
+    since = str((START + timedelta(days=fleet.changed or 0)).date())
+    with Memory() as memory:
+        found = idloop.identify_fleet(
+            table, models(), folder / "out", workers=arguments.workers, diagnose=0, since=since,
+            progress=lambda share, text: print(f"\r{100 * share:5.1f} % {text}   ", end="", file=sys.stderr),
+        )  # fmt: skip
+    wall, used = time.perf_counter() - begun, processor_time() - before
+    found.save()
+    days = max(found.joint_days, 1)
+    size = sum(file.stat().st_size for file in (folder / "out" / "rows").iterdir())
+    again = time.perf_counter()
+    idloop.identify_fleet(table, models(), folder / "out", workers=arguments.workers, diagnose=0)
+    return {
+        "joint-days": found.joint_days, "recordings": found.bags, "not identified": len(found.failed),
+        "tests": found.tests, **judge(fleet, found.findings),
+        "change of the firmware": [
+            {"parameter": one.parameter, "size": one.size, "interval": [one.low, one.high]}
+            for one in found.periods if not one.robot and one.kind == "base"
+        ],
+        "wall time [s]": wall, "processor time a joint-day, all included [s]": used / days,
+        "largest memory of a worker [MB]": memory.largest / 1e6, "bytes of results a joint-day": size / days,
+        "the same again [s]": time.perf_counter() - again,
+        "10^6 joint-days": {"processor hours": 1e6 * used / days / 3600.0, "results [GB]": size / days / 1e3},
+        "load": os.getloadavg()[0],
+    }  # fmt: skip
+
+
+def main() -> None:
+    """Run from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--robots", type=int, default=200)
+    parser.add_argument("--joints", type=int, default=6)
+    parser.add_argument("--days", type=int, default=30)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--scaling", action="store_true", help="one worker beside two")
+    parser.add_argument("--folder", type=Path, help="keep bags and results here; what is there is not made again")
+    arguments = parser.parse_args()
+    place = contextlib.nullcontext(arguments.folder) if arguments.folder else tempfile.TemporaryDirectory()
+    with place as folder:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        print(json.dumps(run(arguments, Path(folder)), indent=2))
+
+
+if __name__ == "__main__":
+    main()

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 WORST = 5  # joints that are diagnosed
 MEMORY = "2GB"
-_BATCH = 16  # recordings of a task, at most
+_BATCH = 8  # recordings of a task, at most
 JOINTS = "joints"
 LOST = "the worker process ended, perhaps at its limit of memory; give more by --memory"
 

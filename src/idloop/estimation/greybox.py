@@ -14,6 +14,7 @@ from idloop.estimation.criterion import Criterion
 from idloop.estimation.criterion_choice import choose_criterion, percent
 from idloop.estimation.dataset import Data, opening_segments, output_noise, prepare
 from idloop.estimation.direction import opposite_direction_warning
+from idloop.estimation.force_balance.cross_validation import cross_validated_error
 from idloop.estimation.force_balance.weak_fit import WeakFit, fit_by_force_if_possible
 from idloop.estimation.likelihood.disturbance import LONG_MEMORY
 from idloop.estimation.likelihood.estimation_problem import prepare_estimation
@@ -240,7 +241,8 @@ def _conclude_force(model: Model, data: list[Data], fit: WeakFit, why: str, nois
     return _result(
         model, fit.theta, fit.covariance[:k, :k], fit.slopes, loss, count, fit.converged, [],
         criterion="force", why=why, output_noise=noise, residuals=residuals, iterations=fit.iterations,
-        command_shift=fit.shift if fit.form.free_timing else None,
+        command_shift=fit.shift if fit.form.free_timing else None, force_error=fit.relative,
+        force_error_unseen=cross_validated_error(fit),
     )  # fmt: skip
 
 

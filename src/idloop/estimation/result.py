@@ -76,6 +76,9 @@ class FitResult:
         Orders of the autoregressions that whiten the errors.
     ratios : tuple of Ratio
         Ratios of parameters that are determined only up to a common factor.
+    force_error, force_error_unseen : float or None
+        Unexplained force over that of the drive: of the fit, and of each half under the parameters of the other (force
+        only).
     """
 
     model: Model
@@ -98,6 +101,8 @@ class FitResult:
     converged: bool
     orders: tuple[int, ...] = field(default=())
     ratios: tuple[Ratio, ...] = ()
+    force_error: float | None = None
+    force_error_unseen: float | None = None
 
     @property
     def correlation(self) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import logging
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
@@ -112,4 +113,7 @@ class Workers:
 
 def each(function: Callable[..., R], batch: Sequence[T], *shared: Any) -> list[R]:
     """Results of a batch."""
-    return [function(one, *shared) for one in batch]
+    found = [function(one, *shared) for one in batch]
+    # A fit leaves large arrays in cycles, too few objects for the collector to begin by itself.
+    gc.collect()
+    return found

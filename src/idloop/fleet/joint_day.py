@@ -27,9 +27,8 @@ from idloop.records.bags.bag import Bag
 from idloop.records.bags.topics import resolve_topic
 from idloop.reporting.provenance import checksum
 from idloop.spelling import listed
-from idloop.validation.drive import force_error
 
-# Row that has the error of the drive force on the unseen half in the place of a parameter: what no parameter explains.
+# Row that has the error of the drive force on unseen halves in the place of a parameter: what no parameter explains.
 FORCE_ERROR = "force_error"
 
 
@@ -162,20 +161,15 @@ def joint_records(bag: Bag | Path, model: Model) -> list[Record]:
 def identify_joint(bag: Bag | Path, model: Model, common: dict[str, Any]) -> Iterator[dict[str, Any]]:
     """Yield the rows of one joint: its parameters, and the error of the drive force.
 
-    The parameters are those of the whole recording. Validated is a fit of its first half, on the second half.
+    The parameters are those of the whole recording; each of its halves is judged by the parameters of the other.
     """
     records = joint_records(bag, model)
     found = fit(model, records, criterion="force")
-    longest = max(records, key=lambda one: one.duration)
-    fitted = force_error(found.model, longest).relative
-    middle = 0.5 * float(longest.time[0] + longest.time[-1])
-    half = fit(found.model, [longest.cut(None, middle)], criterion="force")
-    unseen = force_error(half.model, longest.cut(middle, None)).relative
     residual = found.residuals[0].value[:, 0]
     started = datetime.fromtimestamp(records[0].start_ns * 1e-9, tz=timezone.utc)
     common = common | {
         "time": common["time"] or started, "seconds": sum(one.duration for one in records),
-        "samples": sum(one.time.size for one in records), "error_fitted": fitted, "error_unseen": unseen,
+        "samples": sum(one.time.size for one in records), "error_fitted": found.force_error, "error_unseen": found.force_error_unseen,
         "force_residual": float(np.sqrt(np.mean(residual**2))), "force_unit": model.units.force,
         "notes": "; ".join(dict.fromkeys((*found.warnings, *_warnings(records)))) or None,
     }  # fmt: skip
@@ -183,7 +177,7 @@ def identify_joint(bag: Bag | Path, model: Model, common: dict[str, Any]) -> Ite
     for name, value, stderr in zip(found.names, found.values.tolist(), found.stderr.tolist(), strict=True):
         known = stderr if np.isfinite(stderr) else None
         yield common | {"parameter": name, "value": value, "stderr": known, "unit": units[name]}
-    yield common | {"parameter": FORCE_ERROR, "value": unseen, "stderr": None, "unit": "1"}
+    yield common | {"parameter": FORCE_ERROR, "value": found.force_error_unseen, "stderr": None, "unit": "1"}
 
 
 def _warnings(records: Sequence[Record]) -> Iterator[str]:

@@ -1,0 +1,106 @@
+"""Processes that work for a fleet: one that is killed, one that kills every worker, and a driver that is killed."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from benchmarks import fleet as simulated
+from idloop.fleet.engine import Workers
+from idloop.fleet.store import Store
+
+COUNT = 8
+
+
+def square(item: int, folder: str) -> int:
+    """Square of an item; the first time that it is at the fourth one, the process is killed."""
+    here = Path(folder)
+    if item == 3 and not (here / "killed").exists():
+        (here / "killed").touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    if item == 5 and (here / "poison").exists():
+        os.kill(os.getpid(), signal.SIGKILL)
+    (here / f"{item}").touch()
+    return item**2
+
+
+def everything(workers: Workers, folder: Path, size: int) -> dict[int, int]:
+    ended = list(workers.map(square, range(COUNT), str(folder), size=size, lost=lambda one: -one))
+    pairs = [pair for batch, results in ended for pair in zip(batch, results, strict=True)]
+    assert len(pairs) == COUNT, "every item once"
+    return dict(pairs)
+
+
+def test_in_this_process_without_dask(tmp_path):
+    (tmp_path / "killed").touch()
+    with Workers(0) as workers:
+        assert everything(workers, tmp_path, 3) == {item: item**2 for item in range(COUNT)}
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("default")
+def test_a_killed_worker_loses_nothing_and_an_item_that_kills_costs_itself_only(tmp_path):
+    with Workers(2) as workers:
+        assert everything(workers, tmp_path, 2) == {item: item**2 for item in range(COUNT)}
+        assert (tmp_path / "killed").exists()
+        (tmp_path / "poison").touch()
+        assert everything(workers, tmp_path, 2) == {item: item**2 if item != 5 else -5 for item in range(COUNT)}
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("default")
+def test_a_cluster_is_reached_by_its_address(tmp_path):
+    import distributed
+
+    (tmp_path / "killed").touch()
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None
+    ) as cluster, Workers(cluster=cluster.scheduler_address) as workers:  # fmt: skip
+        assert workers.count == 2
+        assert everything(workers, tmp_path, 2) == {item: item**2 for item in range(COUNT)}
+
+
+def start(recordings: Path, folder: Path) -> subprocess.Popen[str]:
+    models = []
+    for kind, text in simulated.KINDS.items():
+        (folder / f"{kind}.yaml").write_text(text)
+    models = ["--model", f"j0={folder}/base.yaml", f"j1={folder}/wrist.yaml"]
+    words = ["fleet", str(recordings), *models, "--output", str(folder / "out"), "--workers", "1", "--diagnose", "0"]
+    return subprocess.Popen(
+        [sys.executable, "-m", "idloop", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+
+
+def finish(recordings: Path, folder: Path) -> tuple[str, Store]:
+    run = start(recordings, folder)
+    said, wrong = run.communicate()
+    assert run.returncode == 0, wrong
+    return said, Store(folder / "out")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
+def test_a_driver_that_is_ended_in_the_middle_goes_on(recordings, plan, tmp_path, how):
+    run = start(recordings, tmp_path)
+    rows = tmp_path / "out" / "rows"
+    while not list(rows.glob("*.parquet")):
+        assert run.poll() is None, run.communicate()
+    run.send_signal(how)
+    _, wrong = run.communicate()
+    if how == signal.SIGINT:
+        assert run.returncode == 130
+        assert f"kept in {tmp_path / 'out'}; the same command goes on from there" in wrong
+        assert "Traceback" not in wrong
+    before = {file.name: file.read_bytes() for file in rows.glob("*.parquet")}
+    said, store = finish(recordings, tmp_path)
+    whole = plan.robots * plan.days
+    after = {file.name: file.read_bytes() for file in rows.glob("*.parquet")}
+    assert {name: after[name] for name in before} == before
+    sql = "select count(*), count(distinct (sha256, joint, parameter)), count(distinct sha256) from rows"
+    assert store.query(sql).fetchone() == (whole * plan.joints * 4, whole * plan.joints * 4, whole)
+    assert f"{whole - len(before)} of {whole} recordings were identified now" in said
