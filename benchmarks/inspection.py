@@ -267,6 +267,13 @@ def scaled(random: Random, recorded: Recorded) -> Recorded:
     return _with(recorded, velocity=float(random.choice([0.9, 1.1])) * _velocity(random, recorded))
 
 
+def clipped(random: Random, recorded: Recorded) -> Recorded:
+    """A velocity that is cut off at 30 to 80 % of its range."""
+    velocity = _velocity(random, recorded)
+    limit = random.uniform(0.3, 0.8) * float(np.max(np.abs(velocity)))
+    return _with(recorded, velocity=np.clip(velocity, -limit, limit))
+
+
 def filtered_velocity(random: Random, recorded: Recorded) -> Recorded:
     """A first-order low pass whose delay is a tenth of the time constant, at least three samples."""
     from scipy.signal import lfilter
@@ -442,6 +449,7 @@ CASES = (
     Case("velocity constant", ("wrong_velocity",), dead_velocity, {}),
     Case("velocity of the other side of a gear", ("wrong_velocity",), gear, {}),
     Case("velocity 10 % too large or too small", ("wrong_velocity",), scaled, {}),
+    Case("velocity cut off at 30 to 80 %", ("wrong_velocity",), clipped, {}),
     Case("velocity behind a filter, 0.1 time constants", ("late_velocity",), filtered_velocity, {}),
     Case("command without its sign", ("sign_lost",), sign_lost, {"levels": "any"}),
     Case("command turned against the motion", ("turned_command",), turned_command, {}),

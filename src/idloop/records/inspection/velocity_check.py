@@ -24,6 +24,7 @@ from idloop.records.finding import Finding
 from idloop.records.inspection.bad_readings import without_bad_readings
 from idloop.records.inspection.motion import analyse_motion, white_noise
 from idloop.records.inspection.response import regress
+from idloop.records.inspection.velocity_limit import VelocityLimit, velocity_limit
 from idloop.records.record import Record
 
 Floats = NDArray[np.float64]
@@ -74,12 +75,15 @@ class Slope:
         Whether the integral of the velocity is uncorrelated with the position.
     wrong : bool
         Whether the velocity is certainly not the derivative of this position.
+    limit : VelocityLimit or None
+        Where the velocity is cut off.
     """
 
     value: float
     error: float
     unrelated: bool
     wrong: bool
+    limit: VelocityLimit | None = None
 
     @property
     def undecided(self) -> bool:
@@ -277,7 +281,8 @@ def _slopes(
             continue
         scaled = [columns[one] / scales.get(one, 1.0) for one in (place, name)]
         if (slope := velocity_slope(time, *scaled)) is not None:
-            found[name] = slope
+            limit = velocity_limit(time, *scaled)
+            found[name] = slope if limit is None else replace(slope, wrong=True, limit=limit)
     return found
 
 
@@ -288,9 +293,13 @@ def _finding(name: str, slope: Slope, columns: Mapping[str, Floats], units: Mapp
         f"{seen}; {cure}; fits leave {name} out",
         where=name,
         level="warning",
-        evidence={"slope": slope.value, "error": slope.error},
+        evidence={"slope": slope.value, "error": slope.error} | _limit(slope),
         cure=f"{cure}; fits leave {name} out",
     )
+
+
+def _limit(slope: Slope) -> dict[str, float]:
+    return {} if slope.limit is None else {"limit": slope.limit.value, "share": slope.limit.share}
 
 
 def _explanation(name: str, slope: Slope, columns: Mapping[str, Floats], unit: str) -> tuple[str, str]:
@@ -304,6 +313,10 @@ def _explanation(name: str, slope: Slope, columns: Mapping[str, Floats], unit: s
             f"{name} stays at {low:g} while {place} runs {ends}: it is not measured",
             "take it out of the mapping and of the model file",
         )
+    if (limit := slope.limit) is not None:
+        said = f"{name} stays at its limit of {limit.value:.4g} {unit} in {100 * limit.share:.2g} % of the samples"
+        beyond = f"{place} goes {limit.faster:.3g} times as fast there"
+        return f"{said}, but {beyond}: its sensor, or what computes it, cuts it off", "raise the limit, or drive slower"
     value, least = slope.value, _ERRORS * slope.error
     if slope.unrelated or abs(value) <= max(least, _NONE):
         return (
