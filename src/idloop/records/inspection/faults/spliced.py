@@ -1,4 +1,4 @@
-"""Two recordings joined without a gap, or a position that was set to another value while it was recorded.
+"""Two recordings joined without a gap, samples lost from it, or a position set to another value while recording.
 
 The position jumps once or twice, by far more than it moves between any other two samples, and goes on from there: no
 axis with inertia does.
@@ -7,12 +7,15 @@ axis with inertia does.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import around, fault
 from idloop.records.inspection.faults.local import isolated
 from idloop.records.inspection.motion import white_noise
+
+Floats = NDArray[np.float64]
 
 KIND = "spliced"
 
@@ -24,7 +27,7 @@ _BESIDE, _MOVES = 8, 5.0
 
 
 def check(axis: Axis) -> list[Finding]:
-    """Look for one or two jumps of a moving position that stay."""
+    """Look for one or two jumps of a moving position that stay; along the motion they may be samples that were lost."""
     if axis.place is None or axis.wraps is not None:
         return []
     known = np.isfinite(axis.place)
@@ -48,7 +51,7 @@ def check(axis: Axis) -> list[Finding]:
             KIND,
             name,
             f"{name} jumps by {sizes} between two samples, otherwise by {usual:.2g} {unit} at most, and goes on from"
-            " there: two recordings were joined, or its zero was set",
+            f" there: {_causes(step[rows], before, after)}",
             "cut them apart with `rows:` in the mapping",
             evidence={"jump": float(np.abs(step[rows]).max()), "usual": usual},
             spoils=("identification",),
@@ -56,3 +59,13 @@ def check(axis: Axis) -> list[Finding]:
             places=around(time, rows + 1),
         )
     ]
+
+
+def _causes(jumps: Floats, before: Floats, after: Floats) -> str:
+    """What may be behind the jumps, the most probable first, from the motion before and after each."""
+    if not ((jumps * before > 0.0) & (jumps * after > 0.0)).all():
+        return "two recordings were joined, samples were lost, or its zero was set"
+    # One interval there is between any two samples.
+    counts = [f"{count - 1.0:.0f}" for count in jumps / (0.5 * (before + after) / _BESIDE)]
+    number = f"about {' and '.join(counts)} at the speed there"
+    return f"samples were lost ({number}), two recordings were joined, or its zero was set"
