@@ -245,9 +245,9 @@ def scaling(table: Path) -> dict[str, float]:
     for count in (1, 2):
         with Workers(count) as workers:
             ways = {"size": 1, "lost": lambda one: None}
-            list(workers.map(identify_bag, bags[: 2 * count], settings, frozenset(), **ways))
+            list(workers.map(identify_bag, bags[: 2 * count], settings, **ways))
             begun = time.perf_counter()
-            list(workers.map(identify_bag, bags, settings, frozenset(), **ways))
+            list(workers.map(identify_bag, bags, settings, **ways))
             rates[f"{count} workers"] = len(bags) / (time.perf_counter() - begun)
     return rates | {"ratio": rates["2 workers"] / rates["1 workers"]}
 

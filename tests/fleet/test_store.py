@@ -38,12 +38,13 @@ def test_a_batch_is_written_once_and_whole(tmp_path, settings):
 
 def test_what_is_there_is_left_out(tmp_path, settings):
     store = Store(tmp_path)
-    assert store.done(settings).open([ONE, TWO], settings) == [ONE, TWO]
+    assert store.done(settings).open([ONE, TWO], settings) == [(ONE, ()), (TWO, ())]
     store.add([row(ONE, settings, "a")])
     changed = replace(ONE, stamp="11 101.0")
-    assert store.done(settings).open([ONE, TWO, changed], settings) == [TWO, changed]
+    known = (f"a {settings.job(ONE)}",)
+    assert store.done(settings).open([ONE, TWO, changed], settings) == [(TWO, ()), (changed, known)]
     other = Settings((), seed=1)
-    assert store.done(other).open([ONE], other) == [ONE]
+    assert store.done(other).open([ONE], other) == [(ONE, ())]
 
 
 def test_a_bag_that_was_repaired_counts_as_it_is_now(tmp_path, settings):

@@ -10,7 +10,6 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -313,7 +312,7 @@ class _Work:
 
     def _identify(self, bags: Sequence[FleetBag], progress: Progress) -> int:
         """Identify what is not there yet, and return the number of recordings."""
-        from idloop.fleet.joint_day import failed_rows, identify_bag
+        from idloop.fleet.joint_day import failed_rows, identify_task
 
         done = self.store.done(self.settings)
         left = done.open(bags, self.settings)
@@ -322,8 +321,11 @@ class _Work:
         progress(0.0, "starting the workers")
         ended, new, seen = 0, 0, set(done.keys)
         size = min(_BATCH, max(len(left) // (8 * self.workers.count), 1))
-        lost = partial(failed_rows, settings=self.settings, reason=LOST)
-        for batch, results in self.workers.map(identify_bag, left, self.settings, done.keys, size=size, lost=lost):
+
+        def lost(task: tuple[FleetBag, Sequence[str]]) -> list[dict[str, Any]]:
+            return failed_rows(task[0], self.settings, LOST)
+
+        for batch, results in self.workers.map(identify_task, left, self.settings, size=size, lost=lost):
             rows = [row for key, several in _keyed(results) if key not in seen for row in several]
             seen |= {key for key, _ in _keyed(results)}
             if rows:

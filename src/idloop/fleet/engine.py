@@ -54,17 +54,25 @@ class Workers:
         if self._client is None and (self._cluster is not None or self._given != 0):
             distributed = library("distributed")
             logging.getLogger("distributed").setLevel(logging.CRITICAL)  # a lost worker is ours to report
-            address = self._cluster or self._open.enter_context(
-                distributed.LocalCluster(
-                    n_workers=self._given, threads_per_worker=1, processes=True, memory_limit=self._memory,
-                    host="127.0.0.1", dashboard_address=None, silence_logs=logging.CRITICAL,
-                )
-            )  # fmt: skip
+            address = self._cluster or self._local()
             try:
                 self._client = self._open.enter_context(distributed.Client(address, timeout=_PATIENCE))
             except (OSError, ValueError) as error:
                 raise InputError(f"--cluster {self._cluster}: no scheduler of Dask answers there ({error})") from error
         return self._client
+
+    def _local(self) -> Any:
+        """Processes on this machine."""
+        import dask
+
+        # A batch that loses two workers is suspect, and goes on item by item.
+        with dask.config.set({"distributed.scheduler.allowed-failures": 1}):
+            return self._open.enter_context(
+                library("distributed").LocalCluster(
+                    n_workers=self._given, threads_per_worker=1, processes=True, memory_limit=self._memory,
+                    host="127.0.0.1", dashboard_address=None, silence_logs=logging.CRITICAL,
+                )
+            )  # fmt: skip
 
     @property
     def count(self) -> int:
@@ -79,7 +87,8 @@ class Workers:
         Parameters
         ----------
         function : callable
-            Called with an item and the shared arguments, which travel to each worker once.
+            Called with an item and the shared arguments, which travel with each batch: what is kept at a worker is lost
+            with it.
         items : sequence
         shared : any
         size : int
@@ -94,13 +103,12 @@ class Workers:
             yield from ((batch, each(function, batch, *shared)) for batch in reversed(waiting))
             return
         distributed = library("distributed")
-        held = client.scatter(list(shared), broadcast=True, hash=False)
         flying: dict[Any, Sequence[T]] = {}
         while waiting or flying:
             # No more than the workers need: what is not done waits here, and results do not pile up.
             while waiting and len(flying) < _AHEAD * self.count:
                 batch = waiting.pop()
-                flying[client.submit(each, function, batch, *held, pure=False)] = batch
+                flying[client.submit(each, function, batch, *shared, pure=False)] = batch
             for future in distributed.wait(list(flying), return_when="FIRST_COMPLETED").done:
                 batch = flying.pop(future)
                 if not isinstance(future.exception(), distributed.scheduler.KilledWorker):

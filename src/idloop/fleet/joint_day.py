@@ -101,6 +101,11 @@ def identify_bag(bag: FleetBag, settings: Settings, done: Collection[str] = ()) 
         return [common | {"reason": _reason(error)}]
 
 
+def identify_task(task: tuple[FleetBag, Collection[str]], settings: Settings) -> list[dict[str, Any]] | None:
+    """As `identify_bag`, with what is done as a part of the task."""
+    return identify_bag(task[0], settings, task[1])
+
+
 def failed_rows(bag: FleetBag, settings: Settings, reason: str) -> list[dict[str, Any]]:
     """Row of a recording of which nothing was identified."""
     return [_common(bag, settings) | {"reason": reason}]

@@ -43,9 +43,17 @@ class Done:
     keys: frozenset[str] = frozenset()
     stamps: frozenset[tuple[str, str, str]] = frozenset()
 
-    def open(self, bags: Iterable[FleetBag], settings: Settings) -> list[FleetBag]:
-        """Bags that are new or have changed."""
-        return [one for one in bags if not one.stamp or (one.bag, one.stamp, settings.job(one)) not in self.stamps]
+    def open(self, bags: Iterable[FleetBag], settings: Settings) -> list[tuple[FleetBag, tuple[str, ...]]]:
+        """Bags that are new or have changed, each with the keys of its job that are done: it may have been moved."""
+        by_job: dict[str, list[str]] = {}
+        for key in self.keys:
+            by_job.setdefault(key.rpartition(" ")[2], []).append(key)
+        jobs = ((one, settings.job(one)) for one in bags)
+        return [
+            (one, tuple(by_job.get(job, ())))
+            for one, job in jobs
+            if not one.stamp or (one.bag, one.stamp, job) not in self.stamps
+        ]
 
 
 class Store:
