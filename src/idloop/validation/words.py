@@ -37,8 +37,8 @@ def figure_text(value: float | None, digits: int = 4) -> str:
 def fit_text(value: float | None, digits: int = 4, unit: str = "") -> str:
     """Write a FIT [%], with more digits where it would look perfect and is not: "99.96".
 
-    Below -1000 % it is a factor in words, without a number where that is infinite. `unit` follows a number, as " %" does in
-    a sentence.
+    Below -1000 % it is a factor in words, without a number where that is infinite. `unit` follows a number, as " %"
+    does in a sentence.
     """
     if value == -math.inf:
         return "worse than a constant"
