@@ -62,6 +62,10 @@ class Fleet(Result):
         Rate of false discoveries.
     periods : tuple of Finding
         What changed between two periods: kinds first, then the units that the rate leaves.
+    alarms : tuple of Finding
+        Of wear, each from its onset on.
+    unwatched : tuple of str
+        Parameters that could wear and scatter too much for an alarm.
     diagnoses : tuple of dict
         What the catalogue finds of the worst joints, each with its report.
     """
@@ -78,6 +82,8 @@ class Fleet(Result):
     findings: tuple[Finding, ...]
     level: float
     periods: tuple[Finding, ...] = ()
+    alarms: tuple[Finding, ...] = ()
+    unwatched: tuple[str, ...] = ()
     diagnoses: tuple[dict[str, Any], ...] = ()
 
     def blocks(self) -> Iterator[Block]:
@@ -95,6 +101,7 @@ class Fleet(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return the document of schema ``idloop/fleet/1``."""
         from idloop import __version__
+        from idloop.fleet.alarms import FALSE_ALARMS
         from idloop.fleet.words import component_row, finding_row
 
         return {
@@ -113,6 +120,9 @@ class Fleet(Result):
             "tests": self.tests,
             "findings": [finding_row(one) for one in self.findings],
             "periods": [finding_row(one) for one in self.periods],
+            "alarms": [finding_row(one) for one in self.alarms],
+            "unwatched": list(self.unwatched),
+            "recordings_per_false_alarm": FALSE_ALARMS,
             "diagnoses": list(self.diagnoses),
         }
 
@@ -304,10 +314,11 @@ class _Work:
             compared = [statistics.between_periods(one.series, self.since, self.against) for one in components]
             periods = [one for kinds, _ in compared for one in kinds]
             periods += statistics.found([one for _, units in compared for one in units], self.level)
+        alarms, unwatched = self._alarms(components)
         diagnoses = self._diagnose(bags, self._worst(components, findings), part(self.progress, 0.92, 1.0))
         return Fleet(
             self.source, self.store.folder, self.settings, len(bags), new, joint_days, tuple(failed), components,
-            len(several), tuple(findings), self.level, tuple(periods), tuple(diagnoses),
+            len(several), tuple(findings), self.level, tuple(periods), alarms, unwatched, tuple(diagnoses),
         )  # fmt: skip
 
     def _identify(self, bags: Sequence[FleetBag], progress: Progress) -> int:
@@ -333,6 +344,15 @@ class _Work:
             ended, new = ended + len(batch), new + sum(one is not None for one in results)
             progress(ended / len(left), f"{ended} of {len(left)} recordings")
         return new
+
+    def _alarms(self, components: Sequence[Components]) -> tuple[tuple[Finding, ...], tuple[str, ...]]:
+        """Alarms of what can wear, and what scatters too much for them."""
+        from idloop.fleet.alarms import watched, wear_alarms
+
+        names = {kind: watched(model) for kind, model in self.settings.kinds}
+        found = [(one, wear_alarms(one)) for one in components if one.series.parameter in names[one.series.kind]]
+        silent = [f"{one.series.kind} {one.series.parameter}" for one, alarms in found if alarms is None]
+        return tuple(alarm for _, alarms in found for alarm in alarms or ()), tuple(silent)
 
     def _worst(self, components: Sequence[Components], findings: Sequence[Finding]) -> list[tuple[str, str]]:
         """Robot and joint of what is diagnosed, the most certain finding first."""

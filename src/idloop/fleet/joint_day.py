@@ -174,7 +174,8 @@ def identify_joint(bag: Bag | Path, model: Model, common: dict[str, Any]) -> Ite
     started = datetime.fromtimestamp(records[0].start_ns * 1e-9, tz=timezone.utc)
     common = common | {
         "time": common["time"] or started, "seconds": sum(one.duration for one in records),
-        "samples": sum(one.time.size for one in records), "error_fitted": found.force_error, "error_unseen": found.force_error_unseen,
+        "samples": sum(one.time.size for one in records), "error_fitted": found.force_error,
+        "error_unseen": found.force_error_unseen,
         "force_residual": float(np.sqrt(np.mean(residual**2))), "force_unit": model.units.force,
         "notes": "; ".join(dict.fromkeys((*found.warnings, *_warnings(records)))) or None,
     }  # fmt: skip

@@ -34,6 +34,7 @@ def render_fleet(document: Mapping[str, Any], components: Sequence[Components]) 
         headline=headline(document),
         findings=finding_table(document["findings"]),
         periods=finding_table(document["periods"]),
+        alarms=finding_table(document["alarms"]),
         failed=failed_table(document),
         kinds=kind_table(document),
         trends=[f"{one.series.kind}: {one.series.parameter}" for one in components],

@@ -27,7 +27,7 @@ UNIT_COLUMNS = {
 _MOST = 20  # findings and failures in the text
 _WHAT = {
     "odd": "differs from its kind", "trend": "changes steadily", "step": "changes at once", "day": "single recording",
-    "period": "after the date",
+    "period": "after the date", "alarm": "has grown since",
 }  # fmt: skip
 
 
@@ -79,6 +79,10 @@ def fleet_blocks(document: Mapping[str, Any]) -> Iterator[Block]:
         yield ""
         yield "change between the periods, kinds first, then the units that the same rate leaves"
         yield from _first(finding_table(document["periods"]), "changes", "fleet.json")
+    yield ""
+    yield f"alarms of wear; one false alarm in {document['recordings_per_false_alarm']} recordings of a joint"
+    yield from _first(finding_table(document["alarms"]), "alarms", "fleet.json")
+    yield from (f"{one}: recordings scatter too much for an alarm" for one in document["unwatched"])
     for one in document["diagnoses"]:
         yield ""
         yield f"{one['robot']} {one['joint']}: {one['conclusion']}"
