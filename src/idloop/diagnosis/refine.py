@@ -192,7 +192,7 @@ class _Refinement:
         if asked is None:
             return ladder
         view, fit = asked
-        found, _ = self._climb(view, SIMULATION)(fit, ladder)
+        found, _ = replace(self._climb(view, SIMULATION), worse=self._worse)(fit, ladder)
         return found if found.added != (() if ladder is None else ladder.added) else ladder
 
     def _beyond_force(self, view: PredictionView, ladder: Ladder, last: WeakFit) -> Ladder:

@@ -13,6 +13,7 @@ from idloop.diagnosis.evidence import force_view
 from idloop.diagnosis.evidence.deciding_view import requested_force_fit
 from idloop.diagnosis.evidence.force_view import ForceView, unbalanced
 from idloop.diagnosis.options import Options
+from idloop.diagnosis.refine import refine
 from idloop.diagnosis.residual_curves.periods import harmonics
 from idloop.diagnosis.screening.proposals import proposals
 from idloop.estimation.dataset import prepare
@@ -157,6 +158,26 @@ def test_an_effect_that_held_out_records_do_not_have_is_not_named():
     )
     assert not step.tied
     assert "does not carry over" in step.passed_over["load_torque@axis"]
+
+
+def test_one_held_out_record_whose_errors_happen_to_be_small_does_not_hide_an_effect(data_dir, tmp_path):
+    """With an offset alone this record has smaller errors than any other, and with friction errors like theirs."""
+    folder = data_dir / "hsm150"
+    if not folder.is_dir():
+        pytest.skip(f"no {folder}: set IDLOOP_DATA to the folder of the measured data")
+    model = load_model(folder / "model.yaml")
+    records = {}
+    for source in sorted(folder.glob("*.csv")):
+        import_bag(source, tmp_path / source.stem, str(folder / "map.yaml"))
+        records[source.stem] = read_record(tmp_path / source.stem, model)
+    held_out = [records.pop("neg_0.045_1")]
+    ladder = refine(model, list(records.values()), held_out)
+    assert ladder.added[:2] in (
+        ("coulomb_friction@motor", "load_torque@motor"),
+        ("coulomb_friction@motor", "input_offset@input"),
+    )
+    assert not {"cable_spring@motor", "compliance@motor"} & set(ladder.added)
+    assert ladder.model.values["coulomb_friction@motor.level"] == pytest.approx(0.0242, rel=0.15)
 
 
 def test_a_limit_that_held_out_records_do_not_reach_is_judged_without_them():

@@ -169,3 +169,19 @@ def test_what_no_fit_gains_is_not_significant() -> None:
     for gain, names in ((40.0, (FRICTION,)), (3.0, ())):
         step = Answers(Fit(plain), (replace(found, gain=gain),), 40, 0.01, 0.01)
         assert step.names == names
+
+
+def test_two_effects_degenerate_to_two_of_which_one_is_simpler() -> None:
+    model = load_model("axis")
+    friction, spring, load, wave = (
+        evaluated(model, name, 100.0).proposals[0] for name in (FRICTION, "cable_spring", "load_torque", "imbalance")
+    )
+
+    def pair(*proposals: Any) -> EvaluatedModel[Any]:
+        return replace(evaluated(model, FRICTION, 100.0), proposals=proposals)
+
+    assert pair(friction, spring).degenerates_to(pair(friction, load))
+    assert pair(spring).degenerates_to(pair(load))
+    assert not pair(friction, load).degenerates_to(pair(friction, spring))
+    assert not pair(friction, spring).degenerates_to(pair(wave, load))
+    assert not pair(friction, spring).degenerates_to(pair(load))

@@ -214,3 +214,14 @@ def test_a_loop_that_holds_the_speed_does_not_make_it_likely_that_the_command_is
     starts = [limited.with_values({"saturation@input.limit": limit}).theta for limit in (0.05, 0.2, 0.4)]
     best = max((fit_weak(form, start) for start in starts), key=lambda found: found.log_likelihood)
     assert best.model.values["saturation@input.limit"] > 0.5
+
+
+def test_a_fit_to_some_windows_is_no_worse_in_them() -> None:
+    """A soft spring far off is a load: the data determine the product of its parameters, in which a step is long."""
+    record = recorded(load_model("axis").with_effects(["load_torque@axis(torque=0.3)"]))
+    model = load_model("axis").with_effects(["cable_spring@axis(stiffness=1e-5, rest=3e4)"])
+    whole = fit_by_force(CachingEngine(model), prepare(model, [record]), model.theta, accept_noise=True)
+    assert whole is not None
+    for rows in np.array_split(np.arange(len(whole.residual)), 4):
+        part = whole.refitted(rows)
+        assert np.linalg.norm(part.residual[rows]) <= np.linalg.norm(whole.residual[rows]) * (1.0 + 1e-9)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,6 +71,8 @@ _COARSE_WINDOWS = 2_000
 _ADEQUATE = 0.1
 # An effect must show this part of its improvement on held-out records, if it changes the forces there by so much.
 _CARRIES_OVER = 0.25
+# Where it enlarges errors there, by at most this part of what it takes from those of the fitted records.
+_LITTLE_HARM = 0.5
 
 
 @dataclass(frozen=True)
@@ -98,9 +101,24 @@ class ForceStep(SearchStep[WeakFit]):
         return super().practically_significant(one) and self._carries_over(one)
 
     def _carries_over(self, one: EvaluatedModel[WeakFit]) -> bool:
-        return one.held_out is None or one.held_out >= max(
-            _CARRIES_OVER * self.improvement(one), self.minimum_improvement
+        """Whether the held-out records have smaller errors as well, or errors like those of the fitted ones.
+
+        One record whose errors happened to be small says little beside many that an effect explains.
+        """
+        return (
+            one.held_out is None
+            or one.as_fitted
+            or one.held_out >= max(_CARRIES_OVER * self.improvement(one), self.minimum_improvement)
         )
+
+    def _nearly_degenerates_to(self, rich: EvaluatedModel[WeakFit], plain: EvaluatedModel[WeakFit]) -> bool:
+        """As in `SearchStep`, or what it explains beyond the other one does not carry over to the held-out records."""
+        if super()._nearly_degenerates_to(rich, plain):
+            return True
+        if not rich.degenerates_to(plain) or rich.held_out is None or plain.held_out is None:
+            return False
+        beyond = 1.0 - (1.0 - rich.held_out) / (1.0 - plain.held_out)
+        return beyond < _CARRIES_OVER * rich.scores.against(plain.scores).improvement
 
     @cached_property
     def eligible(self) -> list[EvaluatedModel[WeakFit]]:
@@ -530,7 +548,7 @@ class _Evaluator:
         scores = _scores_or_none(fit, scored_by)
         if scores is None:
             return None
-        held_out = None
+        held_out, as_fitted = None, False
         try:
             after = self._typical_error(fit)
         except (IdloopError, np.linalg.LinAlgError):
@@ -539,7 +557,20 @@ class _Evaluator:
         if self._can_improve(chosen, fit) >= _CARRIES_OVER * evidence.improvement:
             # An error that has grown by a factor of e⁵⁰ has diverged.
             held_out = 1.0 - math.exp(min(after - self._before, 50.0))
-        return EvaluatedModel(chosen, fit, scores, evidence, gain, held_out)
+            as_fitted = self._as_fitted(fit, after)
+        return EvaluatedModel(chosen, fit, scores, evidence, gain, held_out, as_fitted)
+
+    def _as_fitted(self, fit: WeakFit, held_out: float) -> bool:
+        """Whether errors on the held-out records are no larger than on the worst fitted one, and have hardly grown.
+
+        `held_out` is the logarithm of their typical error. It may grow by a part of what the fitted records gain.
+        """
+        density, before = -fit.log_densities(), -self.parent.log_densities()
+        starts = fit.form.starts
+        worst = max(float(np.mean(density[first:last])) for first, last in pairwise(starts))
+        gained = math.exp(float(np.mean(before))) - math.exp(float(np.mean(density)))
+        grown = math.exp(min(held_out, 50.0)) - math.exp(self._before)
+        return held_out <= worst and grown <= _LITTLE_HARM * gained
 
     def _can_improve(self, chosen: tuple[Proposal, ...], fit: WeakFit) -> float:
         """Part by which effects reduce the errors on the held-out records if they are true: a limit may not be reached.

@@ -17,6 +17,7 @@ from idloop.diagnosis.identifiability import Gate
 from idloop.diagnosis.residual_curves.unknown_structure import UnknownStructure
 from idloop.diagnosis.screening.command_response import CommandResponse
 from idloop.diagnosis.screening.proposals import Proposal
+from idloop.physics.effect import Effect
 from idloop.physics.model import Model
 
 Array = NDArray[np.float64]
@@ -87,6 +88,7 @@ class EvaluatedModel(Generic[FitT]):
     evidence: Evidence  # against the model without
     gain: float  # log-likelihood on the samples that were fitted
     held_out: float | None = None  # part by which it reduces the errors on held-out records, if any
+    as_fitted: bool = False  # whether the errors on these are like those on the fitted ones
 
     @property
     def lower_evidence(self) -> float:
@@ -117,15 +119,21 @@ class EvaluatedModel(Generic[FitT]):
 
     def contains(self, other: EvaluatedModel[FitT]) -> bool:
         """Whether its one effect contains that of the other."""
-        return self._of_one_site(other) and other.proposals[0].effect.name in self.proposals[0].effect.contains
+        differing = self._differing(other)
+        return len(self.names) == 1 and differing is not None and differing[1].name in differing[0].contains
 
     def degenerates_to(self, other: EvaluatedModel[FitT]) -> bool:
-        """Whether its one effect is that of the other at the bound of its values."""
-        return self._of_one_site(other) and other.proposals[0].effect.name in self.proposals[0].effect.degenerates_to
+        """Whether its one effect, or one of its two, is that of the other at the bound of its values."""
+        differing = self._differing(other)
+        return differing is not None and differing[1].name in differing[0].degenerates_to
 
-    def _of_one_site(self, other: EvaluatedModel[FitT]) -> bool:
-        (mine, *rest), (its, *further) = self.proposals, other.proposals
-        return not rest and not further and mine.at == its.at
+    def _differing(self, other: EvaluatedModel[FitT]) -> tuple[Effect, Effect] | None:
+        """The one effect of each that the other does not have, at the same place; None where there are more."""
+        mine = [proposal for proposal in self.proposals if proposal.name not in other.names]
+        its = [proposal for proposal in other.proposals if proposal.name not in self.names]
+        if len(self.names) != len(other.names) or len(mine) != 1 or len(its) != 1 or mine[0].at != its[0].at:
+            return None
+        return mine[0].effect, its[0].effect
 
 
 @dataclass(frozen=True)

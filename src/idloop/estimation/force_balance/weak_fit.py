@@ -54,7 +54,7 @@ MOST_ITERATIONS, _MOST_DAMPING = 60, 1e8
 _LINEAR_ROUNDS = 20
 # Difference step as a part of a parameter's size.
 _SLOPE_STEP = 1e-4
-# Parts of a linear step that are tried, as some parameters must be consistent, such as two levels of friction.
+# Parts of a linear step that are tried: the longest that is no worse.
 _SHARES = (1.0, 0.5, 0.25, 0.0)
 # A window counts fully by its command where the balance depends on that by at least this part of the gain.
 _FULL_RESPONSE = 0.5
@@ -236,13 +236,16 @@ class WeakFit:
             move = move + step
             if promised < TOLERANCE:
                 break
+        target, size = _Target(self.form), _rms(_Target(self.form)(self.point))
         for share in _SHARES:
             point = np.clip(self.point + share * move, lower, upper)
-            residual = self.form.residual(*_split(self.form, point))
-            if np.all(np.isfinite(residual)):
+            error = target(point) / size
+            # Parameters that only their product determines, as of a soft spring far off, make a long step wrong.
+            if np.all(np.isfinite(error)) and _cost(error[rows]) <= _cost(base):
                 break
         else:
             raise IdloopError("the force balance cannot be evaluated")
+        residual = self.form.residual(*_split(self.form, point))
         scale = _scales(self.form, point, residual, rows)
         return WeakFit(self.form, point, scale, rows, np.nan, self.iterations, self.converged, self.jacobian)
 
