@@ -316,6 +316,7 @@ class _Work:
             periods += statistics.found([one for _, units in compared for one in units], self.level)
         alarms, unwatched = self._alarms(components)
         diagnoses = self._diagnose(bags, self._worst(components, findings), part(self.progress, 0.92, 1.0))
+        self.progress(1.0, "")
         return Fleet(
             self.source, self.store.folder, self.settings, len(bags), new, joint_days, tuple(failed), components,
             len(several), tuple(findings), self.level, tuple(periods), alarms, unwatched, tuple(diagnoses),

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 MOST_ROWS = 150  # joints in the heat map
 _MOST_LINES = 5
 _BANDS = ((2.5, 97.5), (16.0, 84.0))
-_MOST = 6.0  # standard deviations of the strongest colour
+_COLOURS = (1.5, 6.0)  # standard deviations of the palest colour and of the strongest one
 _DAY = 86_400_000.0  # [ms]
 
 
@@ -77,7 +77,7 @@ def heat_map(components: Sequence[Components], reports: Mapping[tuple[str, str],
     )
     plot.xaxis.major_label_orientation = 1.2
     plot.grid.visible = False
-    colours = linear_cmap("size", _palette(), 0.0, _MOST)
+    colours = linear_cmap("size", _palette(), *_COLOURS)
     for linked in (False, True):
         rows, columns = np.nonzero(np.isfinite(size) & np.array([(one in reports) == linked for one in names])[:, None])
         data: dict[str, Any] = {

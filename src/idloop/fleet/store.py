@@ -44,16 +44,15 @@ class Done:
     stamps: frozenset[tuple[str, str, str]] = frozenset()
 
     def open(self, bags: Iterable[FleetBag], settings: Settings) -> list[tuple[FleetBag, tuple[str, ...]]]:
-        """Bags that are new or have changed, each with the keys of its job that are done: it may have been moved."""
+        """Bags that are new or have changed, each with the keys of its job that are done: it may have been moved.
+
+        One that is still missing is neither.
+        """
         by_job: dict[str, list[str]] = {}
         for key in self.keys:
             by_job.setdefault(key.rpartition(" ")[2], []).append(key)
         jobs = ((one, settings.job(one)) for one in bags)
-        return [
-            (one, tuple(by_job.get(job, ())))
-            for one, job in jobs
-            if not one.stamp or (one.bag, one.stamp, job) not in self.stamps
-        ]
+        return [(one, tuple(by_job.get(job, ()))) for one, job in jobs if (one.bag, one.stamp, job) not in self.stamps]
 
 
 class Store:

@@ -98,12 +98,19 @@ def headline(document: Mapping[str, Any]) -> str:
     """What was found, in one line."""
     units = {(one["robot"], one["joint"]) for one in document["findings"] if one["robot"] and one["what"] != "day"}
     kinds = {one["kind"] for one in document["findings"] if not one["robot"]}
-    robots = max((one["units"] for one in document["kinds"]), default=0)
-    told = [f"{len(units)} joints differ or change"] if units else ["no joint differs or changes"]
-    told += [f"{len(kinds)} kinds change as a whole"] if kinds else []
     failed = len(document["failed"])
-    told += [f"{failed} recordings or joints could not be identified"] if failed else []
-    return f"{document['joint_days']} recordings of joints: {'; '.join(told)}" if robots else "nothing was identified"
+    parts = [
+        _counted(len(units), "joint differs or changes", "joints differ or change") or "no joint differs or changes",
+        _counted(len(kinds), "kind changes as a whole", "kinds change as a whole"),
+        _counted(failed, "recording or joint could not be identified", "recordings or joints could not be identified"),
+    ]
+    found = "; ".join(filter(None, parts))
+    return f"{document['joint_days']} recordings of joints: {found}" if document["kinds"] else "nothing was identified"
+
+
+def _counted(count: int, one: str, several: str) -> str:
+    """Count with the words for it; empty for none."""
+    return f"{count} {one if count == 1 else several}" if count else ""
 
 
 def kind_table(document: Mapping[str, Any]) -> Table:

@@ -113,11 +113,8 @@ def command(
     try:
         if watch:
             log(f"watching {source}; Ctrl-C ends it")
-            with progress(f"fleet {source}", writes=True) as update:
-                watch_fleet(
-                    source, several, output, ended=threading.Event(), on_change=show, period=period, progress=update,
-                    **options,
-                )  # fmt: skip
+            ended = threading.Event()
+            watch_fleet(source, several, output, ended=ended, on_change=show, period=period, **options)
         else:
             with progress(f"fleet {source}", writes=True) as update:
                 found = identify_fleet(source, several, output, progress=update, **options)
