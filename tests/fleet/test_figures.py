@@ -1,0 +1,63 @@
+"""Heat map and trends of a fleet."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from idloop.fleet.figures import bands, deviations, heat_map, plot_fleet, trend
+from idloop.fleet.joint_day import FORCE_ERROR
+from idloop.fleet.statistics import Series, take_apart
+
+NAMES = tuple((f"r{k}", "j") for k in range(8))
+DAYS = np.arange(6.0) + 20000.0
+
+
+@pytest.fixture(scope="module")
+def components():
+    rng = np.random.default_rng(0)
+    y = 1.0 + 0.1 * rng.normal(size=(8, 1)) + 0.01 * rng.normal(size=(8, 6))
+    y[5] += 2.0
+    y[2, 3] = np.nan
+    error = np.log(0.05) + 0.1 * rng.normal(size=(8, 6))
+    return [
+        take_apart(Series("kind", "p", "N", NAMES, DAYS, y, np.full(y.shape, 1e-4))),
+        take_apart(Series("kind", FORCE_ERROR, "1", NAMES, DAYS, error, np.zeros(error.shape))),
+    ]
+
+
+def test_the_joint_that_deviates_most_is_on_top(components):
+    names, days, size, parameter = deviations(components)
+    assert names[0] == ("r5", "j")
+    assert set(parameter[0]) == {"p"}
+    assert np.min(size[0]) > np.max(size[1:])
+    np.testing.assert_array_equal(days, DAYS)
+    assert np.isfinite(size).all(), "where one parameter is not known the other one counts"
+    assert deviations([])[0] == []
+
+
+def test_a_click_opens_the_report_of_a_joint_that_has_one(components):
+    (plot,) = heat_map(components, {("r5", "j"): "joints/r5.html"})
+    cells = [one.data_source.data for one in plot.renderers]
+    assert {tuple(sorted(set(one["report"]))) for one in cells} == {("",), ("joints/r5.html",)}
+    (tap,) = [tool for tool in plot.tools if type(tool).__name__ == "TapTool"]
+    assert tap.callback.url == "@report"
+    assert tap.renderers[0].data_source.data["joint"] == ["r5 j"] * 6
+
+
+def test_bands_hold_their_share_of_the_joints(components):
+    middle, ((low, high), (inner_low, inner_high)) = bands(components[0])
+    assert np.all((low < inner_low) & (inner_low < middle) & (middle < inner_high) & (inner_high < high))
+    middle, _ = bands(components[1])
+    assert middle == pytest.approx(5.0, rel=0.1), "a logarithm is drawn as a percentage"
+
+
+def test_a_joint_that_is_shown_has_its_own_line(components):
+    plain, shown = (trend(components[0], names)[0] for names in ([], [("r5", "j"), ("other", "j")]))
+    assert len(shown.renderers) == len(plain.renderers) + 3
+    assert trend(components[1], [("r5", "j")])
+
+
+def test_every_parameter_has_a_row_on_paper(components):
+    assert [axis.get_ylabel() for axis in plot_fleet(components).axes] == ["p [N]", "force error, unseen [%]"]
+    assert plot_fleet([]).axes
