@@ -8,11 +8,11 @@ from scipy.stats import binom
 
 from idloop.fleet.joint_day import FORCE_ERROR
 from idloop.fleet.statistics import (
+    Finding,
+    Hypotheses,
     Series,
     best_change,
     between_periods,
-    found,
-    hypotheses,
     series_of,
     spread,
     take_apart,
@@ -41,6 +41,18 @@ def fleet(seed: int, *, planted: bool = False, step: float = 0.0, memory: float 
     return Series("kind", "p", "N", names, np.arange(DAYS) + 20000.0, y, error**2)
 
 
+def found_in(parts):
+    tests = Hypotheses()
+    tests.test(parts)
+    return tests.found()
+
+
+def count(series):
+    tests = Hypotheses()
+    tests.test(take_apart(series))
+    return tests.count
+
+
 def unit(finding) -> int:
     return int(finding.robot[1:]) if finding.robot else -1
 
@@ -58,7 +70,7 @@ def test_the_parts_of_the_variance_are_those_of_the_simulation():
 @pytest.mark.parametrize("memory", [0.0, 0.5])
 def test_a_healthy_fleet_has_findings_as_seldom_as_stated(memory):
     fleets = 60
-    with_findings = sum(bool(found(list(hypotheses(take_apart(fleet(seed, memory=memory)))))) for seed in range(fleets))
+    with_findings = sum(bool(found_in(take_apart(fleet(seed, memory=memory)))) for seed in range(fleets))
     # Without anything to find, a rate of false discoveries of 5 % is that of fleets with any finding.
     assert with_findings <= binom.ppf(0.999, fleets, 0.05)
 
@@ -67,7 +79,7 @@ def test_what_is_planted_is_found_and_little_else():
     false = every = odd = changed = fleets = 0
     for seed in range(20):
         fleets += 1
-        for one in found(list(hypotheses(take_apart(fleet(100 + seed, planted=True))))):
+        for one in found_in(take_apart(fleet(100 + seed, planted=True))):
             every += 1
             false += unit(one) not in range(9)
             odd += one.what == "odd" and unit(one) in ODD
@@ -79,7 +91,7 @@ def test_what_is_planted_is_found_and_little_else():
 
 def test_a_change_is_named_with_its_date_and_size():
     parts = take_apart(fleet(1, planted=True))
-    several = {unit(one): one for one in found(list(hypotheses(parts))) if one.what in {"trend", "step"}}
+    several = {unit(one): one for one in found_in(parts) if one.what in {"trend", "step"}}
     for k in WORN:
         assert (several[k].what, several[k].size) == ("trend", pytest.approx(0.3, abs=0.08))
     for k in STEPPED:
@@ -88,14 +100,14 @@ def test_a_change_is_named_with_its_date_and_size():
 
 
 def test_a_change_of_all_is_that_of_the_kind_and_of_no_unit():
-    several = found(list(hypotheses(take_apart(fleet(2, step=0.2)))))
+    several = found_in(take_apart(fleet(2, step=0.2)))
     assert [(one.what, one.robot, one.day) for one in several if one.what != "day"] == [("step", "", 20000 + DAYS // 2)]
 
 
 def test_a_single_recording_off_its_course_is_named():
     series = fleet(3, missing=0.0)
     series.value[7, 12] += 0.4
-    (one,) = found(list(hypotheses(take_apart(series))))
+    (one,) = found_in(take_apart(series))
     assert (one.what, one.robot, one.day) == ("day", "r07", 20012.0)
 
 
@@ -117,15 +129,15 @@ def test_periods_are_compared_unit_by_unit():
     series = fleet(5)
     series.value[9, DAYS // 2 :] += 0.3
     _, units = between_periods(series, 20000.0 + DAYS // 2, 20000.0)
-    assert found(units)[0].robot == "r09"
+    assert min(units, key=lambda one: one.p_value).robot == "r09"
     assert between_periods(series, 30000.0, None) == ([], [])
 
 
 def test_a_small_fleet_has_no_tests_that_it_cannot_bear():
     one = Series("k", "p", "N", (("r", "j"),), np.arange(3.0), np.array([[1.0, 1.1, 0.9]]), np.full((1, 3), 0.01))
-    assert {test.what for test in hypotheses(take_apart(one))} == {"day"}
+    assert count(one) == 3, "single recordings only"
     empty = Series("k", "p", "N", (("r", "j"),), np.arange(1.0), np.array([[1.0]]), np.array([[0.01]]))
-    assert list(hypotheses(take_apart(empty))) == []
+    assert count(empty) == 0
 
 
 def test_spread_is_what_the_errors_leave():
@@ -142,14 +154,25 @@ def test_a_step_is_no_trend():
     assert (change.what, change.day, change.size) == ("step", 5.0, pytest.approx(1.0))
 
 
-def test_columns_become_series():
-    columns = {
-        "robot": ["a", "a", "b", "b"], "joint": ["j"] * 4, "kind": ["k"] * 4, "unit": ["1"] * 4,
-        "parameter": ["p", FORCE_ERROR, "p", FORCE_ERROR], "day": [10.2, 10.2, 11.9, 11.9],
-        "value": [2.0, 0.1, 3.0, 0.2], "stderr": [0.5, np.nan, np.nan, np.nan],
-    }  # fmt: skip
-    several = {one.parameter: one for one in series_of({key: np.array(one) for key, one in columns.items()})}
-    assert several["p"].names == (("a", "j"), ("b", "j"))
-    np.testing.assert_array_equal(several["p"].value, [[2.0, np.nan], [np.nan, np.nan]])
-    np.testing.assert_allclose(several[FORCE_ERROR].value, np.log([[0.1, np.nan], [np.nan, 0.2]]))
-    assert list(series_of({"robot": np.zeros(0)})) == []
+def test_estimates_become_series():
+    joints, days = [("b", "j"), ("a", "j"), ("a", "j")], np.array([11.2, 10.1, 10.9])
+    value, stderr = np.array([3.0, 2.0, 4.0]), np.array([np.nan, 0.5, 0.1])
+    found = series_of("k", "p", "N", joints, days, value, stderr)
+    assert found.names == (("a", "j"), ("b", "j"))
+    np.testing.assert_array_equal(found.value, [[4.0, np.nan], [np.nan, np.nan]])
+    np.testing.assert_allclose(found.variance, [[0.01, np.nan], [np.nan, np.nan]])
+    error = series_of("k", FORCE_ERROR, "1", joints, days, value, np.full(3, np.nan))
+    np.testing.assert_allclose(error.value, np.log([[4.0, np.nan], [np.nan, 3.0]]))
+
+
+def test_a_finding_is_made_only_where_it_may_be_left():
+    tests, made = Hypotheses(0.05), []
+    tests.add(np.array([0.5, 0.001, 0.04, 0.9]), lambda place: made.append(place) or finding(place))
+    assert made == [1, 2]
+    assert [(one.robot, round(one.q_value, 6)) for one in tests.found()] == [("1", 0.004)]
+    assert tests.count == 4
+    assert Hypotheses().found() == []
+
+
+def finding(place):
+    return Finding("day", "k", "p", "N", str(place), "j", 0.0, 1.0, 0.5, 1.5, [0.5, 0.001, 0.04, 0.9][place])

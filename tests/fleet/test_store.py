@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from datetime import datetime, timezone
 
 import pytest
 
@@ -18,11 +19,12 @@ def settings():
 
 
 def row(bag: FleetBag, settings: Settings, sha: str | None, **more) -> dict:
-    own = {"robot": bag.robot, "joint": "j", "kind": "k", "parameter": "p", "value": 1.0, "stderr": 0.1}
+    own = {"robot": bag.robot, "joint": "j", "kind": "k", "parameter": "p", "value": 1.0, "stderr": 0.1, "time": DAY}
     named = {"bag": bag.bag, "stamp": bag.stamp, "job": settings.job(bag), "settings": settings.digest, "sha256": sha}
     return {**own, **named, **more}
 
 
+DAY = datetime(2026, 3, 1, tzinfo=timezone.utc)
 ONE, TWO = FleetBag("r1", "one", stamp="10 100.0"), FleetBag("r2", "two", stamp="20 100.0")
 
 
@@ -59,12 +61,12 @@ def test_one_recording_under_two_names_counts_once(tmp_path, settings):
     store = Store(tmp_path)
     store.add([row(ONE, settings, "a")])
     store.add([row(replace(ONE, bag="copy", stamp="10 200.0"), settings, "a"), row(TWO, settings, "b")])
-    assert store.series([ONE, TWO], settings)["robot"].tolist() == ["r1", "r2"]
+    (series,) = store.series([ONE, TWO], settings)
+    assert series.names == (("r1", "j"), ("r2", "j"))
+    assert series.value.tolist() == [[1.0], [1.0]]
 
 
 def test_the_newest_recording_of_a_joint_is_named(tmp_path, settings):
-    from datetime import datetime, timezone
-
     store, days = Store(tmp_path), [datetime(2026, 3, day, tzinfo=timezone.utc) for day in (1, 2)]
     bags = [replace(ONE, bag=f"b{day.day}", time=day) for day in days]
     store.add([row(one, settings, one.bag, time=one.time) for one in bags])

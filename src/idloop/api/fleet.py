@@ -13,6 +13,8 @@ from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from idloop.api.result import Progress, Result, ignore_progress, part
 from idloop.errors import InputError
 from idloop.reporting.text.blocks import Block
@@ -305,21 +307,25 @@ class _Work:
         new = self._identify(bags, part(self.progress, 0.0, 0.9))
         self.progress(0.9, "comparing")
         joint_days, failed = self.store.counts(bags, self.settings)
-        columns = self.store.series(bags, self.settings)
-        components = tuple(statistics.take_apart(one) for one in statistics.series_of(columns))
-        several = [test for parts in components for test in statistics.hypotheses(parts)]
-        findings = statistics.found(several, self.level)
+        components = tuple(statistics.take_apart(one) for one in self.store.series(bags, self.settings))
+        tests = statistics.Hypotheses(self.level)
+        for one in components:
+            tests.test(one)
+        findings = tests.found()
         periods: list[Finding] = []
         if self.since is not None:
             compared = [statistics.between_periods(one.series, self.since, self.against) for one in components]
             periods = [one for kinds, _ in compared for one in kinds]
-            periods += statistics.found([one for _, units in compared for one in units], self.level)
+            changes = statistics.Hypotheses(self.level)
+            for _, units in compared:
+                changes.add(np.array([one.p_value for one in units]), units.__getitem__)
+            periods += changes.found()
         alarms, unwatched = self._alarms(components)
         diagnoses = self._diagnose(bags, self._worst(components, findings), part(self.progress, 0.92, 1.0))
         self.progress(1.0, "")
         return Fleet(
             self.source, self.store.folder, self.settings, len(bags), new, joint_days, tuple(failed), components,
-            len(several), tuple(findings), self.level, tuple(periods), alarms, unwatched, tuple(diagnoses),
+            tests.count, tuple(findings), self.level, tuple(periods), alarms, unwatched, tuple(diagnoses),
         )  # fmt: skip
 
     def _identify(self, bags: Sequence[FleetBag], progress: Progress) -> int:

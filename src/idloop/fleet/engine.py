@@ -15,6 +15,7 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 _AHEAD = 2  # batches in flight for each worker: the one that it works on, and one that waits there
+_UNCOLLECTED = 3  # items after which a worker gives memory back
 _PATIENCE = "30s"  # for an answer of a cluster
 
 
@@ -121,7 +122,10 @@ class Workers:
 
 def each(function: Callable[..., R], batch: Sequence[T], *shared: Any) -> list[R]:
     """Results of a batch."""
-    found = [function(one, *shared) for one in batch]
-    # A fit leaves large arrays in cycles, too few objects for the collector to begin by itself.
-    gc.collect()
+    found = []
+    for number, one in enumerate(batch, start=1):
+        found.append(function(one, *shared))
+        if number % _UNCOLLECTED == 0 or number == len(batch):
+            # A fit leaves large arrays in cycles, too few objects for the collector to begin by itself.
+            gc.collect()
     return found

@@ -15,8 +15,9 @@ false discoveries (Benjamini and Hochberg, J. Royal Statistical Society B 57, 19
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -132,33 +133,31 @@ class Finding:
     q_value: float = 1.0
 
 
-def series_of(columns: Mapping[str, NDArray[np.generic]]) -> Iterator[Series]:
-    """Yield every parameter of every kind.
+def series_of(
+    kind: str, parameter: str, unit: str, joints: Sequence[tuple[str, str]], days: Array, value: Array, stderr: Array
+) -> Series:
+    """Arrange the estimates of a parameter by joint and date.
 
     Parameters
     ----------
-    columns : mapping of str to array, shape (n,)
-        robot, joint, kind, parameter, unit, day, value, stderr. Of several recordings of a date the last counts. An
-        error of the force is taken as its logarithm.
+    kind, parameter, unit : str
+    joints : sequence of (str, str)
+        Robot and joint of each estimate.
+    days : array, shape (n,)
+        In the order of time: of several recordings of a date the last one counts.
+    value, stderr : array, shape (n,)
+        NaN where not known. An error of the force is taken as its logarithm.
     """
-    if not len(columns["robot"]):
-        return
-    texts = {key: np.asarray(columns[key]).astype(str) for key in ("robot", "joint", "kind", "parameter", "unit")}
-    groups, group = np.unique(np.stack([texts["kind"], texts["parameter"]]), axis=1, return_inverse=True)
-    for number, (kind, parameter) in enumerate(groups.T.tolist()):
-        rows = np.flatnonzero(group.ravel() == number)
-        names, row = np.unique(np.stack([texts["robot"][rows], texts["joint"][rows]]), axis=1, return_inverse=True)
-        days, column = np.unique(np.floor(np.asarray(columns["day"], dtype=float)[rows]), return_inverse=True)
-        value, variance = np.full((2, names.shape[1], len(days)), np.nan)
-        y, error = (np.asarray(columns[key], dtype=float)[rows] for key in ("value", "stderr"))
-        if parameter == FORCE_ERROR:
-            y, error = np.log(np.maximum(y, 1e-12)), np.zeros(len(y))
-        known = np.isfinite(y) & np.isfinite(error)
-        place = (row.ravel()[known], column.ravel()[known])
-        value[place], variance[place] = y[known], error[known] ** 2
-        if known.any():
-            unit = texts["unit"][rows[0]]
-            yield Series(kind, parameter, unit, tuple(map(tuple, names.T.tolist())), days, value, variance)
+    names = sorted(set(joints))
+    place = {name: number for number, name in enumerate(names)}
+    dates, column = np.unique(np.floor(days), return_inverse=True)
+    if parameter == FORCE_ERROR:
+        value, stderr = np.log(np.maximum(value, 1e-12)), np.zeros(len(value))
+    known = np.isfinite(value) & np.isfinite(stderr)
+    row = np.array([place[name] for name in joints])[known]
+    table = np.full((2, len(names), len(dates)), np.nan)
+    table[:, row, column[known]] = value[known], stderr[known] ** 2
+    return Series(kind, parameter, unit, tuple(names), dates, table[0], table[1])
 
 
 def spread(deviation: Array, variance: Array) -> float:
@@ -226,50 +225,94 @@ def _successive(left: Array, own: Array) -> tuple[Array, Array, Array]:
     return np.concatenate(steps), np.concatenate(errors), np.array(memory)
 
 
-def hypotheses(parts: Components) -> Iterator[Finding]:
-    """Yield every test of a parameter of a kind."""
-    series, scale = parts.series, _scale(parts.series)
-    among = np.hypot(parts.unit_deviation, parts.level_stderr)
-    freedom = max(_EFFICIENCY * np.isfinite(parts.level).sum(), 1.0)
-    for place, (robot, joint) in enumerate(series.names):
-        own = replace(_BLANK, kind=series.kind, parameter=series.parameter, unit=series.unit, robot=robot, joint=joint)
-        seen = np.isfinite(parts.left[place])
-        if not seen.any():
-            continue
-        last = float(series.days[seen][-1])
-        if len(series.names) >= FEWEST_UNITS:
-            away, error = parts.level[place] - parts.mean, float(among[place])
-            yield scale(replace(own, what="odd", day=last), away, parts.level_stderr[place], _p(away, error, freedom))
-        days, y, variance = series.days[seen], parts.left[place][seen], parts.total[place][seen]
-        course = np.full(len(y), parts.level[place])
-        if len(y) >= _FEWEST_DAYS:
-            change = best_change(days, y, variance, parts.freedom)
-            yield scale(replace(own, what=change.what, day=change.day), change.size, change.stderr, change.p_value)
-            course = change.course if change.p_value < LEVEL else course
-        if len(y) >= _FEWEST_DAYS - 1:
-            # A recording is a part of its own unit's mean.
-            leverage = 1.0 - (1.0 / variance) / np.sum(1.0 / variance)
-            for day, away, error in zip(days, y - course, np.sqrt(variance * leverage), strict=True):
-                yield scale(replace(own, what="day", day=float(day)), away, error, _p(away, error, parts.freedom))
-    kind = _dates(parts)
-    if kind is not None:
-        own = replace(_BLANK, kind=series.kind, parameter=series.parameter, unit=series.unit)
-        yield scale(replace(own, what=kind.what, day=kind.day), kind.size, kind.stderr, kind.p_value)
+class Hypotheses:
+    """Tests that share one rate of false discoveries.
+
+    Parameters
+    ----------
+    level : float
+        The rate.
+
+    Attributes
+    ----------
+    count : int
+        Of the tests.
+    """
+
+    def __init__(self, level: float = LEVEL) -> None:
+        self.level = level
+        self.count = 0
+        self._p_values: list[Array] = []
+        self._candidates: dict[int, Finding] = {}
+
+    def add(self, p_values: Array, finding: Callable[[int], Finding]) -> None:
+        """Add tests (n,); the finding of one is only made where the rate may leave it."""
+        for place in np.flatnonzero(p_values <= self.level).tolist():
+            self._candidates[self.count + place] = finding(place)
+        self._p_values.append(p_values)
+        self.count += len(p_values)
+
+    def found(self) -> list[Finding]:
+        """Findings that the rate leaves, by their p-values."""
+        from scipy.stats import false_discovery_control
+
+        if not self.count:
+            return []
+        rates = false_discovery_control(np.concatenate(self._p_values))
+        several = (replace(one, q_value=float(rates[place])) for place, one in self._candidates.items())
+        kept = [one for one in several if one.q_value <= self.level]
+        return sorted(kept, key=lambda one: (one.p_value, -abs(one.size), one.robot, one.joint))
+
+    def test(self, parts: Components) -> None:
+        """Add every test of a parameter of a kind."""
+        series = parts.series
+        among = np.hypot(parts.unit_deviation, parts.level_stderr)
+        freedom = max(_EFFICIENCY * np.isfinite(parts.level).sum(), 1.0)
+        for place, name in enumerate(series.names):
+            seen = np.isfinite(parts.left[place])
+            if not seen.any():
+                continue
+            days, y, variance = series.days[seen], parts.left[place][seen], parts.total[place][seen]
+            course = np.full(len(y), parts.level[place])
+            if len(series.names) >= FEWEST_UNITS:
+                away, stderr = float(parts.level[place] - parts.mean), float(parts.level_stderr[place])
+                odd = partial(_finding, series, "odd", float(days[-1]), away, stderr, name)
+                self._one(float(_p(away, among[place], freedom)), odd)
+            if len(y) >= _FEWEST_DAYS:
+                change = best_change(days, y, variance, parts.freedom)
+                self._one(change.p_value, partial(_change, series, change, name))
+                course = change.course if change.p_value < LEVEL else course
+            if len(y) >= _FEWEST_DAYS - 1:
+                # A recording is a part of its own unit's mean.
+                error = np.sqrt(variance * (1.0 - (1.0 / variance) / np.sum(1.0 / variance)))
+                p_values = _p(y - course, error, parts.freedom)
+                self.add(p_values, partial(_day, series, days, y - course, error, p_values, name))
+        kind = _dates(parts)
+        if kind is not None:
+            self._one(kind.p_value, partial(_change, series, kind, ("", "")))
+
+    def _one(self, p_value: float, finding: Callable[[float], Finding]) -> None:
+        self.add(np.array([p_value]), lambda place: finding(p_value))
 
 
-_BLANK = Finding("", "", "", "", "", "", 0.0, 0.0, 0.0, 0.0, 1.0)
+def _finding(
+    series: Series, what: str, day: float, size: float, stderr: float, name: tuple[str, str], p_value: float
+) -> Finding:
+    """Finding with its size and interval; those of a logarithm as shares."""
+    ends = np.array([size, size - _Z95 * stderr, size + _Z95 * stderr])
+    size, low, high = (np.expm1(ends) if series.parameter == FORCE_ERROR else ends).tolist()
+    robot, joint = name
+    return Finding(what, series.kind, series.parameter, series.unit, robot, joint, day, size, low, high, p_value)
 
 
-def _scale(series: Series) -> Callable[[Finding, float, float, float], Finding]:
-    """Write size and interval of a finding; those of a logarithm as shares."""
+def _change(series: Series, change: Change, name: tuple[str, str], p_value: float) -> Finding:
+    return _finding(series, change.what, change.day, change.size, change.stderr, name, p_value)
 
-    def write(found: Finding, size: float, stderr: float, p_value: float) -> Finding:
-        ends = np.array([size, size - _Z95 * stderr, size + _Z95 * stderr])
-        if series.parameter == FORCE_ERROR:
-            ends = np.expm1(ends)
-        return replace(found, size=float(ends[0]), low=float(ends[1]), high=float(ends[2]), p_value=p_value)
 
-    return write
+def _day(
+    series: Series, days: Array, away: Array, error: Array, p: Array, name: tuple[str, str], place: int
+) -> Finding:
+    return _finding(series, "day", float(days[place]), float(away[place]), float(error[place]), name, float(p[place]))
 
 
 def _dates(parts: Components) -> Change | None:
@@ -316,7 +359,7 @@ def best_change(days: Array, y: Array, variance: Array, freedom: float) -> Chang
     z = np.abs(size) * np.sqrt(information)
     steps = max(len(shapes) - 1, 1)
     # Half of the level for the trend, half for the steps together.
-    p = np.array([_p(one, 1.0, freedom) for one in (z[0], float(np.max(z[1:], initial=0.0)))]) * [2.0, 2.0 * steps]
+    p = _p(np.array([z[0], np.max(z[1:], initial=0.0)]), 1.0, freedom) * [2.0, 2.0 * steps]
     place = int(np.argmax(z))  # the likelier one
     what, day, _ = shapes[place]
     course = mean + size[place] * x[place]
@@ -324,21 +367,11 @@ def best_change(days: Array, y: Array, variance: Array, freedom: float) -> Chang
     return Change(what, day, float(size[place]), stderr, float(min(np.min(p), 1.0)), course)
 
 
-def _p(away: float, error: float, freedom: float) -> float:
+def _p(away: Array | float, error: Array | float, freedom: float) -> Array:
+    """Two-sided p-values of Student's t."""
     from scipy.special import stdtr
 
-    return float(2.0 * stdtr(freedom, -abs(away) / max(error, 1e-300)))
-
-
-def found(several: list[Finding], level: float = LEVEL) -> list[Finding]:
-    """Those of all tests that one rate of false discoveries leaves, by their p-values."""
-    from scipy.stats import false_discovery_control
-
-    if not several:
-        return []
-    rates = false_discovery_control([one.p_value for one in several])
-    kept = [replace(one, q_value=float(q)) for one, q in zip(several, rates, strict=True) if q <= level]
-    return sorted(kept, key=lambda one: (one.p_value, -abs(one.size), one.robot, one.joint))
+    return np.asarray(2.0 * stdtr(freedom, -np.abs(away) / np.maximum(error, 1e-300)))
 
 
 def between_periods(series: Series, since: float, against: float | None) -> tuple[list[Finding], list[Finding]]:
@@ -355,7 +388,7 @@ def between_periods(series: Series, since: float, against: float | None) -> tupl
     Returns
     -------
     kind, units : list of Finding
-        Their tests.
+        Their tests, whatever their p-values.
     """
     before = (series.days < since) & (series.days >= (-np.inf if against is None else against))
     after = series.days >= since
@@ -373,18 +406,20 @@ def between_periods(series: Series, since: float, against: float | None) -> tupl
                 variances.append(sum(1.0 / np.sum(1.0 / v) for _, v in parts))
     if not names:
         return [], []
-    size, variance, scale = np.array(sizes), np.array(variances), _scale(series)
+    size, variance = np.array(sizes), np.array(variances)
     weight = 1.0 / variance
     fixed = np.sum(weight * size) / np.sum(weight)
     spare = np.sum(weight) - np.sum(weight**2) / np.sum(weight)
     effect = max((np.sum(weight * (size - fixed) ** 2) - (len(size) - 1)) / spare, 0.0) if len(size) > 1 else 0.0
     weight = 1.0 / (variance + effect)
     mean, stderr = float(np.sum(weight * size) / np.sum(weight)), float(1.0 / np.sqrt(np.sum(weight)))
-    own = replace(_BLANK, what="period", kind=series.kind, parameter=series.parameter, unit=series.unit, day=since)
     few = min(freedom, max(len(size) - 1.0, 1.0)) if effect > 0.0 else freedom
-    kind = [scale(own, mean, stderr, _p(mean, stderr, few))]
+    errors = np.sqrt(variance)
+    kind = [_finding(series, "period", since, mean, stderr, ("", ""), float(_p(mean, stderr, few)))]
     units = [
-        scale(replace(own, robot=robot, joint=joint), one, float(np.sqrt(v)), _p(one, float(np.sqrt(v)), freedom))
-        for (robot, joint), one, v in zip(names, size.tolist(), variance.tolist(), strict=True)
+        _finding(series, "period", since, one, error, name, p)
+        for name, one, error, p in zip(
+            names, size.tolist(), errors.tolist(), _p(size, errors, freedom).tolist(), strict=True
+        )
     ]
     return kind, units

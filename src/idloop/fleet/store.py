@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from numpy.typing import NDArray
+import numpy as np
 
 from idloop.errors import IdloopError
 from idloop.fleet.bags import FleetBag
 from idloop.fleet.joint_day import Settings, key_of
 from idloop.fleet.libraries import library
+from idloop.fleet.statistics import Series, series_of
 from idloop.output_files import make_folder, writing
 
 ROWS = "rows"
@@ -129,12 +130,18 @@ class Store:
                     partition by coalesce(sha256, bag), job, joint, parameter order by bag) = 1)"""
         return self.query(head + what, [settings.digest, jobs, *more])
 
-    def series(self, bags: Sequence[FleetBag], settings: Settings) -> dict[str, NDArray[Any]]:
-        """Columns for `idloop.fleet.statistics.series_of`."""
+    def series(self, bags: Sequence[FleetBag], settings: Settings) -> Iterator[Series]:
+        """Yield every parameter of every kind."""
         what = """
-            select robot, joint, kind, parameter, unit, epoch(time) / 86400 as day, value, stderr
-            from chosen where value is not null order by robot, joint, time, parameter"""
-        return dict(self.chosen(bags, settings, what).fetchnumpy())
+            select kind, parameter, any_value(unit), list(robot order by time, bag), list(joint order by time, bag),
+                list(epoch(time) / 86400 order by time, bag), list(value order by time, bag),
+                list(stderr order by time, bag)
+            from chosen where value is not null group by kind, parameter order by kind, parameter"""
+        answer = self.chosen(bags, settings, what)
+        while row := answer.fetchone():
+            kind, parameter, unit, robots, joints, *numbers = row
+            days, value, stderr = (np.array(one, dtype=float) for one in numbers)
+            yield series_of(kind, parameter, unit, list(zip(robots, joints, strict=True)), days, value, stderr)
 
     def counts(self, bags: Sequence[FleetBag], settings: Settings) -> tuple[int, list[dict[str, Any]]]:
         """Joints and recordings that were identified, and rows of what could not be."""
