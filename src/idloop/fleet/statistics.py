@@ -8,8 +8,9 @@ Paule and Mandel (J. Res. NBS 87, 1982) for a random effect with known errors, w
 so that odd units do not hide themselves. A unit's own value is shrunk towards its kind by its share of the variance.
 
 Tested are each unit (is it odd among its kind?), each unit over time (a trend or a step, against its kind), each kind
-over time, and each recording (does it leave the course of its unit?). All p-values together are held to one rate of
-false discoveries (Benjamini and Hochberg, J. Royal Statistical Society B 57, 1995, by SciPy).
+over time, and each recording (does it leave the course of its unit, by the tails that recordings have?). All p-values
+together are held to one rate of false discoveries (Benjamini and Hochberg, J. Royal Statistical Society B 57, 1995, by
+SciPy).
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ _FEWEST_DAYS = 4  # of a trend or a step
 _SIDE = 2  # recordings on either side of a step
 _EFFICIENCY = 0.37  # of the median of absolute deviations: degrees of freedom of a variance from it
 _POLISHES = 4
+_FEWEST_TAILS, _MOST_TAILS = 200, 20_000  # recordings from which tails are estimated
 
 
 @dataclass(frozen=True)
@@ -268,6 +270,7 @@ class Hypotheses:
         series = parts.series
         among = np.hypot(parts.unit_deviation, parts.level_stderr)
         freedom = max(_EFFICIENCY * np.isfinite(parts.level).sum(), 1.0)
+        single: list[tuple[tuple[str, str], Array, Array, Array]] = []
         for place, name in enumerate(series.names):
             seen = np.isfinite(parts.left[place])
             if not seen.any():
@@ -275,9 +278,9 @@ class Hypotheses:
             days, y, variance = series.days[seen], parts.left[place][seen], parts.total[place][seen]
             course = np.full(len(y), parts.level[place])
             if len(series.names) >= FEWEST_UNITS:
-                away, stderr = float(parts.level[place] - parts.mean), float(parts.level_stderr[place])
-                odd = partial(_finding, series, "odd", float(days[-1]), away, stderr, name)
-                self._one(float(_p(away, among[place], freedom)), odd)
+                size, stderr = float(parts.level[place] - parts.mean), float(parts.level_stderr[place])
+                odd = partial(_finding, series, "odd", float(days[-1]), size, stderr, name)
+                self._one(float(_p(size, among[place], freedom)), odd)
             if len(y) >= _FEWEST_DAYS:
                 change = best_change(days, y, variance, parts.freedom)
                 self._one(change.p_value, partial(_change, series, change, name))
@@ -285,8 +288,11 @@ class Hypotheses:
             if len(y) >= _FEWEST_DAYS - 1:
                 # A recording is a part of its own unit's mean.
                 error = np.sqrt(variance * (1.0 - (1.0 / variance) / np.sum(1.0 / variance)))
-                p_values = _p(y - course, error, parts.freedom)
-                self.add(p_values, partial(_day, series, days, y - course, error, p_values, name))
+                single.append((name, days, y - course, error))
+        tails, scale = _tails([away / error for _, _, away, error in single], parts.freedom)
+        for name, days, away, error in single:
+            p_values = _p(away, scale * error, tails)
+            self.add(p_values, partial(_day, series, days, away, error, p_values, name))
         kind = _dates(parts)
         if kind is not None:
             self._one(kind.p_value, partial(_change, series, kind, ("", "")))
@@ -365,6 +371,21 @@ def best_change(days: Array, y: Array, variance: Array, freedom: float) -> Chang
     course = mean + size[place] * x[place]
     stderr = float(1.0 / np.sqrt(information[place]))
     return Change(what, day, float(size[place]), stderr, float(min(np.min(p), 1.0)), course)
+
+
+def _tails(several: Sequence[Array], freedom: float) -> tuple[float, float]:
+    """Degrees of freedom and scale of Student's t that standardised recordings have, by maximum likelihood.
+
+    A fit errs in its own way where a motion shows little of a parameter: single recordings have heavier tails than
+    means of many.
+    """
+    from scipy.stats import t
+
+    z = np.concatenate(several) if several else np.zeros(0)
+    if len(z) < _FEWEST_TAILS:
+        return freedom, 1.0
+    found, _, scale = t.fit(z[:: len(z) // _MOST_TAILS + 1], floc=0.0)
+    return min(float(found), freedom), float(scale)
 
 
 def _p(away: Array | float, error: Array | float, freedom: float) -> Array:
