@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idloop.records.inspection.motion import analyse_motion, reversals
+from idloop.records.inspection.motion import analyse_motion, reversals, white_noise
 
 
 @given(seed=st.integers(0, 200), scale=st.floats(1e-6, 1e3))
@@ -55,3 +55,38 @@ def test_resolution_and_infinite_samples():
     assert motion is not None
     assert motion.resolution == pytest.approx(0.25)
     assert (motion.infinite, motion.count) == (1, 4)
+
+
+def smooth(count, size):
+    time = 0.01 * np.arange(count)
+    return size * (np.sin(1.3 * time) + 0.4 * np.sin(3.1 * time + 1.0))
+
+
+@pytest.mark.parametrize("count", [500, 4000])
+@pytest.mark.parametrize("steps", [30.0, 300.0])
+@pytest.mark.parametrize("noise", [0.0, 0.1, 0.2, 0.3, 0.5, 1.0, 3.0])
+def test_white_noise_of_a_rounded_signal(noise, steps, count):
+    """Its steps, its noise, and both together."""
+    rng = np.random.default_rng(3)
+    value = np.round(smooth(count, steps) + noise * rng.normal(size=count))
+    assert white_noise(0.1 * value) == pytest.approx(0.1 * (noise**2 + 1.0 / 12.0) ** 0.5, rel=0.2)
+
+
+@pytest.mark.parametrize("count", [200, 1000])
+def test_white_noise_of_a_signal_with_odd_values(count):
+    value = smooth(count, 3.0) + np.random.default_rng(4).normal(size=count)
+    value[count // 4] += 1e4
+    assert white_noise(value) == pytest.approx(1.0, rel=0.2)
+    value[count // 2 :] += 1e8
+    assert white_noise(value) == pytest.approx(1.0, rel=0.2)
+
+
+def test_white_noise_of_counts_per_sample():
+    """Rounding moves from one sample to the next and is no noise of the speed over several of them."""
+    counts = np.diff(np.round(100.0 * smooth(4000, 30.0)))
+    assert white_noise(counts) <= 1.2 * (2.0 / 12.0) ** 0.5
+    assert white_noise(counts) >= 0.5 * (2.0 / 12.0) ** 0.5
+
+
+def test_white_noise_of_few_values():
+    assert white_noise(np.zeros(0)) == white_noise(np.ones(2)) == white_noise(np.ones(9)) == 0.0

@@ -28,6 +28,10 @@ _AT_ONCE = 3
 _FEWEST = 20
 # Travel over a window of a position, and speeds, exceed the steps and the noise by this factor.
 _ABOVE = 10.0
+# Share of the third differences, of least size, that gives the noise, and what it has of the mean square of a normal
+# variable; lengths of the means of which they are taken, each twice the last, and samples that more than one need.
+_KEPT, _SQUARE_OF_KEPT = 0.75, 0.27639
+_WIDTHS, _LONG = (1, 2, 4), 64
 
 
 @dataclass(frozen=True)
@@ -91,8 +95,37 @@ def analyse_motion(value: Floats, *, velocity: bool = False) -> Motion | None:
 
 
 def white_noise(value: Floats) -> float:
-    """Standard deviation of the white noise in a signal (n,): third differences leave little else, jumps do nothing."""
-    return float(1.4826 / np.sqrt(20.0) * np.median(np.abs(np.diff(value, 3))))
+    """Standard deviation of the white noise in a signal (n,): third differences leave little else, jumps do nothing.
+
+    Of means over more samples the noise is the same per sample, while motion adds to it at any of these lengths, and
+    so does a velocity that is a difference of counts, at short ones: the least is the white noise. Rounding of a motion
+    that passes a step in few samples counts as the white noise that it is.
+    """
+    found, sums = [], value
+    for width in _WIDTHS:
+        if width > 1:
+            if value.size < _LONG * width:
+                break
+            sums = sums[width // 2 :] + sums[: -width // 2]
+        differences = sums
+        for _ in range(3):
+            differences = differences[width:] - differences[:-width]
+        found.append(_trimmed_square(differences) / (20.0 * width))
+    return float(min(found) ** 0.5)
+
+
+def _trimmed_square(value: Floats) -> float:
+    """Variance of a normal variable (n,) around 0 from its smallest values, which no single large ones change.
+
+    Where the values are steps of a sensor, a median would be one of a few steps, and this is not.
+    """
+    if not value.size:
+        return 0.0
+    square = np.sort(value**2)
+    kept = _KEPT * value.size
+    whole = min(int(kept), value.size - 1)
+    mean = (float(square[:whole].sum()) + (kept - whole) * float(square[whole])) / value.size
+    return mean / _SQUARE_OF_KEPT
 
 
 def sign_changes(velocity: Floats, noise: float) -> int:

@@ -12,8 +12,9 @@ from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import fault
 
-# Band below the largest speed: at least this share of it and so many times the noise, at most the second share.
-_BAND, _NOISE, _WIDEST = 0.01, 3.0, 0.06
+# Band below the largest speed, which lies above the limit by the noise itself: at least this share of it and so many
+# times the noise, at most the second share.
+_BAND, _NOISE, _WIDEST = 0.01, 4.0, 0.06
 # Share of the time in the band, visits to it, and how much fuller it is than the two bands below.
 _SHARE, _VISITS, _FULLER = 0.03, 3, 3.0
 # Spread of the commands there, and the smallest usual one, as shares of the largest.
