@@ -182,6 +182,6 @@ def test_heavy_tails_of_single_recordings_are_no_findings():
     fleets, with_findings = 20, 0
     for seed in range(fleets):
         series = fleet(300 + seed, missing=0.0)
-        series.value[:] += 0.03 * np.random.default_rng(seed).standard_t(3.0, size=series.value.shape)
+        series.value[:] += 0.03 * np.random.default_rng(seed).standard_t(4.0, size=series.value.shape)
         with_findings += bool(found_in(take_apart(series)))
     assert with_findings <= binom.ppf(0.999, fleets, 0.05)

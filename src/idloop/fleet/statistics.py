@@ -35,6 +35,8 @@ _FEWEST_DAYS = 4  # of a trend or a step
 _SIDE = 2  # recordings on either side of a step
 _EFFICIENCY = 0.37  # of the median of absolute deviations: degrees of freedom of a variance from it
 _POLISHES = 4
+_FAR = 0.7  # of the degrees of freedom that fit the middle of the tails: counted, their ends are heavier
+_CLIP = 2.5  # standard deviations from a unit's median beyond which a recording adds no evidence of a change
 _FEWEST_TAILS, _MOST_TAILS = 200, 20_000  # recordings from which tails are estimated
 
 
@@ -328,7 +330,7 @@ def _dates(parts: Components) -> Change | None:
         return None
     y, own = parts.date[shared], parts.date_stderr[shared] ** 2
     wander = 0.5 * spread(np.diff(y), own[1:] + own[:-1])
-    return best_change(parts.series.days[shared], y, own + wander, max(_EFFICIENCY * (len(y) - 1), 1.0))
+    return best_change(parts.series.days[shared], y, own + wander, max(_EFFICIENCY * (len(y) - 1), 1.0), np.inf)
 
 
 @dataclass(frozen=True)
@@ -343,7 +345,7 @@ class Change:
     course: Array
 
 
-def best_change(days: Array, y: Array, variance: Array, freedom: float) -> Change:
+def best_change(days: Array, y: Array, variance: Array, freedom: float, clip: float = _CLIP) -> Change:
     """Test a trend and a step at every day; the level is divided by their number (Bonferroni).
 
     Parameters
@@ -352,23 +354,26 @@ def best_change(days: Array, y: Array, variance: Array, freedom: float) -> Chang
         In the order of time.
     freedom : float
         Degrees of freedom of the variance.
+    clip : float
+        Standard deviations from the median beyond which a value adds no evidence.
     """
     weight = 1.0 / np.maximum(variance, 1e-300)
     shapes = [("trend", float(days[-1]), (days - days[0]) / (days[-1] - days[0]))]
     splits = range(_SIDE, len(days) - _SIDE + 1)
     shapes += [("step", float(days[first]), (np.arange(len(days)) >= first).astype(float)) for first in splits]
-    mean = np.sum(weight * y) / np.sum(weight)
+    middle, reach = np.median(y), clip * np.sqrt(variance)
     x = np.array([shape for _, _, shape in shapes])
     x = x - (x @ weight / np.sum(weight))[:, None]
     information = (x**2) @ weight
-    size = (x @ (weight * (y - mean))) / information
-    z = np.abs(size) * np.sqrt(information)
+    size = (x @ (weight * y)) / information
+    # Evidence is that of clipped values: a few recordings far off are no change of all that follow.
+    clipped = np.abs(x @ (weight * np.clip(y, middle - reach, middle + reach))) / np.sqrt(information)
     steps = max(len(shapes) - 1, 1)
     # Half of the level for the trend, half for the steps together.
-    p = _p(np.array([z[0], np.max(z[1:], initial=0.0)]), 1.0, freedom) * [2.0, 2.0 * steps]
-    place = int(np.argmax(z))  # the likelier one
+    p = _p(np.array([clipped[0], np.max(clipped[1:], initial=0.0)]), 1.0, freedom) * [2.0, 2.0 * steps]
+    place = int(np.argmax(np.abs(size) * np.sqrt(information)))  # the likelier one
     what, day, _ = shapes[place]
-    course = mean + size[place] * x[place]
+    course = np.sum(weight * y) / np.sum(weight) + size[place] * x[place]
     stderr = float(1.0 / np.sqrt(information[place]))
     return Change(what, day, float(size[place]), stderr, float(min(np.min(p), 1.0)), course)
 
@@ -385,7 +390,7 @@ def _tails(several: Sequence[Array], freedom: float) -> tuple[float, float]:
     if len(z) < _FEWEST_TAILS:
         return freedom, 1.0
     found, _, scale = t.fit(z[:: len(z) // _MOST_TAILS + 1], floc=0.0)
-    return min(float(found), freedom), float(scale)
+    return min(_FAR * float(found), freedom), float(scale)
 
 
 def _p(away: Array | float, error: Array | float, freedom: float) -> Array:
