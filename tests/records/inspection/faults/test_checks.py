@@ -151,6 +151,23 @@ def test_missed_pulses(make_axis):
     assert found.evidence["jumps"] == 4
 
 
+@pytest.mark.parametrize("again", [True, False])
+def test_samples_recorded_again_or_left_out_are_no_missed_pulses(make_axis, again):
+    """A robot whose state is read too late or twice: the position stands for a sample, or makes a double step."""
+    time = np.arange(3000) / 200
+    position = np.sin(2.0 * time)
+    odd = np.array([150, 300, 600, 770, 1100, 1250, 1500, 1800, 2600])
+    order = np.arange(3000)
+    for k in odd:
+        order[k:] += -1 if again else 1
+    axis = replace(make_axis(command=np.cos(2.0 * time)), position=position[np.clip(order, 0, 2999)], velocity=None)
+    assert "missed_pulses" not in kinds(axis)
+    found = the(axis, "lost_samples")
+    assert found.evidence["jumps"] == pytest.approx(odd.size, abs=1)
+    assert found.evidence["repeated"] == again * found.evidence["jumps"]
+    assert found.spoils == ("delays",)
+
+
 def test_pulses_missed_above_a_speed(data_dir, tmp_path):
     from idloop.records.tables.importing import import_bag
 

@@ -1,7 +1,8 @@
 """Pulses of an encoder that were missed or counted twice.
 
 A few at a time: the position jumps by some pulses for one sample and does not come back. All above some speed: under a
-constant command the counted speed rises, and then falls to a part of it, which no drive does.
+constant command the counted speed rises, and then falls to a part of it, which no drive does. Jumps by what the axis
+travels in whole samples, whatever its speed, are none of the encoder: samples were left out or recorded again.
 """
 
 from __future__ import annotations
@@ -19,6 +20,9 @@ Floats = NDArray[np.float64]
 
 # Jumps needed; uneven intervals are left out.
 _FEWEST, _UNEVEN = 3, 0.2
+# Jumps are samples where this share of them is, up to the second share of it, what the axis travels in whole samples.
+# Pulses missed at one speed may be as large as that by chance; at speeds that differ so many times they are not.
+_SAMPLES, _WHOLE, _SPEEDS = 0.8, 0.15, 1.5
 # Under a constant command the speed falls to between these shares of its peak and stays within the scatter there.
 _FALLS, _STAYS, _SCATTER = 0.5, 0.03, 0.25
 _WINDOWS, _SHARE = 24, 0.25
@@ -44,11 +48,25 @@ def _jumps(axis: Axis, time: Floats, place: Floats) -> list[Finding]:
     rows = rows[~np.isin(rows, driven(axis)) & (step[rows - 1] != 0.0) & (step[rows + 1] != 0.0)]
     if rows.size < _FEWEST or rows.size > 0.02 * step.size:
         return []
-    off = step[rows] - 0.5 * (step[rows - 1] + step[rows + 1])
-    forward = np.sign(step[rows - 1] + step[rows + 1])
-    missed = int(np.sum(off * forward < 0.0))
+    travel = 0.5 * (step[rows - 1] + step[rows + 1])
+    off = step[rows] - travel
+    missed = int(np.sum(off * travel < 0.0))
     size = float(np.median(np.abs(off)))
     name, unit = axis.name("position"), axis.unit("position")
+    if _are_samples(off, travel):
+        return [
+            fault(
+                "lost_samples",
+                name,
+                f"{name} jumps {rows.size} times by what it travels in a sample, whatever its speed, where the stamps"
+                f" go on evenly: {rows.size - missed} times samples were left out, {missed} times one was sent again",
+                "record the stamp or the counter of the device with each sample, and on its own clock",
+                evidence={"jumps": float(rows.size), "size": size, "repeated": float(missed)},
+                spoils=("delays",),
+                count=int(rows.size),
+                places=around(time, rows + 1),
+            )
+        ]
     return [
         fault(
             "missed_pulses",
@@ -62,6 +80,15 @@ def _jumps(axis: Axis, time: Floats, place: Floats) -> list[Finding]:
             places=around(time, rows + 1),
         )
     ]
+
+
+def _are_samples(off: Floats, travel: Floats) -> bool:
+    """Whether jumps (n,) are whole numbers of what the axis travels in a sample beside them (n,), at several speeds."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        samples = off / travel
+    whole = np.isfinite(samples) & (np.round(samples) != 0.0) & (np.abs(samples - np.round(samples)) < _WHOLE)
+    speeds = np.abs(travel[whole])
+    return bool(whole.mean() > _SAMPLES and np.max(speeds) > _SPEEDS * np.min(speeds))
 
 
 def _collapse(axis: Axis, time: Floats, place: Floats) -> list[Finding]:
