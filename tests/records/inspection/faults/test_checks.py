@@ -298,3 +298,23 @@ def test_a_limit_of_the_speed_is_none_of_the_force(limit):
     axis = Axis("j", time, position, velocity, time, command, "j.effort", units)
     assert not_followed.check(axis), "alone either seems one of the force"
     assert ("speed" in the(axis, "not_followed").evidence) == (limit == "speed")
+
+
+def test_a_limit_of_the_drive_needs_values_below_it():
+    """A drive that coasts at 0 V and brakes at 5 V: of two levels no gain between them is known."""
+    count, v = 3000, 0.0
+    command = np.random.default_rng(1).choice([0.0, 5.0], count // 10).repeat(10)
+    velocity = np.empty(count)
+    for k in range(count):
+        velocity[k] = v
+        for _ in range(4):
+            v += 0.0025 * (600.0 * command[k] - 10.0 * (0.3 if command[k] == 0.0 else 1.0) * v - 10.0)
+    time = 0.01 * np.arange(count)
+    velocity += np.random.default_rng(2).normal(size=count)
+    assert not not_followed.check(Axis("j", time, None, velocity, time, command, "j.effort"))
+
+
+def test_a_limit_of_the_drive_with_few_levels(make_axis):
+    command = np.random.default_rng(5).choice([0.0, 0.4, 0.8, 2.5, 5.0], 400).repeat(30)
+    axis = make_axis(count=command.size, command=command, drive=lambda u: min(u, 1.0), gain=300.0)
+    assert not_followed.check(axis)

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import fault
 from idloop.records.inspection.response import dry, regress, responses
+
+Floats = NDArray[np.float64]
 
 # Command levels tried, as shares of the largest; the gain beyond them is below this share of the gain up to there.
 _LEVELS, _GAIN = (0.35, 0.5, 0.65, 0.8), 0.35
@@ -18,6 +21,8 @@ _BEYOND, _EXPLAINS = 0.05, 0.3
 _FEWEST = 48
 # Share of the acceleration above which the command as it is explains enough.
 _ENOUGH = 0.99
+# Share of the part beyond a level that must not follow from the command and a constant: of two levels all does.
+_BENDS = 0.02
 
 
 def check(axis: Axis, slower: float = np.inf) -> list[Finding]:
@@ -32,9 +37,8 @@ def check(axis: Axis, slower: float = np.inf) -> list[Finding]:
     # A drag that grows faster than the speed, and friction that falls with it, are no limit of the drive.
     fading = np.exp(-np.abs(grid.speed) / max(float(np.nanstd(grid.speed)), 1e-300))
     drag = [grid.speed * np.abs(grid.speed), dry(grid) * fading]
-    parts = {
-        level: np.sign(grid.command) * np.maximum(np.abs(grid.command) - level * largest, 0.0) for level in _LEVELS
-    }
+    bent = [level for level in _LEVELS if _shows_bend(axis.command, level * largest)]
+    parts = {level: _beyond(grid.command, level * largest) for level in bent}
     parts = {level: part for level, part in parts.items() if _BEYOND < np.mean(part != 0.0) < 1.0 - _BEYOND}
     # A test function with a sample that is too fast counts as unknown.
     fast = np.where(np.abs(grid.speed) > slower, np.nan, 0.0)
@@ -67,3 +71,20 @@ def check(axis: Axis, slower: float = np.inf) -> list[Finding]:
             evidence={"level": level, "gain_beyond": kept, "largest": largest},
         )
     ]
+
+
+def _beyond(command: Floats, level: float) -> Floats:
+    """Part of a command (n,) beyond a level."""
+    return np.asarray(np.sign(command) * np.maximum(np.abs(command) - level, 0.0))
+
+
+def _shows_bend(command: Floats, level: float) -> bool:
+    """Whether a command (n,) as it was sent has values from which a bend at a level shows, beside a gain and an offset.
+
+    Means of it over a sample have values between any two levels, which the drive never got.
+    """
+    known = command[np.isfinite(command)]
+    beyond = _beyond(known, level)
+    size = float(np.std(known) * np.std(beyond))
+    shared = float(np.mean((known - known.mean()) * (beyond - beyond.mean()))) / size if size > 0.0 else 1.0
+    return 1.0 - shared**2 > _BENDS
