@@ -3,7 +3,7 @@
 import pytest
 
 from idloop.diagnosis.ladder import Ladder, Step
-from idloop.diagnosis.refine import free_run_finding
+from idloop.diagnosis.refine import force_finding, free_run_finding
 from idloop.diagnosis.search.step import ADEQUATE, UNKNOWN
 from idloop.physics import load_model
 
@@ -20,3 +20,17 @@ def test_a_free_run_that_is_far_off_is_reported_beside_an_adequate_force(
     ladder = Ladder((Step(None, load_model("axis"), train=seen, validation=unseen),), verdict, criterion="force")
     assert bool(free_run_finding(ladder)) is reported
     assert ("axis.velocity" in free_run_finding(ladder)) is reported
+
+
+@pytest.mark.parametrize(
+    ("verdict", "criterion", "left", "reported"),
+    [
+        (ADEQUATE, "prediction", 0.23, True), (ADEQUATE, "force", 0.23, False), (ADEQUATE, "prediction", 0.05, False),
+        (ADEQUATE, "prediction", None, False), (UNKNOWN, "prediction", 0.23, False),
+    ],
+)  # fmt: skip
+def test_a_force_that_is_left_is_reported_beside_adequate_predictions(
+    verdict: str, criterion: str, left: float | None, reported: bool
+) -> None:
+    ladder = Ladder((Step(None, load_model("axis"), train={"force": left}),), verdict, criterion=criterion)
+    assert ("23 % of the drive force" in force_finding(ladder)) is reported

@@ -11,13 +11,13 @@ import numpy as np
 from idloop.diagnosis.candidate import Candidate, effect_parameters
 from idloop.diagnosis.diagnosis import candidate_of, findings_of_model
 from idloop.diagnosis.evidence.deciding_view import UNEXPLAINED, DecidingView, as_predicted, requested_force_fit
-from idloop.diagnosis.evidence.force_view import ForceView, fitted_model
+from idloop.diagnosis.evidence.force_view import ADEQUATE_FORCE, ForceView, fitted_model
 from idloop.diagnosis.evidence.free_run_view import free_run_view
 from idloop.diagnosis.evidence.prediction_view import PredictionView, delay_or_lag
 from idloop.diagnosis.evidence.quantisation import quantised_outputs
 from idloop.diagnosis.evidence.undetermined_strength import CERTAIN
 from idloop.diagnosis.ladder import Ladder, Step
-from idloop.diagnosis.model_errors import explains_less
+from idloop.diagnosis.model_errors import explains_less, runs_worse
 from idloop.diagnosis.options import (
     FORCE,
     MINIMUM_IMPROVEMENT,
@@ -112,8 +112,8 @@ def refine(
         found = found if more is found or more is None else task.by_errors(more.model, more, PREDICTION)
     undetermined = ([] if scale is None else [scale]) + effect_scales(found.model, records)
     findings = findings_of_model(start, found.model, found.added, found.response, undetermined)
-    text = free_run_finding(found)
-    return replace(found, findings=(*found.findings, *findings, *([text] if text else [])))
+    contradicted = filter(None, (free_run_finding(found), force_finding(found)))
+    return replace(found, findings=(*found.findings, *findings, *contradicted))
 
 
 def free_run_finding(ladder: Ladder) -> str:
@@ -128,6 +128,18 @@ def free_run_finding(ladder: Ladder) -> str:
     return (
         f"adequate by {ladder.criterion}, yet the free run of {worst} {error}: small errors of the force add up over a "
         "record, so use this model for forces and short predictions"
+    )
+
+
+def force_finding(ladder: Ladder) -> str:
+    """Say that a model is adequate by its errors and leaves much of the force; empty where it does not."""
+    last = ladder.steps[-1]
+    left = (last.validation or last.train).get("force")
+    if ladder.verdict != ADEQUATE or ladder.criterion == FORCE or left is None or left < ADEQUATE_FORCE:
+        return ""
+    return (
+        f"adequate by {ladder.criterion}, yet {100.0 * left:.3g} % of the drive force stays unexplained: something is"
+        " missing that no effect that was looked for explains, or the motion is measured with errors of that size"
     )
 
 
@@ -192,7 +204,7 @@ class _Refinement:
         if asked is None:
             return ladder
         view, fit = asked
-        found, _ = replace(self._climb(view, SIMULATION), worse=self._worse)(fit, ladder)
+        found, _ = self._climb(view, SIMULATION)(fit, ladder)
         return found if found.added != (() if ladder is None else ladder.added) else ladder
 
     def _beyond_force(self, view: PredictionView, ladder: Ladder, last: WeakFit) -> Ladder:
@@ -213,7 +225,7 @@ class _Refinement:
         view = view.beside(ladder.model, balanced=balanced)
         if view.choices(ladder.model) == []:
             return ladder
-        more, _ = replace(self._climb(view, PREDICTION), worse=self._worse)(fit, ladder)
+        more, _ = replace(self._climb(view, PREDICTION), reduces=True)(fit, ladder)
         return ladder.merged_with(more) if balanced and more.added == ladder.added else more
 
     def _without_unseen(self, ladder: Ladder, estimation: EstimationProblem, fit: Refit) -> tuple[Ladder, Refit]:
@@ -239,8 +251,9 @@ class _Refinement:
     def _climb(self, view: View[FitT], criterion: str) -> Climb[FitT]:
         options = self.options
         return Climb(
-            view, self.records, self.validation, criterion, options.level, self.most, options.report, self.on_step
-        )
+            view, self.records, self.validation, criterion, options.level, self.most, options.report, self.on_step,
+            worse={PREDICTION: self._worse, SIMULATION: self._runs_worse}.get(criterion),
+        )  # fmt: skip
 
     def _as_predicted(self, ladder: Ladder, place: int, fit: Refit | None) -> Ladder:
         """The ladder with the model of a step fitted to prediction errors; unchanged without a fit."""
@@ -267,6 +280,9 @@ class _Refinement:
             other = other.measured(model, self.records, self.validation)
             ladder = replace(ladder, steps=(*(one for one in ladder.steps if one is not step), other))
         return ladder
+
+    def _runs_worse(self, before: Model, after: Model) -> bool:
+        return runs_worse(before, after, self.validation or self.records)
 
     def _worse(self, before: Model, after: Model) -> bool:
         return explains_less(before, after, self.validation or self.records)

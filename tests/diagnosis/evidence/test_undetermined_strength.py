@@ -2,7 +2,7 @@
 
 import pytest
 
-from idloop.diagnosis.evidence.undetermined_strength import undetermined_with
+from idloop.diagnosis.evidence.undetermined_strength import is_none, undetermined_with
 from idloop.diagnosis.screening.proposals import proposals
 from idloop.physics import load_model
 
@@ -52,3 +52,23 @@ def test_an_effect_beside_which_another_one_is_not_determined_any_more(
     text = undetermined_with(parent, fitted, proposal)
     assert ("coulomb_friction@axis any more, its level" in text) is refused
     assert bool(text) is refused
+
+
+@pytest.mark.parametrize(("stderr", "refused"), [((0.01, 0.5), False), ((0.1, 0.5), True), ((None, None), True)])
+def test_an_effect_whose_addition_to_a_simpler_one_is_not_determined(
+    stderr: tuple[float | None, float | None], refused: bool
+) -> None:
+    parent = load_model("axis").with_effects(["coulomb_friction@axis(level=0.12)"])
+    (proposal,) = (one for one in proposals(parent, ["stribeck_friction"]) if one.replaces)
+    name = proposal.name
+    values = {f"{name}.coulomb": 0.1, f"{name}.static": 0.15, f"{name}.velocity": 0.4}
+    errors = {f"{name}.coulomb": 0.001, f"{name}.static": stderr[0], f"{name}.velocity": stderr[1]}
+    fitted = proposal.model({}).with_values(values).with_values({}, {k: v for k, v in errors.items() if v is not None})
+    text = undetermined_with(parent, fitted, proposal)
+    assert ("what it adds to coulomb_friction@axis" in text) is refused
+
+
+def test_an_effect_at_its_neutral_value_is_none() -> None:
+    model = load_model("axis").with_effects(["input_delay@input(delay=0.0)", "coulomb_friction@axis(level=0.1)"])
+    assert is_none(model, "input_delay@input")
+    assert not is_none(model, "coulomb_friction@axis")

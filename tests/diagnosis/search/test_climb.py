@@ -28,9 +28,9 @@ class Fit:
 
 
 class Answers(SearchStep[Any]):
-    """All that was evaluated shows and is worth a name."""
+    """All that was evaluated shows and is worth a name; a free run asks for no standard errors."""
 
-    criterion = "prediction"
+    criterion = "simulation"
 
     def improvement(self, one: EvaluatedModel[Any]) -> float:
         return one.evidence.improvement
@@ -118,9 +118,7 @@ class Severe(Fickle):
 def test_all_effects_that_a_second_view_finds_superfluous_are_no_steps_any_more() -> None:
     start, fit = climb(Fickle(dropping=False))(Fit(load_model("axis")))
     assert start.added == (FRICTION, DRAG)
-    second = Climb(
-        Severe(dropping=True), (), (), "prediction", 0.01, 8, lambda share, text: None, worse=lambda one, other: False
-    )
+    second = Climb(Severe(dropping=True), (), (), "prediction", 0.01, 8, lambda share, text: None, reduces=True)
     ladder, fit = second(fit, start)
     assert ladder.added == fit.model.effect_names == ()
 
@@ -140,7 +138,35 @@ def test_a_model_that_is_worse_in_the_other_view_ends_the_ladder_with_what_was_t
         Fickle(dropping=False), (), (), "prediction", 0.01, 8, lambda share, text: None, worse=lambda one, other: True
     )
     ladder, _ = guarded(Fit(before.model), before)
-    assert ladder is before
+    assert ladder.steps == before.steps
+    assert ladder.verdict == "adequate"
+    assert ladder.passed_over == {DRAG: "with it the model explains less of the records"}
+
+
+class Predicted(Answers):
+    """Answers with the standard errors of predictions."""
+
+    criterion = "prediction"
+
+    def reported(self, fit: Any) -> Model:
+        known = fit.model.with_values({f"{FRICTION}.level": 0.3} if FRICTION in fit.model.effect_names else {})
+        model: Model = known.with_values({}, dict.fromkeys(known.free, 0.1))
+        return model
+
+
+class Vague(Fickle):
+    """Wants dry friction and drag at once, of which the data determine the friction only."""
+
+    def evaluate(self, parent: Any) -> SearchStep[Any]:
+        wanted = [name for name in (DRAG, FRICTION) if name not in parent.model.effect_names]
+        found = [evaluated(parent.model, name, 200.0 if name == DRAG else 100.0) for name in wanted]
+        return Predicted(parent, tuple(found), 2, 0.01, 0.01)
+
+
+def test_what_all_samples_do_not_determine_is_no_step_and_the_next_best_is() -> None:
+    ladder, _ = climb(Vague(dropping=False))(Fit(load_model("axis")))
+    assert ladder.added == (FRICTION,)
+    assert "do not determine its coefficient" in ladder.passed_over[DRAG]
 
 
 def test_the_step_that_shows_too_little_is_passed_over_with_the_reason() -> None:

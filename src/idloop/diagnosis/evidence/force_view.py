@@ -68,7 +68,7 @@ _LEAST_INERTIA = 1.0 / 30.0
 # Windows in which all effects are fitted first; the best are fitted again in all windows.
 _COARSE_WINDOWS = 2_000
 # A model that leaves less than this part of the drive's force is adequate where no effect explains more.
-_ADEQUATE = 0.1
+ADEQUATE_FORCE = 0.1
 # An effect must show this part of its improvement on held-out records, if it changes the forces there by so much.
 _CARRIES_OVER = 0.25
 # Where it enlarges errors there, by at most this part of what it takes from those of the fitted records.
@@ -162,7 +162,7 @@ class ForceStep(SearchStep[WeakFit]):
         if self.residual_curve is not None:
             return UNKNOWN, ()
         worst = int(np.argmax(fit.relative_by_body))
-        if fit.relative_by_body[worst] < _ADEQUATE or not fit.model_error_dominates:
+        if fit.relative_by_body[worst] < ADEQUATE_FORCE or not fit.model_error_dominates:
             return ADEQUATE, ()
         force = "drive force" if worst == 0 else f"force on {fit.model.bodies[worst]}"
         text = (

@@ -15,7 +15,7 @@ from idloop.diagnosis.diagnosis import candidate_of
 from idloop.diagnosis.equivalence.same_motion import same_motion, same_motion_from_own_starts, within_quantisation
 from idloop.diagnosis.evidence.force_view import unbalanced
 from idloop.diagnosis.evidence.predictive import Scores
-from idloop.diagnosis.evidence.undetermined_strength import undetermined_with
+from idloop.diagnosis.evidence.undetermined_strength import is_none, undetermined_with
 from idloop.diagnosis.identifiability import gate
 from idloop.diagnosis.model_errors import model_errors
 from idloop.diagnosis.options import PREDICTION, Options, Progress
@@ -368,6 +368,8 @@ class PredictionView(View[Refit]):
 
     def without(self, fit: Refit, name: str) -> Refit | None:
         """The model without one of its effects, where its evidence is no less; else None."""
+        if is_none(fit.model, name):
+            return refit_or_none(self.estimation, fit.model.without_effect(name), None, fit)
         # Once a body is split, the force balance along its measured motion is void.
         balanced = self.force_model is not None and not fit.model.inner_couplings
         if self.estimation.kind != PREDICTION or balanced:

@@ -26,8 +26,11 @@ def undetermined_with(parent: Model, model: Model, proposal: Proposal) -> str:
     proposal : Proposal
         The effect.
     """
-    if proposal.replaces is None and (own := undetermined_strength(model, proposal.name, proposal.effect)):
-        return f"the data do not determine its {own}"
+    if proposal.replaces is None:
+        if own := undetermined_strength(model, proposal.name, proposal.effect):
+            return f"the data do not determine its {own}"
+    elif own := _undetermined_addition(parent, model, proposal):
+        return f"the data do not determine what it adds to {proposal.replaces}, its {own}"
     for active in parent.effects:
         strength = active.effect.strength
         key = f"{active.name}.{strength}"
@@ -63,6 +66,29 @@ def undetermined_strength(fitted: Model, name: str, effect: Effect) -> str:
         if none or (found.value - reach <= spec.min and spec.max <= found.value + reach):
             return _with_error(spec.name, found)
     return ""
+
+
+def is_none(fitted: Model, name: str) -> bool:
+    """Whether an effect has ended at the value at which it does nothing."""
+    effect = next(active.effect for active in fitted.effects if active.name == name)
+    return bool(effect.strength) and fitted.values[f"{name}.{effect.strength}"] == effect.spec(effect.strength).neutral
+
+
+def _undetermined_addition(parent: Model, fitted: Model, proposal: Proposal) -> str:
+    """The parameters that an effect adds to the one that it contains; empty where the data determine any of them."""
+    replaced = str(proposal.replaces)
+    known = set(proposal.effect.contains.get(replaced.partition("@")[0].partition("#")[0], {}).values())
+    known |= {name.removeprefix(f"{proposal.name}.") for name in parent.free if replaced == proposal.name}
+    found = []
+    for spec in proposal.effect.parameters:
+        key = f"{proposal.name}.{spec.name}"
+        if key not in fitted.free or spec.name in known:
+            continue
+        parameter = fitted.parameter(key)
+        if abs(parameter.value - (spec.neutral if math.isfinite(spec.neutral) else 0.0)) > CERTAIN * _error(parameter):
+            return ""
+        found.append(_with_error(spec.name, parameter))
+    return ", ".join(found)
 
 
 def _error(found: Parameter) -> float:

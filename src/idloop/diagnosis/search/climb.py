@@ -8,11 +8,15 @@ from typing import Generic
 
 from idloop.diagnosis.candidate import effect_parameters
 from idloop.diagnosis.diagnosis import candidate_of, first_of_pair, rival_pairs, step_ending, tied_members
+from idloop.diagnosis.evidence.undetermined_strength import undetermined_with
 from idloop.diagnosis.ladder import Ladder, Step
-from idloop.diagnosis.options import Progress
+from idloop.diagnosis.options import SIMULATION, Progress
 from idloop.diagnosis.search.step import MISSING, FitT, SearchStep, View
 from idloop.physics.model import Model
 from idloop.records import Record
+
+# Most choices of one step that are fitted to all samples.
+_MOST_CHOICES = 3
 
 
 @dataclass(frozen=True)
@@ -28,11 +32,12 @@ class Climb(Generic[FitT]):
     report: Progress
     on_step: Callable[[Ladder], None] | None = None
     worse: Callable[[Model, Model], bool] | None = None  # whether the second model must not replace the first
+    reduces: bool = False  # whether effects of the given ladder may be superfluous in this view
 
     def __call__(self, fit: FitT, ladder: Ladder | None = None) -> tuple[Ladder, FitT]:
         """Climb from a fitted model, on from a ladder where one is given, to the fit of the last model."""
-        given, rejected = ladder, False
-        kept, added, reduced = set[str](), set[str](), False
+        given = ladder
+        kept, added, reduced = set[str](), set[str](), not self.reduces
         while True:
             count = 0 if ladder is None else len(ladder.added)
             self.report(count / (count + 2.0), f"evaluating effects beside {count}" if count else "evaluating effects")
@@ -42,25 +47,22 @@ class Climb(Generic[FitT]):
                 model = step.reported(fit)
                 ladder = Ladder((Step(None, model).measured(model, self.records, self.validation),))
             ladder = replace(ladder, criterion=self.criterion, level=self.level)
-            if given is not None and self.worse is not None and not reduced:
+            if given is not None and not reduced:
                 # What another view has found may be superfluous in this one.
                 reduced, before = True, ladder
                 ladder, fit = self._without_superfluous(ladder, fit, step, kept, ladder.steps[1:])
                 if ladder is not before:
                     continue
-            ended = not step.tied or count + len(step.tied[0].proposals) > self.most
+            room = bool(step.tied) and count + len(step.tied[0].proposals) <= self.most
             # A missing effect may hide the timing of the command: it is looked at again once effects were added.
-            timed = self.view.with_timing(step) if added or not ended else None
+            timed = self.view.with_timing(step) if added or room else None
             if timed is not None:
                 view, fit = timed
                 return replace(self, view=view)(fit, self._with_values(ladder, step.reported(fit)))
-            if ended:
+            step, found = self._first_that_serves(step, ladder.model) if room else (step, None)
+            if found is None:
                 break
-            steps, further = self._steps(step)
-            if self.worse is not None and self.worse(ladder.model, steps[-1].model):
-                rejected = True
-                break
-            fit = further
+            steps, fit = found
             for one in steps:
                 ladder = self._with(ladder, one)
             # An effect that was removed and has come back is kept, or the ladder could cycle.
@@ -70,10 +72,35 @@ class Climb(Generic[FitT]):
             if self.on_step is not None:
                 self.on_step(ladder)
         self.report(1.0, "done")
-        if rejected and given is not None:
-            # The verdict of the other view holds.
-            return (given if len(ladder.steps) == len(given.steps) else replace(ladder, verdict=given.verdict)), fit
         return self._concluded(ladder, step), fit
+
+    def _first_that_serves(
+        self, step: SearchStep[FitT], before: Model
+    ) -> tuple[SearchStep[FitT], tuple[list[Step], FitT] | None]:
+        """The best choice that makes no other view worse and that the data determine, fitted to all samples.
+
+        With the step that refuses the others; None where there is none.
+        """
+        for _ in range(_MOST_CHOICES):
+            if not step.tied:
+                return step, None
+            steps, fit = self._steps(step)
+            why = self._refusal(before, steps[-1].model, step)
+            if not why:
+                return step, (steps, fit)
+            step = replace(step, rejected={**step.rejected, step.tied[0].names[-1]: why})
+        # No other choice is asked for.
+        names = {one.names[-1]: why for one in step.tied}
+        return replace(step, rejected={**step.rejected, **names}), None
+
+    def _refusal(self, before: Model, after: Model, step: SearchStep[FitT]) -> str:
+        """Why the best choice of a step is not added; empty where it is."""
+        if self.worse is not None and self.worse(before, after):
+            return "with it the model explains less of the records"
+        if step.criterion == SIMULATION:
+            # Errors of a free run are model errors, beside which a standard error says little.
+            return ""
+        return next(filter(None, (undetermined_with(before, after, one) for one in step.tied[0].proposals)), "")
 
     def _steps(self, step: SearchStep[FitT]) -> tuple[list[Step], FitT]:
         """What the best choice of a step adds, one effect after the other, and the model that has it all."""
