@@ -171,7 +171,7 @@ def _without_ties(
 
     Along a direction without influence a search may have gone far, to where rounding and bounds decide.
     """
-    together = exactly_tied(model, jacobian)
+    together = exactly_tied(model, jacobian, result.values)
     if together is None:
         return None
     settled = fit(together.fixed(model), records, criterion, lambda share, text: report(0.8 + 0.2 * share, text))

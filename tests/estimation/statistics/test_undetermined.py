@@ -9,7 +9,13 @@ from idloop.diagnosis import diagnose, refine
 from idloop.estimation import fit
 from idloop.estimation.dataset import prepare
 from idloop.estimation.optimisation.caching_engine import CachingEngine
-from idloop.estimation.statistics.undetermined import common_factor, common_scale, effect_scales, standard_errors
+from idloop.estimation.statistics.undetermined import (
+    common_factor,
+    common_scale,
+    effect_scales,
+    exactly_tied,
+    standard_errors,
+)
 from idloop.physics import Model, load_model
 from idloop.physics.simulation import simulate
 from idloop.records import Record
@@ -181,6 +187,19 @@ def test_other_uncertainties_are_no_common_factor(relative: list[list[float]]) -
     assert common_factor(model, covariance) is None
     deviations = np.sqrt(np.diag(covariance))
     assert list(standard_errors(model, covariance).values()) == pytest.approx(list(deviations))
+
+
+@pytest.mark.parametrize(("second", "shared"), [(-1.0, True), (1.0, False)])
+def test_exactly_tied_parameters_that_share_a_factor_leave_their_ratio(second: float, shared: bool) -> None:
+    """Where the search ran away along it, the inertia no longer shows, and the covariance is that of rounding."""
+    model = load_model("axis").with_free(BASE[1:])
+    values = 1e6 * model.theta
+    errors = np.random.default_rng(0).normal(size=200)
+    jacobian = np.column_stack([errors, second * errors]) / values
+    found = exactly_tied(model, jacobian, values)
+    assert found is not None
+    assert (found.held, found.value) == ("drive.gain", model.values["drive.gain"])
+    assert (found.ratios, found.exact) == (shared, not shared)
 
 
 def test_slow_motion_determines_ratios_of_forces_only() -> None:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from idloop.estimation.dataset import prepare
 from idloop.estimation.result import FitResult, Ratio
 from idloop.estimation.simulation import SimulationCriterion
-from idloop.estimation.statistics.uncertainty import ties
+from idloop.estimation.statistics.uncertainty import reduced_hessian, ties
 from idloop.physics import Engine
 from idloop.physics.schema import BODY_PARAMETERS, COUPLING_PARAMETERS
 
@@ -135,9 +135,9 @@ def common_factor(model: Model, covariance: Array) -> Undetermined | None:
         return None
     relative = covariance[np.ix_(inside, inside)] / np.outer(values[inside], values[inside])
     powers, directions = np.linalg.eigh(relative)
-    direction = directions[:, -1] * np.sign(np.sum(directions[:, -1]))
-    most = float(np.max(direction))
-    share = [int(place) for place, one in zip(inside, direction, strict=True) if one > (1.0 - _ALIKE) * most]
+    sharing = _sharing(directions[:, -1])
+    share = [int(inside[place]) for place in sharing]
+    most = float(np.max(np.abs(directions[sharing, -1]), initial=0.0))
     if len(share) < 2 or not np.sqrt(powers[-1]) * most > _ANY_FACTOR:
         return None
     names = tuple(model.free[place] for place in share)
@@ -210,18 +210,38 @@ def _same_motion(engine: Engine, data: list[Data], names: Sequence[str]) -> bool
     return True
 
 
-def exactly_tied(model: Model, jacobian: Array) -> Undetermined | None:
+def exactly_tied(model: Model, jacobian: Array, values: Array) -> Undetermined | None:
     """Parameters that only rounding separates, from a Jacobian of the errors; the last one is held.
 
-    The last parameter is the one that was added last to a model.
+    The last parameter is the one that was added last to a model. Where they share a factor their ratios are determined.
+
+    Parameters
+    ----------
+    model : Model
+        Before the fit: the held parameter keeps its value.
+    jacobian : array, shape (n, k + m)
+        Of the errors, free parameters first.
+    values : array, shape (k,)
+        At which the Jacobian was taken.
     """
-    tied, _ = ties(jacobian.T @ jacobian, len(model.free))
+    hessian = jacobian.T @ jacobian
+    tied, _ = ties(hessian, len(model.free))
     for tie in tied:
         if tie.exact:
             names = tuple(model.free[i] for i in tie.members)
             held = model.parameter(names[-1])
-            return Undetermined(names, held.name, held.value, held.unit, ratios=False)
+            members = list(tie.members)
+            relative = reduced_hessian(hessian, len(values))[np.ix_(members, members)]
+            least = np.linalg.eigh(relative * np.outer(values[members], values[members]))[1][:, 0]
+            factor = len(_sharing(least)) == len(members)
+            return Undetermined(names, held.name, held.value, held.unit, ratios=factor, exact=not factor)
     return None
+
+
+def _sharing(direction: Array) -> list[int]:
+    """Places of the parameters that move by the same part along a direction (k,) of relative changes."""
+    direction = direction * np.sign(np.sum(direction))
+    return [int(place) for place in np.flatnonzero(direction > (1.0 - _ALIKE) * float(np.max(direction)))]
 
 
 def _forces(model: Model) -> set[str]:
