@@ -129,7 +129,9 @@ def test_periods_are_compared_unit_by_unit():
     series = fleet(5)
     series.value[9, DAYS // 2 :] += 0.3
     _, units = between_periods(series, 20000.0 + DAYS // 2, 20000.0)
-    assert min(units, key=lambda one: one.p_value).robot == "r09"
+    (one,) = [one for one in units if one.p_value < 1e-4]
+    assert (one.robot, one.what) == ("r09", "beyond")
+    assert one.low < 0.3 < one.high
     assert between_periods(series, 30000.0, None) == ([], [])
 
 

@@ -404,7 +404,8 @@ def between_periods(series: Series, since: float, against: float | None) -> tupl
     """Change of a kind and of its units from the days of ``[against, since)`` to those from ``since`` on.
 
     Each unit is compared with itself. The change of the kind is the mean of its units' changes under a random effect
-    (DerSimonian and Laird, Controlled Clinical Trials 7, 1986).
+    (DerSimonian and Laird, Controlled Clinical Trials 7, 1986); of five units and more the change of each is that
+    beyond the median of all.
 
     Parameters
     ----------
@@ -440,12 +441,14 @@ def between_periods(series: Series, since: float, against: float | None) -> tupl
     weight = 1.0 / (variance + effect)
     mean, stderr = float(np.sum(weight * size) / np.sum(weight)), float(1.0 / np.sqrt(np.sum(weight)))
     few = min(freedom, max(len(size) - 1.0, 1.0)) if effect > 0.0 else freedom
-    errors = np.sqrt(variance)
     kind = [_finding(series, "period", since, mean, stderr, ("", ""), float(_p(mean, stderr, few)))]
+    # Where enough joints share the change of their kind, one is of interest that does otherwise.
+    what, away = ("beyond", size - np.median(size)) if len(size) >= FEWEST_UNITS else ("period", size)
+    errors = np.sqrt(variance)
     units = [
-        _finding(series, "period", since, one, error, name, p)
+        _finding(series, what, since, one, error, name, p)
         for name, one, error, p in zip(
-            names, size.tolist(), errors.tolist(), _p(size, errors, freedom).tolist(), strict=True
+            names, away.tolist(), errors.tolist(), _p(away, errors, freedom).tolist(), strict=True
         )
     ]
     return kind, units

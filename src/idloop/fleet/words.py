@@ -27,7 +27,7 @@ UNIT_COLUMNS = {
 _MOST = 20  # findings and failures in the text
 _WHAT = {
     "odd": "differs from its kind", "trend": "changes steadily", "step": "changes at once", "day": "single recording",
-    "period": "after the date", "alarm": "has grown since",
+    "period": "after the date", "beyond": "beyond its kind", "alarm": "has grown since",
 }  # fmt: skip
 
 
