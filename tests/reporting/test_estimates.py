@@ -14,7 +14,13 @@ from idloop.diagnosis import Candidate, Ladder, Step
 from idloop.diagnosis.candidate import effect_parameters
 from idloop.diagnosis.screening.proposals import proposals
 from idloop.physics import load_model
-from idloop.reporting.estimates import held_parameters, parameter_rows, read_off_parameters, with_interval
+from idloop.reporting.estimates import (
+    held_parameters,
+    not_determined,
+    parameter_rows,
+    read_off_parameters,
+    with_interval,
+)
 from idloop.reporting.page.page_words import page_words
 from idloop.reporting.text.ladder import ladder_blocks, parameter_blocks
 from idloop.validation.words import figure_text, fit_text, force_text
@@ -133,3 +139,15 @@ def test_a_row_of_the_parameters_has_interval_unit_and_bounds() -> None:
     (inertia,) = [row for row in parameter_rows(load_model("emps")) if row["key"] == "axis.inertia"]
     assert inertia["bounds"] == "above 0", "a millionth of the value keeps it from zero, no more"
     assert rows["dead_zone@input.width"]["unit"] == "V"
+
+
+@pytest.mark.parametrize(("value", "stderr"), [(1e-8, 0.1), (5e-8, 0.1), (1e-8, None)])
+def test_an_estimate_at_its_bound_is_not_determined(value, stderr):
+    model = load_model("axis").with_free(["axis.inertia", "drive.gain"])
+    assert not not_determined(model)
+    model = model.with_values({"axis.inertia": value}, {"axis.inertia": stderr, "drive.gain": 0.1})
+    (line,) = not_determined(model)
+    assert line.startswith("axis.inertia ended at its bound: the data do not determine it")
+    assert ("only that it is below 0.196 kg·m² (95 %)" in line) == (stderr is not None)
+    (row,) = (row for row in parameter_rows(model) if row["key"] == "axis.inertia")
+    assert row["kind"] == "at its bound"

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from idloop.errors import InputError
+from idloop.errors import IdloopError, InputError
 from idloop.estimation import fit
 from idloop.physics import Model, load_model
 from idloop.physics.engine import Engine
@@ -75,6 +75,23 @@ def test_everything_in_one_document_and_one_figure() -> None:
     assert set(document) >= {"free_run", "one_step", "ahead", "force", "share", "residual"}
     assert document["ahead"]["steps"] == 10
     assert len(result.plot()) == 2
+
+
+def test_a_model_that_runs_away_has_a_drive_side() -> None:
+    """An inertia that a force balance could not tell from none."""
+    model, record = servo(noise=1e-5)
+    gone = model.with_effects(["presliding_friction@axis"])
+    least = gone.parameter("axis.inertia").min
+    gone = gone.with_values({"axis.inertia": least, "presliding_friction@axis.stiffness": 1e6})
+    result = compare(gone, record)
+    assert not np.any(np.isfinite(result.simulated))
+    assert not np.any(np.isfinite(result.innovation))
+    assert result.force is not None
+    assert result.to_dict()["force"]["relative_error"] > 0.0
+    sparse = record.output.copy()
+    sparse[::2] = np.nan
+    with pytest.raises(IdloopError, match="stays finite"):
+        compare(gone, replace(record, output=sparse))
 
 
 def test_bad_requests() -> None:

@@ -120,7 +120,7 @@ def compare(
     InputError
         Models with different outputs, or a record that does not suit them.
     IdloopError
-        Neither free run nor prediction of a model stays finite.
+        Neither free run nor prediction of a model stays finite, and no drive force can be compared.
 
     Examples
     --------

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 NORMAL_95 = 1.959963984540054
 _FAR_BELOW = 1e-4  # of a value
+_AT_BOUND = 1e-6  # of a standard error, from a bound
 
 
 def parameter_estimates(model: Model) -> dict[str, dict[str, Any]]:
@@ -40,9 +41,37 @@ def parameter_estimates(model: Model) -> dict[str, dict[str, Any]]:
             "stderr": stderr if known else None,
             "interval": [parameter.value - reach, parameter.value + reach] if known else [None, None],
             "unit": parameter.unit,
-            "at_bound": parameter.value in (parameter.min, parameter.max),
+            "at_bound": at_bound(parameter) is not None,
         }
     return found
+
+
+def at_bound(parameter: Parameter) -> float | None:
+    """The bound at which an estimate ended; None where it is not at one.
+
+    A search with an inertia stops short of 0, at a distance that its standard error does not show.
+    """
+    near = _AT_BOUND * (parameter.stderr or 0.0)
+    bounds = (parameter.min, parameter.max) if parameter.free else ()
+    return next((bound for bound in bounds if abs(parameter.value - bound) <= near), None)
+
+
+def not_determined(model: Model) -> list[str]:
+    """A sentence for each estimate that ended at a bound: what the data say of it all the same."""
+    lines = []
+    for name, one in parameter_estimates(model).items():
+        parameter = model.parameter(name)
+        bound = at_bound(parameter)
+        if bound is None:
+            continue
+        low, high = one["interval"]
+        limit = high if bound == parameter.min else low
+        where = "below" if bound == parameter.min else "above"
+        known = (
+            "" if limit is None else f", only that it is {where} {limit:.3g} {one['unit']} (95 %)".replace(" - (", " (")
+        )
+        lines.append(f"{name} ended at its bound: the data do not determine it{known}")
+    return lines
 
 
 def held_parameters(ladder: Ladder) -> dict[str, Parameter]:
@@ -82,7 +111,6 @@ def parameter_rows(model: Model, held: Collection[str] = ()) -> list[dict[str, s
     """
     rows = []
     for one in model.parameters:
-        at_bound = one.free and one.value in (one.min, one.max)
         free = "estimated" if one.stderr is not None else "free, not fitted yet"
         rows.append(
             {
@@ -91,7 +119,13 @@ def parameter_rows(model: Model, held: Collection[str] = ()) -> list[dict[str, s
                 "value": with_interval(one.value, one.stderr if one.free else None),
                 "unit": one.unit.strip("-"),
                 "bounds": _bounds(one) if one.free else "",
-                "kind": "at its bound" if at_bound else free if one.free else "held" if one.name in held else "known",
+                "kind": "at its bound"
+                if at_bound(one) is not None
+                else free
+                if one.free
+                else "held"
+                if one.name in held
+                else "known",
             }
         )
     return rows

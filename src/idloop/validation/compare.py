@@ -217,12 +217,13 @@ def compare(
     InputError
         The record does not match the model.
     IdloopError
-        Neither free run nor prediction stays finite.
+        Neither free run nor prediction stays finite, and no drive force can be compared.
     """
     if steps < 1:
         raise InputError(f"steps = {steps} is no prediction horizon; choose at least 1")
     comparison = Comparison(model, record, steps, cutoff, dict(measures or {}))
     # Simulated now, so that unsuitable data fails here and not in a later plot.
-    if not np.any(np.isfinite(comparison.simulated)) and not np.any(np.isfinite(comparison.innovation)):
+    runs = bool(np.any(np.isfinite(comparison.simulated)) or np.any(np.isfinite(comparison.innovation)))
+    if not runs and comparison.force is None:
         raise IdloopError(f"neither free run nor prediction of model {model.name!r} stays finite")
     return comparison

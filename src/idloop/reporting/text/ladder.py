@@ -9,7 +9,7 @@ from idloop.diagnosis.equivalence.equivalent_effects import equivalent_effects_o
 from idloop.estimation.statistics.interval_text import interval_text
 from idloop.p_values import p_value_text
 from idloop.reporting.detectability import significant_not_added, undetectable
-from idloop.reporting.estimates import held_parameters, parameter_estimates, read_off_parameters
+from idloop.reporting.estimates import held_parameters, not_determined, parameter_estimates, read_off_parameters
 from idloop.reporting.residual_findings import residual_warnings
 from idloop.reporting.scores import disagreements, judging, step_scores
 from idloop.reporting.terms import DATA_USE
@@ -99,6 +99,7 @@ def parameter_blocks(ladder: Ladder) -> Iterator[Block]:
         yield ""
         yield "parameters of the last model, all refitted:"
         yield Table.of(("parameter", "value", "95 % interval", "unit"), rows)
+    yield from not_determined(ladder.model)
     for name, one in read_off_parameters(ladder).items():
         yield f"read off the readings: {name} {number(one.value, 6)} {one.unit}"
     held = [f"{name} {number(one.value)} {one.unit}".rstrip(" -") for name, one in held_parameters(ladder).items()]
