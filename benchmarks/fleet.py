@@ -234,22 +234,35 @@ def judge(fleet: Fleet, findings: Sequence[Any]) -> dict[str, Any]:
     }
 
 
+def timed(bag: Any, settings: Any) -> float:
+    """Seconds that a worker takes for a recording."""
+    from idloop.fleet.joint_day import identify_bag
+
+    begun = time.perf_counter()
+    identify_bag(bag, settings)
+    return time.perf_counter() - begun
+
+
 def scaling(table: Path) -> dict[str, float]:
-    """Recordings a second of one worker and of two, after a first one on each."""
+    """Recordings a second of one worker and of two, after a first one on each, and the share of time that they work.
+
+    The ratio needs idle cores; where workers work all the time, nothing but the cores limits them.
+    """
     from idloop.fleet.bags import find_bags
     from idloop.fleet.engine import Workers
-    from idloop.fleet.joint_day import Settings, identify_bag
+    from idloop.fleet.joint_day import Settings
 
     settings, bags = Settings(tuple(models().items())), find_bags(str(table))
     rates = {}
     for count in (1, 2):
         with Workers(count) as workers:
-            ways = {"size": 1, "lost": lambda one: None}
-            list(workers.map(identify_bag, bags[: 2 * count], settings, **ways))
+            ways: dict[str, Any] = {"size": 1, "lost": lambda one: None}
+            list(workers.map(timed, bags[: 2 * count], settings, **ways))
             begun = time.perf_counter()
-            list(workers.map(identify_bag, bags, settings, **ways))
-            rates[f"{count} workers"] = len(bags) / (time.perf_counter() - begun)
-    return rates | {"ratio": rates["2 workers"] / rates["1 workers"]}
+            busy = sum(sum(found) for _, found in workers.map(timed, bags, settings, **ways))
+            wall = time.perf_counter() - begun
+        rates |= {f"{count} workers": len(bags) / wall, f"{count} workers, busy": busy / (count * wall)}
+    return rates | {"ratio": rates["2 workers"] / rates["1 workers"], "load": os.getloadavg()[0]}
 
 
 def run(arguments: argparse.Namespace, folder: Path) -> dict[str, Any]:
