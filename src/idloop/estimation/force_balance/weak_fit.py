@@ -54,8 +54,8 @@ MOST_ITERATIONS, _MOST_DAMPING = 60, 1e8
 _LINEAR_ROUNDS = 20
 # Difference step as a part of a parameter's size.
 _SLOPE_STEP = 1e-4
-# Parts of a linear step that are tried: the longest that is no worse.
-_SHARES = (1.0, 0.5, 0.25, 0.0)
+# Iterations of a fit to some of the windows, where the linear step is no fit to them.
+_FOLD_ROUNDS = 5
 # A window counts fully by its command where the balance depends on that by at least this part of the gain.
 _FULL_RESPONSE = 0.5
 # Factor of the search for the rest speed, and the gain of log-likelihood that a step must bring.
@@ -236,15 +236,11 @@ class WeakFit:
             move = move + step
             if promised < TOLERANCE:
                 break
-        target, size = _Target(self.form), _rms(_Target(self.form)(self.point))
-        for share in _SHARES:
-            point = np.clip(self.point + share * move, lower, upper)
-            error = target(point) / size
-            # Parameters that only their product determines, as of a soft spring far off, make a long step wrong.
-            if np.all(np.isfinite(error)) and _cost(error[rows]) <= _cost(base):
-                break
-        else:
-            raise IdloopError("the force balance cannot be evaluated")
+        point, target = np.clip(self.point + move, lower, upper), _Target(self.form)
+        error = target(point) / _rms(target(self.point))
+        if not (np.all(np.isfinite(error)) and _cost(error[rows]) <= _cost(base)):
+            # Parameters that only their product determines, as of a soft spring far off, make the linear step wrong.
+            point = fit_weak(self.form, self.point, rounds=_FOLD_ROUNDS, tolerance=RANKING_TOLERANCE, rows=rows).point
         residual = self.form.residual(*_split(self.form, point))
         scale = _scales(self.form, point, residual, rows)
         return WeakFit(self.form, point, scale, rows, np.nan, self.iterations, self.converged, self.jacobian)
@@ -447,6 +443,7 @@ def fit_weak(
     rounds: int = MOST_ITERATIONS,
     tolerance: float = TOLERANCE,
     equal_shares: bool = False,
+    rows: Rows | slice = slice(None),
 ) -> WeakFit:
     """Fit a model to a force balance.
 
@@ -461,6 +458,8 @@ def fit_weak(
         Predicted gain of log-likelihood at which the search ends.
     equal_shares : bool
         Count every window by its command: not the likelihood, but a start for a search.
+    rows : array of int, optional
+        Fit to these windows only; the slopes of the result are those of all or none.
 
     Raises
     ------
@@ -473,7 +472,11 @@ def fit_weak(
     step = _SLOPE_STEP * size
     if not np.all(np.isfinite(form.residual(*_split(form, point)))):
         raise IdloopError("the force balance cannot be evaluated at the starting values")
-    target = _Target(form, equal_shares=equal_shares)
+    whole = _Target(form, equal_shares=equal_shares)
+
+    def target(at: Array) -> Array:
+        return np.asarray(whole(at)[rows])
+
     damping, converged, iteration = 1e-3, False, 0
     size_of_errors, jacobian = np.ones(0), np.zeros((0, len(point)))
     while iteration < rounds and not converged:
@@ -510,7 +513,7 @@ def fit_weak(
         size = np.maximum(size, np.abs(point))
     scale = _scales(form, point, form.residual(*_split(form, point)))
     likelihood = -_cost(target(point))
-    unscaled = (jacobian.reshape(form.starts[-1], -1, len(point)) * size_of_errors[:, None]).reshape(jacobian.shape)
+    unscaled = (jacobian.reshape(-1, len(size_of_errors), len(point)) * size_of_errors[:, None]).reshape(jacobian.shape)
     return WeakFit(form, point, scale, np.arange(form.starts[-1]), likelihood, iteration, converged, unscaled)
 
 
