@@ -577,6 +577,15 @@ def test_the_slope_of_a_position_in_a_unit_is_no_command():
         _roles({"t": T, "angle": ANGLE, "sig": SPEED * 30 / pi})
 
 
+@pytest.mark.parametrize(
+    "name", ["c1 temp [C]", "motor temperature (°)", "temp [deg]", "temp_C", "Temp [deg C]", "temp [°C]"]
+)
+def test_a_temperature_in_a_letter_is_in_degrees_celsius(name):
+    roles, found = _roles({"t [s]": T, "u [V]": U, "angle [deg]": ANGLE, name: 20.0 + T})
+    assert roles["temperature"] == (name, "°C")
+    assert not [one for one in found.all_doubts() if "temperature" in one]
+
+
 def test_the_unit_of_a_condition_that_nothing_says_is_doubted():
     columns = {"t [s]": T, "u [V]": U, "angle [deg]": ANGLE, "batteryVoltage": 7931.0 + 0 * T, "temp": 20.0 + T}
     roles, found = _roles(columns)

@@ -191,6 +191,18 @@ def test_units_are_no_groups(tmp_path):
         _read(tmp_path, "Time;Speed;;Torque;\ns;rpm;;Nm;\n;Set;Act;Set;Act\n0;1;2;3;4\n1;1;2;3;4\n")
 
 
+def test_columns_of_one_name_and_the_same_stamps_are_read_once(tmp_path):
+    above = "Interval,0.5,Interval,0.5\nChannel name,Force,Channel name,Input 1\nUnit,N,Unit,V\n"
+    table = _read(tmp_path, above + "0,1,0,5\n0.5,2,0.5,6\n1,3,1,7\n")
+    assert list(table.columns) == ["Channel name", "Force", "Input 1"]
+    np.testing.assert_array_equal(table.columns["Channel name"], [0, 0.5, 1])
+    np.testing.assert_array_equal(table.columns["Input 1"], [5, 6, 7])
+    assert (table.units["Force"], table.units["Input 1"]) == ("N", "V")
+    assert any("columns of one name and the same stamps (Channel name) are read once" in note for note in table.notes)
+    with pytest.raises(InputError, match="'Channel name' occurs twice"):
+        _read(tmp_path, above + "0,1,0,5\n0.5,2,0.7,6\n1,3,1,7\n")
+
+
 def test_pairs_of_stamps_and_values(tmp_path):
     table = _read(tmp_path, "Time,Value,Time,Value,,\n0,1,0.5,2,,\n1,2,1.5,3,,\n2,3,,,,\n")
     assert table.clocks == {"Value": "Time", "Value (2)": "Time (2)"}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -27,6 +28,11 @@ _STEADY = 0.1  # of its mean, for a supply
 _LINE = 1e-3  # of the spread of a column, by which one that runs with the time or the rows leaves a straight line
 
 
+def _is_celsius(unit: str, words: Sequence[str]) -> bool:
+    """Whether a unit, or the last of the words of a name without one, stands for degrees Celsius of a temperature."""
+    return unit.casefold().removeprefix("deg").strip(" .°") in ("", "c") if unit else tuple(words[-1:]) == ("c",)
+
+
 @dataclass(frozen=True)
 class TableColumn:
     """One column of numbers."""
@@ -48,6 +54,8 @@ class TableColumn:
         elif "velocity" in role and unit in _PER_SECOND:
             unit = _PER_SECOND[unit]
             doubts = (f"the unit of the {role} is written as {self.parsed.unit!r}, which is taken per second", *doubts)
+        elif role == "temperature" and _is_celsius(unit or written, self.parsed.words):
+            unit, factor, written = "°C", 1.0, ""
         if factor != 1.0:
             options["scale"] = factor * options.get("scale", 1.0)
         return Guess(

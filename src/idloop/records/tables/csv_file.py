@@ -181,13 +181,19 @@ def _read(path: Path, stream: TextIO, options: dict[str, Any], found: CsvTable, 
     clocks = clocks_of(own_names[:width])
     if clocks:
         names = numbered(names)
+    kept = _without_copies(names, table.columns) if not clocks else list(range(width))
+    if len(kept) < len(names):
+        copies = dict.fromkeys(names[place] for place in range(width) if place not in kept)
+        found.notes.append(f"columns of one name and the same stamps ({listed(copies, 3)}) are read once")
+        names, own_names, width = [names[k] for k in kept], [own_names[k] for k in kept], len(kept)
+        units = tuple([row[k] for k in kept if k < len(row)] for row in units)
     if twice := dict.fromkeys(repeated(names)):
         if any(sum(map(bool, map(str.strip, line.split(layout.delimiter)))) > 1 for line in found.preamble):
             # What tells them apart may stand above.
             raise InputError(f"{path}: column {next(iter(twice))!r} occurs twice; rename one in the header")
         names = [f"{name}.{place}" if name in twice else name for place, name in enumerate(names)]
         found.notes.append(f"columns of one name ({listed(twice, 3)}) have their places behind it, counted from 0")
-    columns = table.columns[:width]
+    columns = [table.columns[place] for place in kept]
     in_cells = {name: _take_units(path, name, parts, start) for name, parts in zip(names, columns, strict=True)}
     if not commas and not table.has_points and _has_decimal_commas(path, columns):
         columns = [[_with_points(part) for part in parts] for parts in columns]
@@ -208,6 +214,25 @@ def _read(path: Path, stream: TextIO, options: dict[str, Any], found: CsvTable, 
             found.clocks = own
             cut_at_ends(found.columns, own)
     return found
+
+
+def _without_copies(names: Sequence[str], columns: Sequence[list[Part]]) -> list[int]:
+    """Places of the columns without those that have name and stamps of one before, as an export repeats them."""
+    first: dict[str, int] = {}
+    return [
+        place
+        for place, name in enumerate(names)
+        if first.setdefault(name, place) == place or not _same_stamps(columns[place], columns[first[name]])
+    ]
+
+
+def _same_stamps(one: list[Part], other: list[Part]) -> bool:
+    """Whether two columns are numbers that rise from row to row, and the same ones."""
+    if any(isinstance(part, list) for part in (*one, *other)):
+        return False
+    values = _joined(one)
+    rises = len(values) > 1 and bool(np.all(np.diff(values) > 0.0))
+    return rises and np.array_equal(values, _joined(other))
 
 
 def _is_terminated(line: str) -> bool:
