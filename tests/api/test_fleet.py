@@ -83,6 +83,19 @@ def test_a_broken_bag_is_one_line_of_the_answer(first, bags, tmp_path):
     assert "2026-03-09.mcap" in found.summary()
 
 
+def test_a_recording_under_which_workers_ended_is_tried_again(bags, tmp_path, monkeypatch):
+    def lose(self, function, items, *shared, size, lost):
+        yield from (([one], [lost(one)]) for one in items)
+
+    with monkeypatch.context() as patch:
+        patch.setattr("idloop.fleet.engine.Workers.map", lose)
+        found = idloop.identify_fleet(bags / "robot000", MODELS, tmp_path, workers=0, diagnose=0)
+        assert [("--memory" in one["reason"]) for one in found.failed] == [True, True]
+        assert idloop.identify_fleet(bags / "robot000", MODELS, tmp_path, workers=0, diagnose=0).failed == found.failed
+    found = idloop.identify_fleet(bags / "robot000", MODELS, tmp_path, workers=0, diagnose=0)
+    assert (found.joint_days, found.failed) == (2 * JOINTS, ())
+
+
 def test_results_are_written_for_sql_and_for_readers(first):
     document = json.loads((first.folder / "fleet.json").read_text(encoding="utf-8"))
     assert document["schema"] == "idloop/fleet/1"

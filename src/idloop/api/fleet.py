@@ -8,7 +8,7 @@ import json
 import re
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -341,7 +341,8 @@ class _Work:
         size = min(_BATCH, max(len(left) // (8 * self.workers.count), 1))
 
         def lost(task: tuple[FleetBag, Sequence[str]]) -> list[dict[str, Any]]:
-            return failed_rows(task[0], self.settings, LOST)
+            # Without its stamp it is tried again by the next call, perhaps with more memory.
+            return failed_rows(replace(task[0], stamp=""), self.settings, LOST)
 
         for batch, results in self.workers.map(identify_task, left, self.settings, size=size, lost=lost):
             rows = [row for key, several in _keyed(results) if key not in seen for row in several]

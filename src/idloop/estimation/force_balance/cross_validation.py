@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from idloop.estimation.force_balance.weak_fit import WeakFit
@@ -17,7 +19,7 @@ def cross_validated_error(fit: WeakFit) -> float:
     drive = fit.form.drive(fit.theta, fit.shift)
     edges = fit.form.starts
     first = np.zeros(len(error), dtype=bool)
-    for start, stop in zip(edges[:-1], edges[1:], strict=True):
+    for start, stop in pairwise(edges):
         first[start : (start + stop) // 2] = True
     unseen = np.empty_like(error)
     for half in (first, ~first):
