@@ -44,6 +44,6 @@ def test_it_is_that_of_fits_of_the_halves(hidden):
 
 
 def test_a_fit_has_it_and_it_is_larger_than_that_of_the_data_that_were_fitted():
-    found = fit(MODEL, [record(MODEL, 8.0)], criterion="force")
+    found = fit(MODEL, [record(MODEL, 30.0)], criterion="force")
     assert found.force_error < found.force_error_unseen < 1.1 * found.force_error
     assert fit(MODEL, [record(MODEL, 8.0)], criterion="prediction").force_error_unseen is None
