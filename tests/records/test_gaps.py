@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,8 +11,8 @@ from hypothesis import strategies as st
 
 from idloop.errors import InputError
 from idloop.physics import load_model
-from idloop.records import Record, check_record, cut_at_gaps, read_records, write_bag
-from idloop.records.gaps import FEWEST, LONGEST_GAP, LONGEST_GAP_SAMPLES
+from idloop.records import Record, check_identifiable, check_record, cut_at_gaps, read_records, usable_parts, write_bag
+from idloop.records.gaps import FEWEST, LEFT_OUT, LONGEST_GAP, LONGEST_GAP_SAMPLES
 
 YEAR = 365.25 * 86_400.0
 
@@ -61,6 +63,32 @@ def test_many_gaps_are_one_line():
 def test_what_is_too_short_stays_as_it_is(count):
     whole = record(100.0 * np.arange(count))
     assert cut_at_gaps(whole) == [whole]
+
+
+@pytest.mark.parametrize("still", [[0], [2], [0, 1], [0, 1, 2]])
+def test_parts_that_no_fit_can_use_are_left_out_and_named(still):
+    time = with_gaps(0.01, (200, 200, 200), [5.0, 5.0])
+    output = np.sin(time)
+    for part in still:
+        output[200 * part : 200 * (part + 1)] = 1.0
+    parts = cut_at_gaps(record(time, output))
+    if len(still) == 3:
+        with pytest.raises(InputError, match="run: nothing moves"):
+            usable_parts(parts, check_identifiable)
+        return
+    kept = usable_parts(parts, check_identifiable)
+    assert [one.name for one in kept] == [one.name for k, one in enumerate(parts) if k not in still]
+    assert [one.kind for one in kept[0].findings] == ["gap", LEFT_OUT]
+    assert f"of 3 parts between gaps {'one is' if len(still) == 1 else '2 are'} left out" in kept[0].findings[-1].text
+    assert f"{parts[still[-1]].name}: nothing moves" in kept[0].findings[-1].text
+    assert usable_parts(parts, lambda one: one) == parts
+
+
+def test_recordings_of_their_own_are_no_parts():
+    time = np.arange(0.0, 2.0, 0.01)
+    still = replace(record(time, np.ones(time.size)), name="run(2)")
+    with pytest.raises(InputError, match=r"run\(2\): nothing moves"):
+        usable_parts([record(time), still], check_identifiable)
 
 
 @given(

@@ -57,7 +57,7 @@ def read_bags(
     found = records.read_records(paths, model)
     if fitted and excited:
         found = records.check_commands(found)
-    return [records.check_identifiable(record) if fitted else record for record in found]
+    return records.usable_parts(found, records.check_identifiable) if fitted else found
 
 
 def read_bag(bag: str | Path, model: Model) -> Record:

@@ -11,6 +11,7 @@ import numpy as np
 
 from idloop.api.result import Progress
 from idloop.errors import InputError
+from idloop.records.gaps import LEFT_OUT
 from idloop.spelling import joined_names
 from idloop.validation.words import force_text
 
@@ -128,6 +129,7 @@ def first_fit(
                 raise
             why = f"{error}{left_out(long, sound)}"
             return FirstFit(model, why_not=why, asked=fitted, apart=(sound,), notes=notes)
+        notes += tuple(one.text for record in records for one in record.findings if one.kind == LEFT_OUT)
         if not fitted:
             return FirstFit(model, why_not="not asked for", asked=False, possible=not refused, bags=long, notes=notes)
         if refused:

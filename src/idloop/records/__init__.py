@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from idloop.records.bags.write import make_stream, record_streams, write_bag
     from idloop.records.finding import Finding
     from idloop.records.from_model import record_from_model
-    from idloop.records.gaps import cut_at_gaps
+    from idloop.records.gaps import cut_at_gaps, usable_parts
     from idloop.records.inspection.checks import check_commands, check_identifiable, check_record
     from idloop.records.inspection.inspection import Inspection, compare_inspections, inspect_bag
     from idloop.records.record import Record
@@ -34,6 +34,7 @@ __all__ = [
     "read_streams",
     "record_from_model",
     "record_streams",
+    "usable_parts",
     "write_bag",
 ]
 
@@ -44,7 +45,7 @@ _MODULES = {
     "bags.write": ("make_stream", "record_streams", "write_bag"),
     "finding": ("Finding",),
     "from_model": ("record_from_model",),
-    "gaps": ("cut_at_gaps",),
+    "gaps": ("cut_at_gaps", "usable_parts"),
     "inspection.checks": ("check_commands", "check_identifiable", "check_record"),
     "inspection.inspection": ("Inspection", "compare_inspections", "inspect_bag"),
     "record": ("Record",),

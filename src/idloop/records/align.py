@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
@@ -26,7 +27,7 @@ from idloop.records.bags.topics import (
     topic_beside,
 )
 from idloop.records.finding import Finding
-from idloop.records.gaps import cut_at_gaps
+from idloop.records.gaps import cut_at_gaps, usable_parts
 from idloop.records.inspection.checks import check_commands, check_record
 from idloop.records.inspection.clocks import clock_finding, stamp_findings, stamp_statistics, while_measured
 from idloop.records.inspection.values import missing_values
@@ -131,7 +132,7 @@ def read_records(
             whole = record
             for name, span in (wrap or {}).items():
                 whole = whole.unwrapped(name, span)
-            records += [check_record(part, held=model.input.kind == "held") for part in cut_at_gaps(whole)]
+            records += usable_parts(cut_at_gaps(whole), partial(check_record, held=model.input.kind == "held"))
     return without_wrong_velocities(records, output_scales(model))
 
 

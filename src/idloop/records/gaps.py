@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from idloop.errors import InputError
 from idloop.records.finding import Finding
 from idloop.records.record import Record
 
@@ -16,6 +19,9 @@ LONGEST_GAP_SAMPLES = 50
 FEWEST = 10
 # Gaps that are listed; of the others the number is given.
 NAMED = 3
+LEFT_OUT = "part_left_out"
+# Behind the name of a record, the number of its part.
+_NUMBER = re.compile(r"\(\d+\)$")
 
 
 def cut_at_gaps(record: Record) -> list[Record]:
@@ -56,3 +62,66 @@ def _finding(record: Record, edges: np.ndarray, steps: np.ndarray, parts: int) -
     used = f"{parts} of {edges.size + 1} parts are used"
     text = f"nothing was measured for {', '.join(places)}{more}: the record is cut there, {used}"
     return Finding("gap", text, int(edges.size), record.name, "warning")
+
+
+def usable_parts(records: Sequence[Record], check: Callable[[Record], Record]) -> list[Record]:
+    """Check records; of one that was cut at gaps the parts that fail are left out, if others pass.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        Parts of one record one after the other, as `cut_at_gaps` gives them.
+    check : callable
+        Returns the record, with findings, or raises `InputError`.
+
+    Returns
+    -------
+    list of Record
+        A finding of the first part that is kept names those that are not, and why.
+
+    Raises
+    ------
+    InputError
+        No part of a record passes: that of its first one.
+    """
+    found: list[Record] = []
+    for parts in _by_record(records):
+        kept, refused = [], []
+        for part in parts:
+            try:
+                kept.append(check(part))
+            except InputError as error:
+                refused.append(error)
+        if not kept:
+            raise refused[0]
+        if refused:
+            # What was found of the whole record stands at its first part.
+            carried = () if kept[0].name == parts[0].name else parts[0].findings
+            found.append(replace(kept[0], findings=(*carried, *kept[0].findings, _left_out(kept[0], parts, refused))))
+            kept = kept[1:]
+        found += kept
+    return found
+
+
+def _by_record(records: Sequence[Record]) -> list[list[Record]]:
+    """Records in groups that are parts of one."""
+    groups: list[list[Record]] = []
+    for one in records:
+        last = groups[-1][-1] if groups else None
+        same = last is not None and (last.start_ns, _whole(last)) == (one.start_ns, _whole(one))
+        if last is not None and same and one.time.size and last.time.size and one.time[0] > last.time[-1]:
+            groups[-1].append(one)
+        else:
+            groups.append([one])
+    return groups
+
+
+def _whole(part: Record) -> str:
+    return _NUMBER.sub("", part.name)
+
+
+def _left_out(first: Record, parts: Sequence[Record], refused: Sequence[InputError]) -> Finding:
+    which = "one is" if len(refused) == 1 else f"{len(refused)} are"
+    why = "; ".join(map(str, refused[:NAMED])) + (f"; and {len(refused) - NAMED} more" if len(refused) > NAMED else "")
+    text = f"of {len(parts)} parts between gaps {which} left out, which no fit can use: {why}"
+    return Finding(LEFT_OUT, text, len(refused), first.name, "warning")
