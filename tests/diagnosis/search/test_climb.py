@@ -70,6 +70,9 @@ class Fickle(View[Any]):
     def refit_thoroughly(self, fit: Any) -> Any:
         return fit
 
+    def refitted(self, model: Model, fit: Any) -> Model:
+        return model
+
     def without(self, fit: Any, name: str) -> Any:
         return Fit(fit.model.without_effect(name)) if self.dropping else None
 
@@ -95,6 +98,9 @@ class Waves(View[Any]):
 
     def refit_thoroughly(self, fit: Any) -> Any:
         return fit
+
+    def refitted(self, model: Model, fit: Any) -> Model:
+        return model
 
     def without(self, fit: Any, name: str) -> Any:
         full = len(fit.model.effects) == 3
@@ -211,3 +217,28 @@ def test_two_effects_degenerate_to_two_of_which_one_is_simpler() -> None:
     assert not pair(friction, load).degenerates_to(pair(friction, spring))
     assert not pair(friction, spring).degenerates_to(pair(wave, load))
     assert not pair(friction, spring).degenerates_to(pair(load))
+
+
+class Replacing(Fickle):
+    """Wants dry friction, drag, and then a friction that contains the dry one."""
+
+    def evaluate(self, parent: Any) -> SearchStep[Any]:
+        self.steps += 1
+        if self.steps < 3:
+            found = [evaluated(parent.model, (FRICTION, DRAG)[self.steps - 1], 100.0)]
+        elif self.steps == 3:
+            one = evaluated(parent.model, "stribeck_friction@axis", 100.0)
+            level = {"stribeck_friction@axis.coulomb": 0.1, "stribeck_friction@axis.static": 0.2}
+            found = [replace(one, fit=Fit(one.fit.model.with_values(level)))]
+        else:
+            found = []
+        return Answers(parent, tuple(found), 2, 0.01, 0.01)
+
+
+def test_an_effect_that_replaces_another_takes_its_place() -> None:
+    """The rows in between then show what their own effects explain, not what the replaced one did."""
+    ladder, _ = climb(Replacing(dropping=False))(Fit(load_model("axis")))
+    assert ladder.added == ("stribeck_friction@axis", DRAG)
+    assert [set(step.model.effect_names) for step in ladder.steps] == [
+        set(), {"stribeck_friction@axis"}, {"stribeck_friction@axis", DRAG}
+    ]  # fmt: skip

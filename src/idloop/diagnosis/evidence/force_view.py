@@ -245,6 +245,11 @@ class ForceView(View[WeakFit]):
         )  # fmt: skip
         return found or fit
 
+    def refitted(self, model: Model, fit: WeakFit) -> Model | None:
+        """As in `View`, in the windows of the fit."""
+        found = fit_in(fit.form, model, fit.shift, TOLERANCE)
+        return None if found is None else fitted_model(found)
+
     def without(self, fit: WeakFit, name: str) -> WeakFit | None:
         """The model without one of its effects, where its evidence is no less; else None."""
         fit = fit.subsampled(ENOUGH)

@@ -366,6 +366,11 @@ class PredictionView(View[Refit]):
         fit = refit_or_none(view.estimation, step.parent.model, None, step.parent)
         return None if fit is None else (view, fit)
 
+    def refitted(self, model: Model, fit: Refit) -> Model | None:
+        """As in `View`, in all samples."""
+        found = refit_or_none(self.estimation, model, None, fit)
+        return None if found is None else found.with_stderr()
+
     def without(self, fit: Refit, name: str) -> Refit | None:
         """The model without one of its effects, where its evidence is no less; else None."""
         if is_none(fit.model, name):

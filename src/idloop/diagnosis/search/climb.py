@@ -64,11 +64,12 @@ class Climb(Generic[FitT]):
                 break
             steps, fit = found
             for one in steps:
-                ladder = self._with(ladder, one)
+                ladder = self._with(ladder, one, fit)
             # An effect that was removed and has come back is kept, or the ladder could cycle.
             names = set(step.tied[0].names)
             kept, added = kept | (names & added), added | names
-            ladder, fit = self._without_superfluous(ladder, fit, step, kept, ladder.steps[1:-1])
+            earlier = [one for one in ladder.steps[1:] if one.added is None or one.added.name not in names]
+            ladder, fit = self._without_superfluous(ladder, fit, step, kept, earlier)
             if self.on_step is not None:
                 self.on_step(ladder)
         self.report(1.0, "done")
@@ -117,12 +118,28 @@ class Climb(Generic[FitT]):
             Step(last, model, tied, last.p_value),
         ], fit
 
-    def _with(self, ladder: Ladder, step: Step) -> Ladder:
-        """The ladder with one more step; an effect that the new one replaces is no step of its own any more."""
+    def _with(self, ladder: Ladder, step: Step, fit: FitT) -> Ladder:
+        """The ladder with one more step; an effect that replaces another one takes its place.
+
+        The steps in between then have it as well, so that each shows what its own effect explains.
+        """
         replaced = None if step.added is None else step.added.replaces
-        steps = [s for s in ladder.steps if s.added is None or s.added.name != replaced or s.chosen_by == "user"]
-        step = step.measured(step.model, self.records, self.validation)
-        return replace(ladder, steps=(*steps, step), verdict=MISSING)
+        own = [one.added is not None and one.added.name == replaced for one in ladder.steps]
+        if replaced is None or not any(own) or ladder.steps[own.index(True)].chosen_by == "user":
+            step = step.measured(step.model, self.records, self.validation)
+            return replace(ladder, steps=(*ladder.steps, step), verdict=MISSING)
+        place = own.index(True)
+        shown = self._refitted([step, *ladder.steps[place + 1 :]], step.model, fit)
+        return replace(ladder, steps=(*ladder.steps[:place], *shown), verdict=MISSING)
+
+    def _refitted(self, steps: Sequence[Step], last: Model, fit: FitT) -> list[Step]:
+        """Some steps up to the last model, each fitted again without the effects of those that follow it."""
+        found = []
+        for place, one in enumerate(steps, start=1):
+            later = [other.added.name for other in steps[place:] if other.added is not None]
+            model = last if not later else self.view.refitted(last.without_effects(later), fit) or one.model
+            found.append(one.measured(model, self.records, self.validation))
+        return found
 
     def _without_superfluous(
         self, ladder: Ladder, fit: FitT, step: SearchStep[FitT], kept: Collection[str], steps: Sequence[Step]
@@ -140,7 +157,9 @@ class Climb(Generic[FitT]):
             if self.worse is not None and self.worse(ladder.model, model):
                 continue
             fit = without
-            left = tuple(one for one in ladder.steps if one.added is None or one.added.name != gone.name)
+            names = [None if one.added is None else one.added.name for one in ladder.steps]
+            place = names.index(gone.name)
+            left = (*ladder.steps[:place], *self._refitted(ladder.steps[place + 1 :], model, fit))
             ladder = self._with_values(replace(ladder, steps=left), model)
         return ladder, fit
 

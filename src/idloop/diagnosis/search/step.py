@@ -357,3 +357,7 @@ class View(ABC, Generic[FitT]):
     @abstractmethod
     def without(self, fit: FitT, name: str) -> FitT | None:
         """The model without one of its effects, where its evidence is no less; else None."""
+
+    @abstractmethod
+    def refitted(self, model: Model, fit: FitT) -> Model | None:
+        """Another model, fitted beside a fit from its values on, with standard errors; None where it cannot be."""
