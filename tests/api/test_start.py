@@ -13,7 +13,7 @@ import pytest
 import idloop
 from idloop.api.first_fit import FirstFit, judged
 from idloop.api.log import Log, recognise
-from idloop.api.start import begin, with_causes
+from idloop.api.start import begin, more_than_one_axis, with_causes
 from idloop.errors import InputError
 from idloop.records import Finding
 from idloop.records.tables.importing import import_bag
@@ -166,6 +166,33 @@ def test_a_motion_that_does_not_follow_the_command_is_not_fitted(record, tmp_pat
     assert "--command COLUMN" in begun.not_fitted
     assert not (tmp_path / "begun" / "fitted.yaml").exists()
     assert begun.commands == []
+
+
+def test_a_joint_of_several_may_be_one_of_an_arm(record, tmp_path):
+    """Gravity and the other joints move it more than its own torque."""
+    shuffled = np.random.default_rng(0).permutation(record.input)
+    columns = {"t [s]": record.time}
+    for k in (1, 2, 3):
+        motion = record.output[:, 0] if k == 1 else 0.1 * np.sin(k * record.time)
+        columns |= {f"q{k} [rad]": motion, f"tau{k} [Nm]": shuffled}
+    log = _write(tmp_path / "log.csv", ",".join(columns), *columns.values())
+    begun = idloop.start(log, tmp_path / "begun")
+    assert begun.log.recognition.joints == ("1", "2", "3")
+    assert begun.fit is None
+    assert "one of 3 joints" in begun.not_fitted
+    assert "`idloop robot`" in begun.not_fitted
+    assert "does not follow" not in begun.not_fitted
+
+
+def test_a_motion_that_follows_is_not_said_to_be_none(record, tmp_path):
+    """Where the acceleration grows with the command beyond doubt, the model is wrong and not the command."""
+    begun = idloop.start(_fitted(tmp_path / "log.csv", "t,torque,q", record), tmp_path / "begun")
+    failed = FirstFit(idloop.load_model("axis"), why_not="no", unmoved=True)
+    found = more_than_one_axis(failed, begun.inspections, ())
+    assert not found.unmoved
+    assert found.why_not.startswith("the measured motion follows the command")
+    still = replace(begun.inspections[0], axes=())
+    assert more_than_one_axis(failed, [still], ()) is failed
 
 
 def test_values_that_describe_nothing_are_no_fit(record):

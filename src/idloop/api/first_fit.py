@@ -78,6 +78,8 @@ class FirstFit:
         Whether nothing stands against one.
     reversed : bool
         Whether the motion follows minus the command.
+    unmoved : bool
+        Whether there is no fit because the model predicts the motion no better with the command than without.
     incomplete : bool
         Whether there is no fit because the model of one body describes nothing, although the motion follows.
     bags : tuple of Path
@@ -94,6 +96,7 @@ class FirstFit:
     asked: bool = True
     possible: bool = True
     reversed: bool = False
+    unmoved: bool = False
     incomplete: bool = False
     bags: tuple[Path, ...] = ()
     notes: tuple[str, ...] = ()
@@ -191,7 +194,8 @@ def judged(done: FirstFit) -> FirstFit:
         why = f"{OPPOSITE_DIRECTION}: with the sign of one of the two turned, the model predicts it"
         return replace(refused, why_not=why, reversed=True)
     if found.unrelated:
-        return replace(refused, why_not=f"{found.unrelated} Another column may be the command: --command COLUMN")
+        why = f"{found.unrelated} Another column may be the command: --command COLUMN"
+        return replace(refused, why_not=why, unmoved=True)
     if not found.result.ratios and not any(low > 0.0 or high < 0.0 for low, high in found.intervals.values()):
         why = (
             f"the data determine none of {joined_names(found.result.names)}: no interval excludes zero; record faster"

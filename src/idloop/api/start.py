@@ -418,6 +418,8 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
     else:
         refused = inspections[0].grade_reason if _is_useless(inspections) else ""
         done = first_fit(kind, bags, fitted=fitted, refused=refused, progress=part(progress, 0.4, 1.0))
+    if done.unmoved:
+        done = more_than_one_axis(done, inspections, log.recognition.joints)
     done = with_causes(done, inspections, f"{joint}.velocity is late and left out of the model" if late else "")
     if shown is not None:
         done = replace(done, notes=(*done.notes, f"{what(shown)}: the model takes it so (`input: {{kind: measured}}`)"))
@@ -425,6 +427,39 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
     if done.fit is not None:
         write_text(folder / FITTED, done.fit.model.to_yaml())
     return Start(folder, log, bags, inspections, done, between)
+
+
+def more_than_one_axis(done: FirstFit, inspections: Sequence[Inspection], joints: Sequence[str]) -> FirstFit:
+    """Say of a motion that a model of one axis does not predict whether it follows the command, and what may move it.
+
+    Parameters
+    ----------
+    done : FirstFit
+        Refused, as the model predicts no better with the command.
+    inspections : sequence of Inspection
+    joints : sequence of str
+        Joints of the log with a motion and a command each.
+    """
+    from idloop.records.inspection.response import visible_response
+
+    driven = [axis for one in inspections for axis in one.axes if axis.command_name]
+    shown = [found for axis in driven if (found := visible_response(axis)) is not None]
+    arm = "of an arm, gravity and the other joints move it as well: `idloop robot` identifies all joints together"
+    if shown:
+        best = max(shown, key=lambda one: one.certainty)
+        why = (
+            f"the measured motion follows the command, whose gain is {best.certainty:.2g} standard errors, but a model"
+            " of one axis predicts it no better with the command than without: other forces are larger; if the axis is a"
+            f" joint {arm}"
+        )
+        return replace(done, why_not=why, unmoved=False)
+    if not joints:
+        return done
+    why = (
+        "a model of one axis predicts the measured motion no better with the command than without. It is one of"
+        f" {len(joints)} joints; if these are {arm}. Else another column may be the command: --command COLUMN"
+    )
+    return replace(done, why_not=why)
 
 
 def with_causes(done: FirstFit, inspections: Sequence[Inspection], note: str) -> FirstFit:

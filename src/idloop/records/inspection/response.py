@@ -28,6 +28,9 @@ _WIDTHS = (9, 17, 33, 65, 129, 257, 513)
 _FEWEST, _OVERLAP = 48, 4
 # Parts of a record for the jackknife.
 PARTS = 12
+# The motion follows the command beyond doubt from this share of the acceleration and these standard errors of the gain
+# on, where less than the last share of the command follows from speed, friction and position.
+_VISIBLE, _BEYOND_DOUBT, _MADE_OF_MOTION = 0.3, 6.0, 0.8
 # Powers of the test functions (1 - s^2)^p: enough derivatives for the balance, and for that with a resonance.
 PLAIN, _SMOOTH = 3, 6
 
@@ -179,6 +182,16 @@ def response(axis: Axis, share: float = 0.0) -> Response | None:
     """
     enough = [one for one in responses(axis) if one.share >= share]
     return max(enough, key=lambda one: abs(one.certainty), default=None)
+
+
+def visible_response(axis: Axis) -> Response | None:
+    """Return the balance that shows beyond doubt that the motion follows the command; None where none does.
+
+    A command that a loop makes of speed and position follows from these, and shows nothing.
+    """
+    shown = [one for one in responses(axis) if one.share > _VISIBLE and one.motion_share < _MADE_OF_MOTION]
+    best = max(shown, key=lambda one: one.certainty, default=None)
+    return best if best is not None and best.certainty > _BEYOND_DOUBT else None
 
 
 def _response(

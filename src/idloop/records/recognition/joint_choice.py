@@ -56,10 +56,7 @@ def one_joint(
 
     Where names say of some joints only that they were commanded, it is one of these: another was driven by them.
     """
-    by_joint: dict[str, list[TableColumn]] = {}
-    for one in columns.values():
-        if one.by_name.role in MOTION and one.parsed.index:
-            by_joint.setdefault(one.parsed.index, []).append(one)
+    by_joint = _motions(columns)
     # Names of their own, which differ from joint to joint, say what is measured and not of which joint.
     own = {
         one.name: one.name.replace("/", ".").rpartition(".")[2] if by_path else one.parsed.words
@@ -87,6 +84,22 @@ def one_joint(
             f" for another, name its columns{example}"
         )
     return {name: one for name, one in columns.items() if name in named or one.parsed.index in ("", chosen)}
+
+
+def joints_with_command(columns: Map[str, TableColumn]) -> tuple[str, ...]:
+    """Return the joints of which a log has a motion and a command or effort each; none where it has only one."""
+    driven = {one.parsed.index for one in columns.values() if one.by_name.role in ("command", "effort")}
+    found = tuple(joint for joint in _motions(columns) if joint in driven)
+    return found if len(found) > 1 else ()
+
+
+def _motions(columns: Map[str, TableColumn]) -> dict[str, list[TableColumn]]:
+    """Return the motions of each joint that has an index."""
+    by_joint: dict[str, list[TableColumn]] = {}
+    for one in columns.values():
+        if one.by_name.role in MOTION and one.parsed.index:
+            by_joint.setdefault(one.parsed.index, []).append(one)
+    return by_joint
 
 
 def _moving_most(by_joint: Map[str, list[TableColumn]]) -> str:

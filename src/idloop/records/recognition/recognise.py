@@ -30,7 +30,7 @@ from idloop.records.recognition.guess import (
     quoted,
     with_unit,
 )
-from idloop.records.recognition.joint_choice import joints_by_name, one_joint
+from idloop.records.recognition.joint_choice import joints_by_name, joints_with_command, one_joint
 from idloop.records.recognition.loop_in_drive import loop_beside_command
 from idloop.records.recognition.lost_rows import doubt_of_lost_rows
 from idloop.records.recognition.names_against_values import doubt_of_names
@@ -87,6 +87,8 @@ class Recognition:
         Of a bag: how a mapping file names each column.
     definitions : mapping of str to str
         Of a bag: message types that a mapping has to define.
+    joints : tuple of str
+        All that have a motion and a command or effort, where there are several.
     """
 
     table: Table
@@ -98,6 +100,7 @@ class Recognition:
     doubts: tuple[str, ...] = ()
     sources: Map[str, Map[str, str]] = field(default_factory=dict)
     definitions: Map[str, str] = field(default_factory=dict)
+    joints: tuple[str, ...] = ()
 
     def of(self, role: str) -> Guess | None:
         """Return the guess of one role."""
@@ -158,7 +161,7 @@ def recognise_table(
     numbers = numbers_of(table)
     doubts: list[str] = []
     base = _begun_again(table, _without_bad_stamps(table, _time(table, numbers, given.get("time"), period)))
-    columns, chosen = _by_names(table, numbers, base, given, doubts, sources or {}, joints)
+    columns, chosen, several = _by_names(table, numbers, base, given, doubts, sources or {}, joints)
     if shown is None:
         fill_by_values(base, columns, chosen, given)
     else:
@@ -192,7 +195,7 @@ def recognise_table(
     }
     rows = () if table.clocks else tuple(base.runs)
     other = tuple(name for name in table.columns if name not in used and name not in table.clocks.values())
-    return Recognition(table, base, guesses, clocks, rows, other, tuple(doubts), sources or {})
+    return Recognition(table, base, guesses, clocks, rows, other, tuple(doubts), sources or {}, joints=several)
 
 
 def shown_together(tables: list[Table], given: Map[str, Given], *, period: float | None = None) -> dict[str, Guess]:
@@ -230,7 +233,7 @@ def shown_together(tables: list[Table], given: Map[str, Given], *, period: float
     base = replace(base, seconds=np.concatenate(stamps))
     numbers = {name: np.concatenate([one[name] for one, _ in read]) for name in first}
     together = replace(tables[0], columns=dict(numbers), clocks={})
-    columns, by_names = _by_names(together, numbers, base, given, [], {}, None)
+    columns, by_names, _ = _by_names(together, numbers, base, given, [], {}, None)
     chosen = dict(by_names)
     fill_by_values(base, columns, chosen, given)
     return {role: guess for role, guess in chosen.items() if role not in by_names}
@@ -244,8 +247,8 @@ def _by_names(
     doubts: list[str],
     sources: Map[str, Map[str, str]],
     joints: Map[str, str] | None,
-) -> tuple[dict[str, TableColumn], dict[str, Guess]]:
-    """Return the columns, and what is given of them or said by their names."""
+) -> tuple[dict[str, TableColumn], dict[str, Guess], tuple[str, ...]]:
+    """Return the columns, what is given of them or said by their names, and the joints where there are several."""
     columns = {}
     paths = joints_by_name(numbers) if joints is None else None
     joints = joints if paths is None else paths
@@ -277,7 +280,7 @@ def _by_names(
             columns |= _columns_of(guess, columns, numbers, base)
     _output(columns, chosen, given)
     _load(every, columns, chosen, given)
-    return columns, chosen
+    return columns, chosen, joints_with_command(every)
 
 
 def _of_a_sensor(columns: Iterable[TableColumn]) -> str:
