@@ -449,8 +449,8 @@ def more_than_one_axis(done: FirstFit, inspections: Sequence[Inspection], joints
         best = max(shown, key=lambda one: one.certainty)
         why = (
             f"the measured motion follows the command, whose gain is {best.certainty:.2g} standard errors, but a model"
-            " of one axis predicts it no better with the command than without: other forces are larger; if the axis is a"
-            f" joint {arm}"
+            " of one axis predicts it no better with the command than without: other forces are larger; if the axis"
+            f" is a joint {arm}"
         )
         return replace(done, why_not=why, unmoved=False)
     if not joints:
