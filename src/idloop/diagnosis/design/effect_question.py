@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from idloop.diagnosis.design.limits import Limits
-from idloop.diagnosis.design.rival_set import log_likelihood_loss
+from idloop.diagnosis.design.rival_set import log_likelihood_losses
 from idloop.diagnosis.design.suggest import Suggestion, suggest
 from idloop.diagnosis.options import Progress
 from idloop.diagnosis.screening.proposals import Proposal, proposals
@@ -72,7 +72,7 @@ def effect_rivals(model: Model, effect: str, records: Sequence[Record], limits: 
     sizes = Sizes(model, prepare_estimation(model, records, "prediction"))
     scales = _allowed_scales(sizes.at(proposal.effect.site, proposal.at), limits.completed(model, records))
     choices = [proposal.model(group[0]) for group in proposal.alternatives(scales) if group]
-    costs = [log_likelihood_loss(model, choice, records) for choice in choices]
+    costs = log_likelihood_losses(model, choices, records)
     allowed = [choice for choice, cost in zip(choices, costs, strict=True) if cost < _ALLOWED]
     typical = allowed[len(allowed) // 2] if allowed else choices[int(np.argmin(costs))]
     return proposal.base, typical

@@ -16,6 +16,7 @@ from idloop.diagnosis.design.rival_noise import common_noise
 from idloop.diagnosis.design.rivals import Rival, RivalErrors
 from idloop.errors import InputError
 from idloop.estimation.dataset import Data, prepare
+from idloop.estimation.likelihood.parallel import in_parallel
 from idloop.estimation.observer.innovations import InnovationCriterion
 from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.estimation.optimisation.levenberg import difference_jacobian
@@ -114,21 +115,20 @@ def experiment_gains(
     return np.nan_to_num(gains, nan=0.0, posinf=np.inf), np.nan_to_num(alone, nan=0.0, posinf=np.inf)
 
 
-def log_likelihood_loss(model: Model, other: Model, records: Sequence[Record]) -> float:
-    """Log-likelihood of the data so far that a model loses with something added to it, of a size that is not fitted.
+def log_likelihood_losses(model: Model, others: Sequence[Model], records: Sequence[Record]) -> list[float]:
+    """Log-likelihood of the data so far that a model loses with something added to it, of sizes that are not fitted.
 
-    What both models share is refitted. Infinite when the other model cannot be simulated along the records.
+    What the models share is refitted. Infinite where another model cannot be simulated along the records.
     """
     data = _shortened(prepare(model, records))
     noise = common_noise([model], data)
-    held = [name for name in other.free if name in model.values]
-    costs = []
-    for candidate in (model, other.with_free(held)):
+
+    def cost(candidate: Model) -> float:
         criterion = InnovationCriterion(CachingEngine(candidate), data, noise.sensors, noise.force, noise.exponent)
         exponent, theta = np.array([noise.exponent, criterion.memory]), candidate.theta
 
-        def residual(values: Array, rule: InnovationCriterion = criterion, fixed: Array = exponent) -> Array:
-            return noise.scaled(rule.errors(values, fixed))
+        def residual(values: Array) -> Array:
+            return noise.scaled(criterion.errors(values, exponent))
 
         base = residual(theta)
         if len(theta) and np.all(np.isfinite(base)):
@@ -139,6 +139,8 @@ def log_likelihood_loss(model: Model, other: Model, records: Sequence[Record]) -
             if np.all(np.isfinite(jacobian)):
                 size = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
                 base = base - (jacobian / size) @ np.linalg.lstsq(jacobian / size, base, rcond=1e-8)[0]
-        costs.append(0.5 * float(base @ base))
-    drop = costs[1] - costs[0]
-    return drop if np.isfinite(drop) else np.inf
+        return 0.5 * float(base @ base)
+
+    shared = [other.with_free([name for name in other.free if name in model.values]) for other in others]
+    first, *costs = in_parallel(cost, [model, *shared])
+    return [one - first if np.isfinite(one - first) else np.inf for one in costs]
