@@ -204,7 +204,8 @@ class _Refinement:
         if asked is None:
             return ladder
         view, fit = asked
-        found, _ = self._climb(view, SIMULATION)(fit, ladder)
+        # It was evaluated in some of the samples, from starts of their own.
+        found, _ = replace(self._climb(view, SIMULATION), worse=self._runs_worse)(fit, ladder)
         return found if found.added != (() if ladder is None else ladder.added) else ladder
 
     def _beyond_force(self, view: PredictionView, ladder: Ladder, last: WeakFit) -> Ladder:
@@ -252,7 +253,7 @@ class _Refinement:
         options = self.options
         return Climb(
             view, self.records, self.validation, criterion, options.level, self.most, options.report, self.on_step,
-            worse={PREDICTION: self._worse, SIMULATION: self._runs_worse}.get(criterion),
+            worse=self._worse if criterion == PREDICTION else None,
         )  # fmt: skip
 
     def _as_predicted(self, ladder: Ladder, place: int, fit: Refit | None) -> Ladder:

@@ -225,7 +225,7 @@ class PredictionView(View[Refit]):
             return step
         left = fitted_curves(screen, options.level)
         step = replace(step, residual_curves=tuple(PredictionCurve.evaluated(screen, left, evaluator.innovations)))
-        if self.estimation.kind == PREDICTION and self.force_model is None and not step.tied and not step.confounded:
+        if self.promised == 0.0 and self.force_model is None and not step.tied and not step.confounded:
             pairs = evaluator(self._pairs(screen, screened, confirmed, bar))
             step = self._with_first(
                 self._judged(replace(step, evaluated=(*step.evaluated, *pairs)), responds), evaluator
