@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from itertools import permutations
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from idloop.errors import InputError
 from idloop.records.recognition.guess import Given
 from idloop.records.recognition.recognise import recognise_table
 from idloop.records.tables.table import Table
@@ -43,6 +45,35 @@ def test_exchanged_names_are_doubted_with_the_options_that_mend_it(order):
             assert f"--{role} '{right[role]}'" in doubt
         assert ("--command" in doubt) is (right["command"] != "u")
         assert not _doubt(columns, **{role: Given(name) for role, name in right.items()})
+
+
+WRITTEN = {"command": "torque_Nm", "position": "angle_deg", "velocity": "velocity_rad_s"}
+UNITS = {"command": "N·m", "position": "deg", "velocity": "rad/s"}
+
+
+@pytest.mark.parametrize("order", [one for one in permutations(NAMES) if one[1] != "position"])
+def test_the_options_for_exchanged_names_say_the_units_and_hold_when_they_are_typed(order):
+    signals = _signals(1)
+    signals["position"] = np.degrees(signals["position"])
+    columns = {name: signals[one] for name, one in zip(WRITTEN.values(), order, strict=True)}
+    words = shlex.split(_doubt(columns).partition("if they are, ")[2])
+    given = {
+        option.removeprefix("--"): Given.parse(said, list(columns))
+        for option, said in zip(words[::2], words[1::2], strict=True)
+    }
+    read = recognise_table(Table(Path("log.csv"), {"t [s]": T, **columns}), given)
+    assert {role: read.of(role).unit for role in UNITS} == UNITS
+    assert {role: read.of(role).column for role in UNITS} == dict(zip(order, WRITTEN.values(), strict=True))
+    assert not read.all_doubts()
+
+
+@pytest.mark.parametrize("given", [{}, {"velocity": Given("angle_deg", "deg/s")}])
+def test_a_motion_in_the_unit_of_another_quantity_is_refused_with_its_column_and_the_option(given):
+    columns = {name: _signals(1)[role] for role, name in WRITTEN.items()}
+    with pytest.raises(
+        InputError, match=r"^the position 'velocity_rad_s': rad/s is not .*--position 'velocity_rad_s=UNIT'"
+    ):
+        recognise_table(Table(Path("log.csv"), {"t [s]": T, **columns}), {"position": Given("velocity_rad_s"), **given})
 
 
 WRONG = {

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping as Map
 
 from idloop.records.recognition.guess import MOTION, Given, Guess
+from idloop.records.recognition.role_units import base_field
 from idloop.records.recognition.signal_units import slope_of
 from idloop.records.recognition.smoothness import smoothest_first
 from idloop.records.recognition.table_column import TableColumn
 from idloop.records.recognition.time_base import TimeBase
+from idloop.records.tables.base_units import COUNTS, is_unit_of
 
 # What a swapped name may stand at: not at a set-point, whose slope is often logged beside it.
 _MAY_BE = ("command", "effort", *MOTION, "other", "")
@@ -54,11 +56,40 @@ def doubt_of_names(
     left = [one for one in named if one is not first and one is not second]
     if command is not None and command not in left and left:
         taken["command"] = left[0]
-    flags = " ".join(f"--{role} '{one.name}'" for role, one in taken.items())
+    flags = " ".join(f"--{role} '{one.name}{_unit(one, chosen[role], columns, named)}'" for role, one in taken.items())
     return (
         f"{speed.name!r} is not the slope of {place.name!r}, but {second.name!r} is that of {first.name!r}: the names"
         f" may be exchanged; if they are, {flags}"
     )
+
+
+def _unit(one: TableColumn, guess: Guess, columns: Map[str, TableColumn], named: list[TableColumn]) -> str:
+    """Return what stands behind a column so that it is read in the unit that the header writes for its new role.
+
+    Parameters
+    ----------
+    one : TableColumn
+        What the role is to be.
+    guess : Guess
+        What the role is by the header.
+    columns : mapping of str to TableColumn
+    named : list of TableColumn
+        All that have a role by the header: the units of their names are exchanged as the names are.
+
+    Returns
+    -------
+    str
+        Such as ``=rad``; empty where its own name leads to that unit.
+    """
+    own, written = one.parsed, columns[guess.column].parsed
+    if (own.unit, own.factor) == (written.unit, written.factor):
+        return ""
+    if one not in named and (not own.unit or is_unit_of(own.unit, base_field(guess.role))):
+        return ""
+    if written.unit in COUNTS:
+        return "=counts/N"
+    unit = written.unit or guess.unit
+    return f"={unit}" if written.factor == 1.0 else f"={written.factor:g} {unit}"
 
 
 def _slope(base: TimeBase, place: TableColumn, rate: TableColumn) -> float:

@@ -403,7 +403,7 @@ def _given(table: Table, role: str, said: Given, numbers: dict[str, Floats], col
         if column is None:
             parsed = _parsed(table, said.column)
             column = TableColumn(said.column, parsed, role_by_name(parsed), numbers[said.column])
-        return with_unit(column.as_guess(role, "as given"), unit)
+        return with_unit(column.as_guess(role, "as given", unit_given=bool(unit)), unit)
     if said.column in table.columns:
         raise InputError(f"{table.path}: column {said.column!r} holds no numbers; it cannot be the {role}")
     if is_number(said.column) and role not in MOTION:

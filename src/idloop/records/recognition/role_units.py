@@ -10,6 +10,7 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.errors import InputError
 from idloop.records.recognition.column_name import WANTED, ColumnName, parse_column_name
 from idloop.records.recognition.guess import LOAD, MOTION, NONE, SET_POINTS, Given, Guess, quoted
 from idloop.records.recognition.roles import CURRENTS, TORQUES, role_by_name
@@ -17,7 +18,7 @@ from idloop.records.recognition.signal_units import MotionUnits, motion_units, n
 from idloop.records.recognition.table_column import TableColumn
 from idloop.records.recognition.time_base import TimeBase
 from idloop.records.recognition.unnamed_columns import longest_way
-from idloop.records.tables.base_units import SECONDS, base_unit
+from idloop.records.tables.base_units import COUNTS, SECONDS, base_unit
 from idloop.spelling import joined_names
 
 Floats = NDArray[np.float64]
@@ -42,7 +43,15 @@ _UNITS_OF_WORDS = (
 def set_units(
     base: TimeBase, chosen: dict[str, Guess], columns: dict[str, TableColumn], given: Map[str, Given]
 ) -> TimeBase:
-    """Set the units that no name says, and note which of them are uncertain."""
+    """Set the units that no name says, and note which of them are uncertain.
+
+    Raises
+    ------
+    InputError
+        The name of a position or a velocity says the unit of another quantity.
+    """
+    for role in (*MOTION, LOAD):
+        _check_quantity(chosen.get(role))
     command, wanted = chosen.get("command"), ""
     if command is not None and command.unit in SECONDS:
         chosen["command"] = command = _pulse_width(command)
@@ -98,6 +107,16 @@ def set_units(
             column = one.column or f"{one.options['value']:g}"
             chosen[role] = one.with_doubt(f"{_without_unit(one)}: --{role} '{column}=UNIT'")
     return base
+
+
+def _check_quantity(one: Guess | None) -> None:
+    """Refuse a motion that is by its name in the unit of another quantity, and say how its unit is given."""
+    if one is None or one.unit in ("", *COUNTS):
+        return
+    try:
+        base_unit(one.unit, base_field(one.role), f"the {one.role} {one.column!r}")
+    except InputError as error:
+        raise InputError(f"{error}; give the one that it is in: --{one.role} '{one.column}=UNIT'") from error
 
 
 def set_wraps(chosen: dict[str, Guess], columns: dict[str, TableColumn]) -> None:

@@ -45,15 +45,22 @@ class TableColumn:
     options: dict[str, Any] = field(default_factory=dict)
     doubts: tuple[str, ...] = ()
 
-    def as_guess(self, role: str, reason: str = "") -> Guess:
-        """What it is in this role: by its name, by the drive whose log it is of, or for another reason."""
+    def as_guess(self, role: str, reason: str = "", *, unit_given: bool = False) -> Guess:
+        """What it is in this role: by its name, by the drive whose log it is of, or for another reason.
+
+        Where the user gives its unit, that of the name leaves no doubt.
+        """
         unit, factor, written, doubts = self.parsed.unit, self.parsed.factor, self.parsed.written, self.doubts
         options = dict(self.options)
         if unit in ("%", "-") and role in (*MOTION, "reference", "reference velocity"):
             unit, factor, written = "", 1.0, unit  # of what, nothing says
         elif "velocity" in role and unit in _PER_SECOND:
             unit = _PER_SECOND[unit]
-            doubts = (f"the unit of the {role} is written as {self.parsed.unit!r}, which is taken per second", *doubts)
+            if not unit_given:
+                doubts = (
+                    f"the unit of the {role} is written as {self.parsed.unit!r}, which is taken per second",
+                    *doubts,
+                )
         elif role == "temperature" and _is_celsius(unit or written, self.parsed.words):
             unit, factor, written = "°C", 1.0, ""
         if factor != 1.0:

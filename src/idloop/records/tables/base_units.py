@@ -118,6 +118,11 @@ _FIELDS = {
 }
 
 
+def is_unit_of(unit: str, field: str) -> bool:
+    """Whether a unit of a file may be that of a field, as `base_unit` takes both."""
+    return _BASE.get(_ALIASES.get(unit, unit), ("", 1.0))[0] in _FIELDS[field]
+
+
 def base_unit(unit: str, field: str, where: str) -> tuple[str, float]:
     """Unit in which a topic carries a signal, and what its values are multiplied by.
 
