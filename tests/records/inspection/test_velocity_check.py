@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -43,6 +44,34 @@ def test_a_velocity_of_a_sledge_is_told_in_units_of_length(axis):
     time, position, velocity = axis
     units = {"motor.position": "m", "motor.velocity": "m/s"}
     assert "unit: mm/s" in said(time, position, 1e3 * velocity, units)
+
+
+@pytest.mark.parametrize(
+    ("factor", "options"),
+    [
+        (np.pi / 180, ["--position COLUMN=deg", "--velocity COLUMN=rad/s"]),
+        (2 * np.pi, ["--position COLUMN=rev", "--velocity COLUMN=rad/s"]),
+        (1e3, ["--time COLUMN=ms", "--velocity COLUMN=mrad/s"]),
+        (1e6, ["--time COLUMN=us"]),
+        (30 / np.pi, ["--velocity COLUMN=rpm"]),
+    ],
+)
+def test_the_options_name_first_what_a_velocity_that_was_read_in_rad_s_leaves(axis, factor, options):
+    time, position, velocity = axis
+    assert re.findall(r"--\w+ COLUMN=[\w/]+", said(time, position, factor * velocity)) == options
+
+
+@pytest.mark.parametrize(
+    ("factor", "options"),
+    [
+        (1e3, ["--velocity COLUMN=mm/s", "--time COLUMN=ms"]),
+        (1e-3, ["--position COLUMN=mm", "--time COLUMN=s"]),
+    ],
+)
+def test_the_options_of_a_sledge_are_in_units_of_length(axis, factor, options):
+    time, position, velocity = axis
+    text = said(time, position, factor * velocity, {"motor.position": "m", "motor.velocity": "m/s"})
+    assert re.findall(r"--\w+ COLUMN=[\w/]+", text) == options
 
 
 def test_a_turned_sign_a_dead_column_and_noise_are_told_apart(axis):

@@ -61,6 +61,11 @@ _NONE, _UNIT = 0.01, 0.04
 # Units that a mapping can confuse, in the unit of the topics.
 _ANGULAR = {"rad/s": 1.0, "rpm": pi / 30.0, "deg/s": pi / 180.0, "rev/s": 2.0 * pi, "mrad/s": 1e-3}
 _LINEAR = {"m/s": 1.0, "mm/s": 1e-3, "cm/s": 1e-2, "m/min": 1.0 / 60.0, "mm/min": 1e-3 / 60.0}
+# ... of which these are seldom that of a log.
+_SELDOM = ("mrad/s", "mrad")
+# Units of time, the one that it was read in, and what the slope is then.
+_CLOCKS = (("ms", "s", 1e3), ("us", "s", 1e6), ("ns", "s", 1e9), ("s", "ms", 1e-3))
+_READINGS = 2  # told of a slope, at most
 
 
 @dataclass(frozen=True)
@@ -318,7 +323,10 @@ def _explanation(name: str, slope: Slope, columns: Mapping[str, Floats], unit: s
         beyond = f"{place} goes {limit.faster:.3g} times as fast there"
         return f"{said}, but {beyond}: its sensor, or what computes it, cuts it off", "raise the limit, or drive slower"
     value, least = slope.value, _ERRORS * slope.error
-    if slope.unrelated or abs(value) <= max(least, _NONE):
+    readings = _misread(value, unit)
+    # Of millimetres that were read as metres a thousandth is left, which is exact.
+    none = 0.0 if readings and slope.error <= _UNIT * abs(value) else _NONE
+    if slope.unrelated or abs(value) <= max(least, none):
         return (
             f"{name} is unrelated to the slope of {place} ({value:.2g} ± {slope.error:.2g}, not 1): another signal",
             "correct the mapping, or take it out of the model file",
@@ -326,10 +334,13 @@ def _explanation(name: str, slope: Slope, columns: Mapping[str, Floats], unit: s
     times = f"{name} is {value:.4g} ± {slope.error:.1g} times the slope of {place}"
     if abs(value + 1.0) <= max(least, _UNIT):
         return f"{times}: one of the two has the wrong sign", "set `scale: -1` for it in the mapping"
-    taken = _taken_for(value, unit)
-    if taken is not None:
-        right, wrong = taken
-        return f"{times}: it is probably in {right} and was read as {wrong}", f"set `unit: {right}` in the mapping"
+    if readings:
+        names = {"velocity": name, "position": place, "time": "the time"}
+        seen = ", or ".join(
+            f"{names[one.signal]} is {'' if number else 'probably '}in {one.right} and was read as {one.wrong}"
+            for number, one in enumerate(readings)
+        )
+        return f"{times}: {seen}", "; or ".join(one.cure for one in readings)
     if _LOWEST <= value <= _HIGHEST:
         # Neither a unit nor a gear.
         return (
@@ -343,16 +354,48 @@ def _explanation(name: str, slope: Slope, columns: Mapping[str, Floats], unit: s
     )
 
 
-def _taken_for(value: float, unit: str) -> tuple[str, str] | None:
-    """Return the unit that a velocity probably has, and the one in which it was read, by the slope."""
+@dataclass(frozen=True)
+class _Misread:
+    """A signal (``velocity``, ``position`` or ``time``) that is in one unit and was read in another."""
+
+    signal: str
+    right: str
+    wrong: str
+
+    @property
+    def cure(self) -> str:
+        key = f"time: {{unit: {self.right}}}" if self.signal == "time" else f"unit: {self.right}"
+        return f"`idloop start --{self.signal} COLUMN={self.right}`, or `{key}` in the mapping"
+
+
+def _misread(value: float, unit: str) -> list[_Misread]:
+    """Return which signals were probably read in another unit by the slope of a velocity, the most probable first.
+
+    A velocity in the unit of the topics, `unit`, was probably read in that unit. Where no unit of it explains the
+    slope, that of the position or the time does.
+    """
     table = _ANGULAR if unit in _ANGULAR else _LINEAR if unit in _LINEAR else {}
     pairs = [(right, wrong) for wrong in table for right in table if right != wrong]
-    # The unit in which it was read comes first; where none was given, that of the topics was used.
-    pairs.sort(key=lambda pair: pair[1] != unit)
-    for right, wrong in pairs:
-        if abs(value * table[right] / table[wrong] - 1.0) <= _UNIT:
-            return right, wrong
-    return None
+    speeds = [
+        _Misread("velocity", right, wrong)
+        for right, wrong in pairs
+        if abs(value * table[right] / table[wrong] - 1.0) <= _UNIT
+    ]
+    place = unit.removesuffix("/s")
+    places = [
+        _Misread("position", name.removesuffix("/s"), place)
+        for name, factor in table.items()
+        if name != unit and name.endswith("/s") and abs(value / factor - 1.0) <= _UNIT
+    ]
+    clocks = [
+        _Misread("time", right, wrong)
+        for right, wrong, factor in _CLOCKS
+        if table and abs(value / factor - 1.0) <= _UNIT
+    ]
+    as_read = [one for one in speeds if one.wrong == unit][:1]
+    others = [one for one in speeds if one.wrong != unit][:1]
+    found = [*as_read, *places, *clocks, *others]
+    return sorted(found, key=lambda one: one.right in _SELDOM)[:_READINGS]
 
 
 def without_wrong_velocities(
