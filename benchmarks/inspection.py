@@ -351,6 +351,23 @@ def spliced(random: Random, recorded: Recorded) -> Recorded:
     return _with(recorded, position=position)
 
 
+def _stuck(random: Random, value: Floats) -> Floats:
+    """The value stays what it was for a tenth of the record."""
+    held, first = value.copy(), int(random.integers(0, value.size - value.size // 10))
+    held[first : first + value.size // 10] = value[first]
+    return held
+
+
+def stuck_position(random: Random, recorded: Recorded) -> Recorded:
+    """The position stands still, the velocity goes on."""
+    return _with(recorded, position=_stuck(random, recorded.axis.position))
+
+
+def stuck_velocity(random: Random, recorded: Recorded) -> Recorded:
+    """The velocity stands still, the position goes on."""
+    return _with(recorded, velocity=_stuck(random, recorded.axis.velocity))
+
+
 def late_command(random: Random, recorded: Recorded) -> Recorded:
     """The command is recorded five to twenty samples late: the motion comes before it."""
     command = recorded.axis.command
@@ -459,6 +476,8 @@ CASES = (
     Case("5 % of the samples repeated", ("repeated_samples",), repeated, {}),
     Case("log three times as fast as the sensor", ("repeated_samples",), fast_log, {}),
     Case("position wraps", ("wrapped_position",), wrapped, {}),
+    Case("position stands still for a tenth of the record", ("stuck_sensor",), stuck_position, {}),
+    Case("velocity stands still for a tenth of the record", ("stuck_sensor",), stuck_velocity, {}),
     Case("10 times encoder pulses of 1 % missed", ("missed_pulses",), pulses, {}),
     Case("two records joined, a fifth of a range apart", ("spliced",), spliced, {}),
     Case("5 single bad readings of 5 %", ("spikes",), spikes, {}),

@@ -109,6 +109,12 @@ def at(value: np.ndarray, rows: list[int], add: float) -> np.ndarray:
     return changed
 
 
+def stuck(value: np.ndarray, first: int, last: int) -> np.ndarray:
+    changed = value.copy()
+    changed[first:last] = value[first]
+    return changed
+
+
 def rounded(value: np.ndarray, steps: int) -> np.ndarray:
     step = np.ptp(value) / steps
     return step * np.round(value / step)
@@ -141,6 +147,16 @@ FAULTS = {
     ),
     "lost samples": ("lost_samples", "steps", lost),
     "repeated samples": ("repeated_samples", "steps", lambda x: held(x, np.arange(COUNT) % 20 == 7)),
+    "a position that stands still for a while": (
+        "stuck_sensor",
+        "steps",
+        lambda x: replace(x, position=stuck(x.position, 1200, 1800)),
+    ),
+    "a velocity that stands still to the end": (
+        "stuck_sensor",
+        "steps",
+        lambda x: replace(x, velocity=stuck(x.velocity, COUNT // 2, COUNT)),
+    ),
     "pulses missed": (
         "missed_pulses",
         "steps",

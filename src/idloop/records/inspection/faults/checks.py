@@ -27,6 +27,7 @@ from idloop.records.inspection.faults import (
     spikes,
     spliced,
     stamps,
+    stuck_sensor,
     wrap,
     wrong_velocity,
 )
@@ -56,6 +57,7 @@ _SIGNALS: tuple[Check, ...] = (
     clocks.check,
     stamps.check,
     wrap.check,
+    stuck_sensor.check,
     spliced.check,
     missed_pulses.check,
     spikes.check,
@@ -63,6 +65,7 @@ _SIGNALS: tuple[Check, ...] = (
     saturation.check,
     command_sign.check,
 )
+_JUMPS: tuple[Check, ...] = (spliced.check, missed_pulses.check)
 _RESPONSE: tuple[Check, ...] = (
     _late,
     command_direction.check,
@@ -71,7 +74,7 @@ _RESPONSE: tuple[Check, ...] = (
     excitation.check,
 )
 # Faults after which the response of the axis means nothing.
-_CONFUSES = {"sign_lost", "two_clocks", clocks.OFFSET, "two_publishers", "inner_loop", "late_command"}
+_CONFUSES = {"sign_lost", "two_clocks", clocks.OFFSET, "two_publishers", "inner_loop", "late_command", "stuck_sensor"}
 
 
 def inspect_axis(axis: Axis) -> list[Finding]:
@@ -82,7 +85,9 @@ def inspect_axis(axis: Axis) -> list[Finding]:
     wrong = any(one.kind == WRONG_VELOCITY for one in found)
     axis = replace(axis, trusts_velocity=not wrong)
     for check in _SIGNALS:
-        found += check(axis)
+        # Where a sensor goes on after it stood still, the position jumps.
+        if not (check in _JUMPS and any(one.kind == "stuck_sensor" for one in found)):
+            found += check(axis)
     if not any(one.kind in _CONFUSES for one in found):
         found += inner_loop.check(axis)
     if not any(one.kind in _CONFUSES for one in found):

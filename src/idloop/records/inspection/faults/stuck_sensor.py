@@ -1,0 +1,85 @@
+"""A sensor that stands still for a while: its value stays exactly equal while the other sensor shows a motion."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from idloop.records.finding import Finding
+from idloop.records.inspection.axis import Axis
+from idloop.records.inspection.faults.fault import fault
+
+Floats = NDArray[np.float64]
+
+# Shortest stretch of one value: samples, and how many times as long as all but the longest twentieth of such stretches.
+_SAMPLES, _LONGER = 20, 5.0
+# The speed that the other sensor shows there, as a share of its usual one, and in steps of the one that stands still.
+_MOVING, _STEPS = 0.2, 20.0
+# Parts of a stretch over which a slope is taken.
+_PARTS = 10
+
+
+def check(axis: Axis) -> list[Finding]:
+    """Look for stretches of one value of the position or the velocity while the other one moves."""
+    position, velocity, time = axis.place, axis.velocity, axis.time
+    if position is None or velocity is None:
+        return []
+    found = []
+    for signal, value in (("position", position), ("velocity", velocity)):
+        rows = [
+            (first, last)
+            for first, last in _stretches(value)
+            if _moves(signal, time, position, velocity, slice(first, last + 1))
+        ]
+        if not rows:
+            continue
+        seconds = sum(float(time[last] - time[first]) for first, last in rows)
+        first, last = max(rows, key=lambda ends: ends[1] - ends[0])
+        other = "velocity" if signal == "position" else "position"
+        found.append(
+            fault(
+                "stuck_sensor",
+                axis.name(signal),
+                f"{axis.name(signal)} stays at exactly {value[first]:.6g} {axis.unit(signal)} from {time[first]:.4g} to"
+                f" {time[last]:.4g} s ({last - first + 1} samples) while {axis.name(other)} moves: the sensor, or what"
+                " reads it, stood still",
+                "leave that time out (`rows:` in the mapping), or record again",
+                evidence={"seconds": seconds, "samples": float(sum(b - a + 1 for a, b in rows))},
+                spoils=("identification",),
+                count=len(rows),
+                places=[(float(time[a]), float(time[b])) for a, b in rows],
+            )
+        )
+    return found
+
+
+def _stretches(value: Floats) -> list[tuple[int, int]]:
+    """First and last row of long stretches of one value; what lasts for nearly the whole record is no stretch."""
+    ends = np.flatnonzero(np.concatenate([[True], value[1:] != value[:-1], [True]]))
+    length = np.diff(ends)
+    usual = float(np.quantile(length, 0.95))
+    long = (length >= max(_SAMPLES, _LONGER * usual)) & (length < 0.9 * value.size)
+    return [(int(ends[k]), int(ends[k + 1]) - 1) for k in np.flatnonzero(long) if np.isfinite(value[ends[k]])]
+
+
+def _moves(signal: str, time: Floats, position: Floats, velocity: Floats, rows: slice) -> bool:
+    """Whether the other sensor shows a motion in the rows of a stretch."""
+    if signal == "position":
+        usual, here = (float(np.sqrt(np.nanmean(one**2))) for one in (velocity, velocity[rows]))
+        travel = np.nancumsum(velocity[rows][1:] * np.diff(time[rows]))
+        return here > _MOVING * usual and float(np.max(np.abs(travel))) > _STEPS * _step(position)
+    within = time[rows]
+    place = np.interp(np.linspace(within[0], within[-1], _PARTS + 1), within, position[rows])
+    slope = np.diff(place) * _PARTS / (within[-1] - within[0])
+    known = np.isfinite(position)
+    usual = float(np.sqrt(np.mean(np.gradient(position[known], time[known]) ** 2)))
+    beside = float(np.sqrt(np.mean((slope - velocity[rows][0]) ** 2)))
+    moved = float(np.ptp(position[rows])) > _STEPS * _step(position)
+    return moved and beside > max(_MOVING * usual, 2.0 * _step(velocity))
+
+
+def _step(value: Floats) -> float:
+    """The smallest usual change between samples; 0 without any."""
+    change = np.abs(np.diff(value))
+    change = change[np.isfinite(change) & (change > 0.0)]
+    return float(np.quantile(change, 0.01)) if change.size else 0.0
