@@ -168,6 +168,28 @@ def test_samples_recorded_again_or_left_out_are_no_missed_pulses(make_axis, agai
     assert found.spoils == ("delays",)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_motion_of_which_pieces_were_left_out_under_even_stamps_is_told_from_pulses_counted_twice(make_axis, seed):
+    """The command changes every 40 samples, with the time constant of the axis; each piece begins shortly before."""
+    axis = make_axis(seed)
+    moved = np.abs(np.diff(axis.position[::40]))
+    begins = np.sort(np.argsort(moved)[-6:]) * 40 + 35
+    kept = np.ones(3000, dtype=bool)
+    for begin in begins:
+        kept[begin : begin + 25] = False
+    count = int(kept.sum())
+    short = {"time": axis.time[:count], "input_time": axis.time[:count], "command": axis.command[kept]}
+    for velocity in (axis.velocity[kept], None):
+        cut = replace(axis, position=axis.position[kept], velocity=velocity, **short)
+        assert "missed_pulses" not in kinds(cut)
+        found = the(cut, "lost_samples")
+        assert found.evidence["jumps"] >= 3
+    twice = np.zeros(3000)
+    twice[begins] = 0.3 * np.sign(axis.velocity[begins]) * np.ptp(axis.position[begins])
+    found = the(replace(axis, position=axis.position + np.cumsum(twice)), "missed_pulses")
+    assert found.evidence["missed"] == 0
+
+
 def test_pulses_missed_above_a_speed(data_dir, tmp_path):
     from idloop.records.tables.importing import import_bag
 

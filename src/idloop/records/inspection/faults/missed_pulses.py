@@ -2,7 +2,8 @@
 
 A few at a time: the position jumps by some pulses for one sample and does not come back. All above some speed: under a
 constant command the counted speed rises, and then falls to a part of it, which no drive does. Jumps by what the axis
-travels in whole samples, whatever its speed, are none of the encoder: samples were left out or recorded again.
+travels in whole samples, whatever its speed, are none of the encoder: samples were left out or recorded again. Nor are
+jumps along the motion at which the speed changes as well, more than it does elsewhere: many samples were left out.
 """
 
 from __future__ import annotations
@@ -23,6 +24,9 @@ _FEWEST, _UNEVEN = 3, 0.2
 # Jumps are samples where this share of them is, up to the second share of it, what the axis travels in whole samples.
 # Pulses missed at one speed may be as large as that by chance; at speeds that differ so many times they are not.
 _SAMPLES, _WHOLE, _SPEEDS = 0.8, 0.15, 1.5
+# Many samples were left out where this share of the jumps goes on along the motion, by more than so many samples, and
+# between the means over so many steps before and after it the speed changes more than chance, of this probability, has.
+_ALONG, _MANY, _BESIDE, _CHANCE = 0.8, 1.5, 4, 1e-3
 # Under a constant command the speed falls to between these shares of its peak and stays within the scatter there.
 _FALLS, _STAYS, _SCATTER = 0.5, 0.03, 0.25
 _WINDOWS, _SHARE = 24, 0.25
@@ -67,6 +71,21 @@ def _jumps(axis: Axis, time: Floats, place: Floats) -> list[Finding]:
                 places=around(time, rows + 1),
             )
         ]
+    if count := _left_out(step, rows):
+        return [
+            fault(
+                "lost_samples",
+                name,
+                f"{name} jumps {rows.size} times along the motion, by what it travels in {count:.0f} samples (median),"
+                " and its speed is another one after each, where the stamps go on evenly: samples were left out",
+                "record the stamp or the counter of the device with each sample, or cut the record there with `rows:`"
+                " in the mapping",
+                evidence={"jumps": float(rows.size), "size": size},
+                spoils=("delays", "flexible couplings", "play"),
+                count=int(rows.size),
+                places=around(time, rows + 1),
+            )
+        ]
     return [
         fault(
             "missed_pulses",
@@ -89,6 +108,37 @@ def _are_samples(off: Floats, travel: Floats) -> bool:
     whole = np.isfinite(samples) & (np.round(samples) != 0.0) & (np.abs(samples - np.round(samples)) < _WHOLE)
     speeds = np.abs(travel[whole])
     return bool(whole.mean() > _SAMPLES and np.max(speeds) > _SPEEDS * np.min(speeds))
+
+
+def _left_out(step: Floats, rows: NDArray[np.int64]) -> float:
+    """Samples that jumps at `rows` of the steps (n,) skip, by their median; 0 where they are none of the motion.
+
+    Pulses go missing at a speed that stays what it was; after a piece of the motion it is another one.
+    """
+    from scipy.special import chdtrc
+
+    far = np.ones(step.size, dtype=bool)
+    for away in range(-_BESIDE, _BESIDE + 1):
+        far[np.clip(rows + away, 0, step.size - 1)] = False
+    far[:_BESIDE] = far[-_BESIDE:] = False
+    usual = np.sort(np.abs(np.diff(_beside(step, np.flatnonzero(far)), axis=0))[0])
+    sides = _beside(step, rows)
+    travel = sides.mean(axis=0)
+    along = ((step[rows] - travel) * np.sign(travel) > _MANY * np.abs(travel)) & (travel != 0.0)
+    if np.mean(along) < _ALONG:
+        return 0.0
+    changed = np.abs(np.diff(sides, axis=0))[0][along]
+    larger = (1 + usual.size - np.searchsorted(usual, changed)) / (1 + usual.size)
+    # Fisher's combined probability that so many places of the motion chosen at random have such changes.
+    chance = float(chdtrc(2 * larger.size, -2.0 * np.log(larger).sum()))
+    return float(np.median(step[rows][along] / travel[along])) - 1.0 if chance < _CHANCE else 0.0
+
+
+def _beside(step: Floats, rows: NDArray[np.int64]) -> Floats:
+    """Mean of the steps before and after each of the rows, shape (2, number of rows)."""
+    begins = np.lib.stride_tricks.sliding_window_view(step, _BESIDE).mean(axis=1)
+    last = begins.size - 1
+    return np.array([begins[np.clip(rows - _BESIDE, 0, last)], begins[np.clip(rows + 1, 0, last)]])
 
 
 def _collapse(axis: Axis, time: Floats, place: Floats) -> list[Finding]:
