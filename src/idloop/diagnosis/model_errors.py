@@ -44,19 +44,21 @@ def explains_less(before: Model, after: Model, records: Sequence[Record]) -> boo
     there the free run decides.
     """
     was, now = (model_errors(one, records) for one in (before, after))
-    if after.inner_couplings:
-        return runs_worse(before, after, records)
-    if was["force"] is None:
-        # A free run also gathers what a disturbance leaves.
-        return runs_worse(before, after, records, _FAR_WORSE)
+    if after.inner_couplings or was["force"] is None:
+        # Without a balance a free run also gathers what a disturbance leaves.
+        return _grow(was, now, _WORSE if after.inner_couplings else _FAR_WORSE)
     # Below its own error a force balance separates no models.
     return now["force"] is None or now["force"] > _WORSE * max(was["force"], LEAST_UNEXPLAINED)
 
 
-def runs_worse(before: Model, after: Model, records: Sequence[Record], most: float = _WORSE) -> bool:
-    """Whether the free run of some output, started anew at every fifth, has errors that grow by more than a factor."""
-    was, now = (model_errors(one, records)["anew"] for one in (before, after))
-    return any(error > most * was.get(name, np.inf) for name, error in now.items())
+def runs_worse(before: Model, after: Model, records: Sequence[Record]) -> bool:
+    """Whether the free run of some output, started anew at every fifth, has errors that grow by a tenth or more."""
+    return _grow(model_errors(before, records), model_errors(after, records), _WORSE)
+
+
+def _grow(was: dict[str, Any], now: dict[str, Any], most: float) -> bool:
+    """Whether errors of a restarted free run grow by more than a factor."""
+    return any(error > most * was["anew"].get(name, np.inf) for name, error in now["anew"].items())
 
 
 def _errors(model: Model, record: Record) -> dict[str, Any]:
