@@ -414,6 +414,13 @@ def _set_point(recorded: Recorded, motion: Floats, field: str) -> Recorded:
     return _with(recorded, command=early, units=units, command_name="j.effort", has_reference=True)
 
 
+def copied_velocity(random: Random, recorded: Recorded) -> Recorded:
+    """The column of the command is that of the velocity in another unit, at once or a sample late."""
+    velocity = _velocity(random, recorded)
+    late = int(random.integers(0, 2))
+    return _with(recorded, command=0.3 * np.concatenate([velocity[:late], velocity[: velocity.size - late]]))
+
+
 def no_reference(random: Random, recorded: Recorded) -> Recorded:
     """A closed loop without its reference on record."""
     return _with(recorded, has_reference=False)
@@ -486,6 +493,7 @@ CASES = (
     Case("command cut off at 60 %", ("saturated_command",), same, {"levels": "smooth", "closed": False, "clip": 0.6}),
     Case("command is a set-point of the position", ("inner_loop",), inner_position, {}),
     Case("command is a set-point of the velocity", ("inner_loop",), inner_velocity, {}),
+    Case("command is a copy of the velocity", ("copied_motion",), copied_velocity, {}),
     Case("loop closed, no reference", ("unrecorded_reference",), no_reference, {"closed": True}),
     Case(
         "command measured, not held",

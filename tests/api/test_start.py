@@ -658,3 +658,46 @@ def test_the_cause_of_a_fit_that_describes_nothing_is_a_fault_that_spoils_someth
     found = with_causes(failed, inspections, "")
     assert found.why_not == f"nothing is described{said}it accelerates backwards"
     assert with_causes(failed, inspections[:1], "").why_not.endswith(f"{said}5 samples are missing")
+
+
+def test_a_command_that_was_recorded_late_is_mended_by_the_option_that_is_printed(record, tmp_path):
+    c = _columns(record)
+    late = np.concatenate([np.full(8, c["u"][0]), c["u"][:-8]])
+    log = _write(tmp_path / "log.csv", "t_s,torque_Nm,angle_rad", c["t"], late, c["q"])
+    assert "run again with --late 0.08 and" in idloop.start(log, tmp_path / "begun").summary()
+    again = idloop.start(log, tmp_path / "again", late=0.08)
+    assert again.fit.values["axis.inertia"] == pytest.approx(0.01, rel=0.05)
+
+
+def test_recordings_in_one_file_are_cut_apart_by_the_options_that_are_printed(record, tmp_path):
+    c = _columns(record)
+    place, middle = c["q"] + np.where(c["t"] < 7.5, 0.0, 0.2 * np.ptp(c["q"])), c["t"].size // 2
+    log = _write(tmp_path / "log.csv", "t_s,torque_Nm,angle_rad", c["t"], c["u"], place)
+    said = idloop.start(log, tmp_path / "begun", fitted=False).summary()
+    (first, second) = re.search(r"run again with --rows (\S+) --rows (\S+) and", said).groups()
+    pieces = [slice(*map(int, one.split(":"))) for one in (first, second)]
+    assert pieces[0].start == 0
+    assert pieces[0].stop <= middle < pieces[1].start + 2
+    again = idloop.start(log, tmp_path / "again", rows=pieces)
+    assert [bag.name for bag in again.bags] == ["log_run1", "log_run2"]
+    assert [one.grade for one in again.inspections] == ["usable", "usable"]
+    assert again.fit.values["axis.inertia"] == pytest.approx(0.01, rel=0.05)
+
+
+def test_exchanged_columns_of_command_and_velocity_are_said_with_the_options_that_mend_it(record, tmp_path):
+    c = _columns(record)
+    log = _write(tmp_path / "log.csv", "t_s,torque_Nm,angle_rad,speed_rad_s", c["t"], c["w"], c["q"], c["u"])
+    begun = idloop.start(log, tmp_path / "begun")
+    assert begun.fit is None
+    assert "--command 'speed_rad_s=N·m' --velocity 'torque_Nm=rad/s'" in begun.summary()
+    given = {"command": "speed_rad_s=N·m", "velocity": "torque_Nm=rad/s"}
+    again = idloop.start(log, tmp_path / "again", given)
+    assert again.fit.values["axis.inertia"] == pytest.approx(0.01, rel=0.05)
+
+
+@pytest.mark.parametrize("rows", [slice(20, 20), slice(5000, None)])
+def test_rows_that_hold_nothing_are_refused(record, tmp_path, rows):
+    c = _columns(record)
+    log = _write(tmp_path / "log.csv", "t_s,torque_Nm,angle_rad", c["t"], c["u"], c["q"])
+    with pytest.raises(InputError, match=r"holds nothing: the table has \d+ rows"):
+        recognise(log, rows=[rows])

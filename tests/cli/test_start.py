@@ -60,6 +60,8 @@ def test_json_is_one_document(log, tmp_path, capsys):
         (["--rate", "inf", "--command", "i_set"], "above zero and finite"),
         (["--rate", "nan", "--command", "i_set"], "above zero and finite"),
         (["--delimiter", ";;"], "--delimiter ';;' is not one character"),
+        (["--rate", "100", "--rows", "7"], "--rows '7' are none: give FROM:TO"),
+        (["--rate", "100", "--rows", "9:9"], "holds nothing"),
         (["--rate", "100", "--position", "angle=miles"], "unknown unit 'miles'"),
         (["--rate", "100", "--command", "current"], "no column 'current' for the command"),
     ],

@@ -47,12 +47,15 @@ class Log:
         Whether the files are one record with a signal or more in each.
     between : tuple of str
         What is uncertain about the files beside each other.
+    late : float
+        Time by which the command was recorded late [s].
     """
 
     files: tuple[Path, ...]
     recognitions: tuple[Recognition, ...]
     joined: bool = False
     between: tuple[str, ...] = ()
+    late: float = 0.0
 
     @property
     def recognition(self) -> Recognition:
@@ -157,6 +160,31 @@ class Log:
     def _command_with_sign_of(self, formula: str) -> str:
         return self._command(f"{self.turned_column.removeprefix('-')} * sign({formula})") if self.turned_column else ""
 
+    @property
+    def exchanged_command(self) -> str:
+        """The options that exchange command and velocity; empty where one of them is no plain column of a table."""
+        command, velocity = self.recognition.of("command"), self.recognition.of("velocity")
+        if command is None or velocity is None or self.recognition.sources or command.options or velocity.options:
+            return ""
+        pair = {"command": (velocity.column, command.unit), "velocity": (command.column, velocity.unit)}
+        return " ".join(f"--{role} '{column}{f'={unit}' if unit else ''}'" for role, (column, unit) in pair.items())
+
+    def rows_without(self, places: Sequence[tuple[float, float]]) -> str:
+        """The options that leave out times of the record, from .. to [s from its first stamp], and cut it there.
+
+        Empty where the files or their records are several, or no piece is long enough for a fit.
+        """
+        from idloop.estimation.dataset import FEWEST_SAMPLES
+
+        if len(self.files) > 1 or len(self.runs) > 1 or not places:
+            return ""
+        seconds = self.recognition.base.seconds
+        first = self.recognition.rows[0].start if self.recognition.rows else 0
+        begins, ends = np.searchsorted(seconds, seconds[first] + np.array(sorted(places)).T + [[1e-9], [-1e-9]])
+        pieces = zip([first, *ends], [*begins, seconds.size], strict=True)
+        long = [f"--rows {start}:{stop}" for start, stop in pieces if stop - start >= FEWEST_SAMPLES]
+        return " ".join(long)
+
     def command_in(self, unit: str) -> str:
         """The option that gives the command a unit."""
         one = self.recognition.of("command")
@@ -184,12 +212,14 @@ def recognise(
     *,
     period: float | None = None,
     csv: Mapping[str, Any] | None = None,
+    rows: Sequence[slice] = (),
+    late: float = 0.0,
 ) -> Log:
     """Find out what the columns of a log are, without writing anything.
 
     Parameters
     ----------
-    files, given, period, csv
+    files, given, period, csv, rows, late
         As in `idloop.start`.
 
     Returns
@@ -214,17 +244,46 @@ def recognise(
     if not paths:
         raise InputError("name at least one file")
     if any(is_bag(path) for path in paths):
+        if rows or late:
+            raise InputError("--rows and --late are of tables: a bag has messages with stamps of their own")
         return _of_bags(paths, given or {})
     options = {"skip_text": True, **(csv or {})}
     tables = _each([partial(read_table, path, options=options) for path in paths], paths)
     said = _given(given or {}, [name for table in tables for name in table.columns])
     if any(set(one.columns) != set(tables[0].columns) for one in tables) or _are_signals(tables):
-        return _joined(paths, tables, said, period)
+        if rows:
+            raise InputError("--rows cuts one file, or files with the same columns")
+        return replace(_joined(paths, tables, said, period), late=late)
+    for table in tables if rows else ():
+        table.begins = tuple(sorted({*table.begins, *_edges(rows, max(map(len, table.columns.values())))}))
     shown = shown_together(tables, said, period=period) if len(tables) > 1 and not tables[0].clocks else None
     found = _alike(
         _each([partial(recognise_table, table, said, period=period, shown=shown) for table in tables], paths)
     )
-    return Log(paths, tuple(found), between=tuple(_read_otherwise(found)))
+    between = tuple(_read_otherwise(found))
+    if rows:
+        found = [replace(one, rows=_cut(rows, one.base.seconds.size)) for one in found]
+    return Log(paths, tuple(found), between=between, late=late)
+
+
+def _cut(rows: Sequence[slice], count: int) -> tuple[slice, ...]:
+    """The rows that the user wants, within those that there are."""
+    return tuple(slice(*one.indices(count)[:2]) for one in rows)
+
+
+def _edges(rows: Sequence[slice], count: int) -> tuple[int, ...]:
+    """Rows at which a record, or what lies between two, begins.
+
+    Raises
+    ------
+    InputError
+        A piece is empty.
+    """
+    pieces = _cut(rows, count)
+    for one, said in zip(pieces, rows, strict=True):
+        if one.stop <= one.start:
+            raise InputError(f"--rows {said.start or 0}:{said.stop or ''} holds nothing: the table has {count} rows")
+    return (0, *(edge for one in pieces for edge in (one.start, one.stop) if edge < count))
 
 
 def check_signals(given: Iterable[str]) -> None:
@@ -445,8 +504,9 @@ def _records_in(found: Recognition) -> Iterator[str]:
         return
     if len(found.rows) > 1:
         starts = [str(one.start) for one in found.rows[1:]]
-        yield f"the time starts again in row {listed(starts, 6)}: {len(found.rows)} records, which become a bag each"
-    if not found.rows:
+        why = "a record begins" if found.table.begins else "the time starts again"
+        yield f"{why} in row {listed(starts, 6)}: {len(found.rows)} records, which become a bag each"
+    if not found.rows or found.table.begins:
         return
     edges = [0, *(edge for one in found.rows for edge in (one.start, one.stop)), found.base.seconds.size]
     pieces = [slice(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b > a]

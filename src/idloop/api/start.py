@@ -149,6 +149,7 @@ class Start(Result):
                 f"run again with {self.log.command_in(self.set_point_unit)} and another --output for a model of the"
                 " loop in the drive; if it is a force, a torque, a current or a voltage, give its unit"
             )
+        yield from self._again()
         lost = any(fault.kind == _SIGN_LOST for one in self.inspections for fault in one.faults)
         if lost and (flag := self.log.command_with_sign_of_error):
             yield f"where it had the sign of the control error, run again with {flag} and another --output"
@@ -170,6 +171,22 @@ class Start(Result):
                 "a further record, with another command, would show whether the model holds on data that no fit has"
                 " seen: start both files together"
             )
+
+    def _again(self) -> Iterator[str]:
+        """Yield the options that mend what the inspection found."""
+        from idloop.records.inspection.faults import copied_motion, late_command, spliced, stuck_sensor
+        from idloop.records.inspection.velocity_check import KIND as WRONG_VELOCITY
+
+        faults = {fault.kind: fault for one in self.inspections for fault in one.faults}
+        options = []
+        if {copied_motion.KIND, WRONG_VELOCITY} <= faults.keys() and (flags := self.log.exchanged_command):
+            yield f"where the names of command and velocity are exchanged, run again with {flags} and another --output"
+        if late := faults.get(late_command.KIND):
+            options.append(f"--late {late.evidence['lead']:.4g}")
+        cut = [place for kind in (spliced.KIND, stuck_sensor.KIND) if kind in faults for place in faults[kind].places]
+        options += filter(None, [self.log.rows_without(cut)])
+        if options:
+            yield f"run again with {' '.join(options)} and another --output"
 
     def _names(self, lines: Sequence[str]) -> Iterator[str]:
         """Yield which column is meant, where lines name the command by its topic."""
@@ -234,6 +251,8 @@ def start(
     *,
     period: float | None = None,
     csv: Mapping[str, Any] | None = None,
+    rows: Sequence[slice] = (),
+    late: float = 0.0,
     joint: str = "axis",
     fitted: bool = True,
     progress: Progress = ignore_progress,
@@ -254,6 +273,10 @@ def start(
         Sampling period [s], where the log has no time.
     csv : mapping, optional
         ``delimiter``, ``decimal``, ``header``, ``skip_rows``, where they cannot be found.
+    rows : sequence of slice
+        Rows of a table, counted from 0, each piece a record of its own; by default all.
+    late : float
+        Time by which the command of a table was recorded late [s].
     joint : str
         Name of the joint.
     fitted : bool
@@ -284,7 +307,7 @@ def start(
     >>> round(begun.fit.values["axis.inertia"], 2)
     0.01
     """
-    log = recognise(files, given, period=period, csv=csv)
+    log = recognise(files, given, period=period, csv=csv, rows=rows, late=late)
     return begin(log, output, csv=csv, joint=joint, fitted=fitted, progress=progress)
 
 
@@ -360,6 +383,9 @@ def _mapping(log: Log, joint: str, csv: Mapping[str, Any] | None) -> Any:
     mapping = mapping_of(log.recognition, log.name, joint, files=names)
     if any(window for _, window in log.runs.values()):
         mapping["parts"] = {run: window for run, (_, window) in log.runs.items()}
+    if log.late and "command" in mapping:
+        command = mapping["command"]
+        command["time"] = {**command.get("time", mapping["time"]), "offset": -log.late}
     if csv:
         mapping.setdefault("csv", {}).update(csv)
     return mapping

@@ -134,6 +134,7 @@ FAULTS = {
     ),
     "command without its sign": ("sign_lost", "steps", lambda x: replace(x, command=np.abs(x.command))),
     "command turned": ("turned_command", "steps", lambda x: replace(x, command=-x.command)),
+    "a copy of the velocity": ("copied_motion", "steps", lambda x: replace(x, command=0.3 * x.velocity)),
     "two publishers": ("two_publishers", "steps", two_publishers),
     "two clocks": (
         "two_clocks",

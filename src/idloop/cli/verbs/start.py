@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import tempfile
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -35,6 +38,7 @@ Examples:
   idloop start drive.csv encoder.csv --output my_axis    # one signal per file
 """
 RATE = "rate"
+_ROWS = re.compile(r"(\d*):(\d*)")
 _DELIMITERS = {"tab": "\t", "\\t": "\t", "space": " ", "blank": " "}
 _ACCEPTS, _REFUSES = ("", "y", "yes"), ("n", "no")
 _PROMPT = "Enter to go on, SIGNAL=COLUMN[=UNIT] to change one (rate=HZ where there is no time), q to stop"
@@ -54,6 +58,14 @@ _PROMPT = "Enter to go on, SIGNAL=COLUMN[=UNIT] to change one (rate=HZ where the
 )
 @click.option("--decimal", type=click.Choice([".", ","]), help="Decimal sign of a text file.")
 @click.option("--skip-rows", type=click.IntRange(0), metavar="N", help="Lines above the header of a text file.")
+@click.option(
+    "--rows",
+    multiple=True,
+    metavar="FROM:TO",
+    callback=lambda _context, _option, texts: [_slice(text) for text in texts],
+    help="Rows of a table to use, counted from 0 without TO; each piece is a record of its own. Can be repeated.",
+)
+@click.option("--late", type=float, default=0.0, metavar="S", help="Seconds by which the command was recorded late.")
 @click.option("--no-header", is_flag=True, help="The first line of a text file is data.")
 @click.option("--no-fit", is_flag=True, help="Only write mapping, model and bags.")
 @click.option("--yes", is_flag=True, help="Ask nothing on a terminal.")
@@ -69,6 +81,8 @@ def command(
     delimiter: str | None,
     decimal: str | None,
     skip_rows: int | None,
+    rows: list[slice],
+    late: float,
     no_header: bool,
     no_fit: bool,
     yes: bool,
@@ -93,12 +107,10 @@ def command(
     given = {name: text for name, text in signals.items() if text is not None}
     period = 1.0 / rate if rate else period
     asked = not (yes or as_json) and _on_terminal()
-    if asked:
-        found = _ask(files, given, period, csv, output)
-    else:
-        from idloop.api.log import recognise
+    from idloop.api.log import recognise
 
-        found = recognise(files, given, period=period, csv=csv)
+    read = partial(recognise, files, csv=csv, rows=rows, late=late)
+    found = _ask(read, given, period, output) if asked else read(given, period=period)
     from idloop.api.start import begin, free_folder
 
     if not (asked or as_json):
@@ -132,11 +144,15 @@ def _on_terminal() -> bool:
     return sys.stdin.isatty() and sys.stdout.isatty()
 
 
-def _ask(
-    files: tuple[Path, ...], given: dict[str, str], period: float | None, csv: dict[str, Any], output: Path | None
-) -> Log:
+def _slice(text: str) -> slice:
+    """Rows that are given as FROM:TO."""
+    if not (match := _ROWS.fullmatch(text.strip())):
+        raise InputError(f"--rows {text!r} are none: give FROM:TO, such as 0:2000 or 2000:")
+    return slice(*(int(one) if one else None for one in match.groups()))
+
+
+def _ask(read: Callable[..., Log], given: dict[str, str], period: float | None, output: Path | None) -> Log:
     """Show what was recognised until the user accepts it."""
-    from idloop.api.log import recognise
     from idloop.api.start import free_folder
 
     found: Log | None = None
@@ -144,7 +160,7 @@ def _ask(
     with tempfile.TemporaryDirectory(prefix="idloop_") as folder:
         while True:
             try:
-                found = recognise(files, given, period=period, csv=csv)
+                found = read(given, period=period)
             except InputError as error:
                 log(str(error))
                 if found is not None:

@@ -10,6 +10,7 @@ from idloop.records.inspection.faults import (
     clocks,
     command_direction,
     command_sign,
+    copied_motion,
     excitation,
     feedback,
     inner_loop,
@@ -74,7 +75,10 @@ _RESPONSE: tuple[Check, ...] = (
     excitation.check,
 )
 # Faults after which the response of the axis means nothing.
-_CONFUSES = {"sign_lost", "two_clocks", clocks.OFFSET, "two_publishers", "inner_loop", "late_command", "stuck_sensor"}
+_CONFUSES = {
+    "sign_lost", "two_clocks", clocks.OFFSET, "two_publishers", copied_motion.KIND, inner_loop.KIND, late_command.KIND,
+    stuck_sensor.KIND,
+}  # fmt: skip
 
 
 def inspect_axis(axis: Axis) -> list[Finding]:
@@ -86,10 +90,10 @@ def inspect_axis(axis: Axis) -> list[Finding]:
     axis = replace(axis, trusts_velocity=not wrong)
     for check in _SIGNALS:
         # Where a sensor goes on after it stood still, the position jumps.
-        if not (check in _JUMPS and any(one.kind == "stuck_sensor" for one in found)):
+        if not (check in _JUMPS and any(one.kind == stuck_sensor.KIND for one in found)):
             found += check(axis)
     if not any(one.kind in _CONFUSES for one in found):
-        found += inner_loop.check(axis)
+        found += copied_motion.check(axis) or inner_loop.check(axis)
     if not any(one.kind in _CONFUSES for one in found):
         for check in _RESPONSE:
             found += check(axis)

@@ -12,6 +12,8 @@ from idloop.records.inspection.response import PLAIN, responses
 
 Floats = NDArray[np.float64]
 
+KIND = "late_command"
+
 # Shifts of the command that are tried first [samples], then each one between the neighbours of the best.
 _SHIFTS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256)
 # Least shift [samples], and the longest as a part of the record.
@@ -60,11 +62,12 @@ def check(axis: Axis) -> list[Finding]:
     early, name = samples * grid.period, axis.command_name
     return [
         fault(
-            "late_command",
+            KIND,
             name,
             f"the motion comes {1e3 * early:.3g} ms before {name}, which no machine makes: with the command so much"
             f" earlier, {100.0 * (1.0 - part):.0f} % less of the acceleration is left unexplained",
-            f"subtract {early:.4g} s from the stamps of {name}, or record command and motion by one clock",
+            f"subtract {early:.4g} s from the stamps of {name} (`idloop start FILE --late {early:.4g}`), or record"
+            " command and motion by one clock",
             evidence={"lead": early, "left": part, "share": share},
             spoils=("identification",),
         )

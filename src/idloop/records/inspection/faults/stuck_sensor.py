@@ -11,6 +11,8 @@ from idloop.records.inspection.faults.fault import fault
 
 Floats = NDArray[np.float64]
 
+KIND = "stuck_sensor"
+
 # Shortest stretch of one value: samples, and how many times as long as all but the longest twentieth of such stretches.
 _SAMPLES, _LONGER = 20, 5.0
 # The speed that the other sensor shows there, as a share of its usual one, and in steps of the one that stands still.
@@ -38,7 +40,7 @@ def check(axis: Axis) -> list[Finding]:
         other = "velocity" if signal == "position" else "position"
         found.append(
             fault(
-                "stuck_sensor",
+                KIND,
                 axis.name(signal),
                 f"{axis.name(signal)} stays at exactly {value[first]:.6g} {axis.unit(signal)} from {time[first]:.4g} to"
                 f" {time[last]:.4g} s ({last - first + 1} samples) while {axis.name(other)} moves: the sensor, or what"
