@@ -360,12 +360,18 @@ def _stuck(random: Random, value: Floats) -> Floats:
 
 def stuck_position(random: Random, recorded: Recorded) -> Recorded:
     """The position stands still, the velocity goes on."""
-    return _with(recorded, position=_stuck(random, recorded.axis.position))
+    velocity = _velocity(random, recorded)
+    return _with(recorded, position=_stuck(random, recorded.axis.position), velocity=velocity)
+
+
+def stuck_alone(random: Random, recorded: Recorded) -> Recorded:
+    """The position stands still, and no velocity is recorded."""
+    return replace(recorded, axis=replace(stuck_position(random, recorded).axis, velocity=None))
 
 
 def stuck_velocity(random: Random, recorded: Recorded) -> Recorded:
     """The velocity stands still, the position goes on."""
-    return _with(recorded, velocity=_stuck(random, recorded.axis.velocity))
+    return _with(recorded, velocity=_stuck(random, _velocity(random, recorded)))
 
 
 def late_command(random: Random, recorded: Recorded) -> Recorded:
@@ -484,6 +490,7 @@ CASES = (
     Case("log three times as fast as the sensor", ("repeated_samples",), fast_log, {}),
     Case("position wraps", ("wrapped_position",), wrapped, {}),
     Case("position stands still for a tenth of the record", ("stuck_sensor",), stuck_position, {}),
+    Case("position stands still, no velocity", ("stuck_sensor",), stuck_alone, {}),
     Case("velocity stands still for a tenth of the record", ("stuck_sensor",), stuck_velocity, {}),
     Case("10 times encoder pulses of 1 % missed", ("missed_pulses",), pulses, {}),
     Case("two records joined, a fifth of a range apart", ("spliced",), spliced, {}),

@@ -340,3 +340,20 @@ def test_a_limit_of_the_drive_with_few_levels(make_axis):
     command = np.random.default_rng(5).choice([0.0, 0.4, 0.8, 2.5, 5.0], 400).repeat(30)
     axis = make_axis(count=command.size, command=command, drive=lambda u: min(u, 1.0), gain=300.0)
     assert not_followed.check(axis)
+
+
+def test_a_position_that_stands_still_and_then_jumps_is_named_without_a_velocity(make_axis):
+    axis = make_axis()
+    axis.position[1200:1500] = axis.position[1200]
+    found = the(replace(axis, velocity=None), "stuck_sensor")
+    assert found.places == ((6.0, 7.495),)
+
+
+def test_an_axis_that_rests_between_its_moves_has_no_stuck_sensor(make_axis):
+    moves = np.repeat(np.tile([1.0, 0.0, -1.0, 0.0], 19), 40)[:3000]
+    axis = make_axis(command=moves, size=1.0)
+    step = 2e-3 * np.ptp(axis.position)
+    for every in (1, 4, 16):
+        rounded = step * np.round(axis.position[::every] / step)
+        slow = replace(axis, time=axis.time[::every], position=rounded, velocity=None)
+        assert "stuck_sensor" not in kinds(slow)

@@ -1,4 +1,8 @@
-"""A sensor that stands still for a while: its value stays exactly equal while the other sensor shows a motion."""
+"""A sensor that stands still for a while: its value stays exactly equal while the axis moves.
+
+The other sensor shows that motion. Without one the position itself does, where it goes on with a jump: an axis that
+stood still begins to move slowly.
+"""
 
 from __future__ import annotations
 
@@ -19,32 +23,41 @@ _SAMPLES, _LONGER = 20, 5.0
 _MOVING, _STEPS = 0.2, 20.0
 # Parts of a stretch over which a slope is taken.
 _PARTS = 10
+# Without another sensor: the jump after a stretch in the largest of all other steps, and samples over which the axis
+# moves by half of that beside it; share of the record that stretches take at most.
+_LARGER, _BESIDE, _HALF = 5.0, 8, 0.5
 
 
 def check(axis: Axis) -> list[Finding]:
     """Look for stretches of one value of the position or the velocity while the other one moves."""
     position, velocity, time = axis.place, axis.velocity, axis.time
-    if position is None or velocity is None:
-        return []
     found = []
     for signal, value in (("position", position), ("velocity", velocity)):
-        rows = [
-            (first, last)
-            for first, last in _stretches(value)
-            if _moves(signal, time, position, velocity, slice(first, last + 1))
-        ]
+        if value is None or position is None:
+            continue
+        stretches = _stretches(value)
+        if velocity is None:
+            rows = [rows for rows in stretches if _goes_on_with_a_jump(value, rows, stretches)]
+        else:
+            rows = [
+                (first, last)
+                for first, last in stretches
+                if _moves(signal, time, position, velocity, slice(first, last + 1))
+            ]
         if not rows:
             continue
         seconds = sum(float(time[last] - time[first]) for first, last in rows)
         first, last = max(rows, key=lambda ends: ends[1] - ends[0])
-        other = "velocity" if signal == "position" else "position"
+        if velocity is None:
+            why = f"and then jumps by {abs(value[last + 1] - value[last]):.3g} {axis.unit(signal)}, which no axis does"
+        else:
+            why = f"while {axis.name('velocity' if signal == 'position' else 'position')} moves"
         found.append(
             fault(
                 KIND,
                 axis.name(signal),
                 f"{axis.name(signal)} stays at exactly {value[first]:.6g} {axis.unit(signal)} from {time[first]:.4g} to"
-                f" {time[last]:.4g} s ({last - first + 1} samples) while {axis.name(other)} moves: the sensor, or what"
-                " reads it, stood still",
+                f" {time[last]:.4g} s ({last - first + 1} samples) {why}: the sensor, or what reads it, stood still",
                 "leave that time out (`rows:` in the mapping), or record again",
                 evidence={"seconds": seconds, "samples": float(sum(b - a + 1 for a, b in rows))},
                 spoils=("identification",),
@@ -62,6 +75,17 @@ def _stretches(value: Floats) -> list[tuple[int, int]]:
     usual = float(np.quantile(length, 0.95))
     long = (length >= max(_SAMPLES, _LONGER * usual)) & (length < 0.9 * value.size)
     return [(int(ends[k]), int(ends[k + 1]) - 1) for k in np.flatnonzero(long) if np.isfinite(value[ends[k]])]
+
+
+def _goes_on_with_a_jump(value: Floats, rows: tuple[int, int], stretches: list[tuple[int, int]]) -> bool:
+    """Whether the value leaves a stretch by a jump out of all proportion to its other steps, and moves on."""
+    step, ends = np.abs(np.diff(value)), np.array([last for _, last in stretches])
+    others = np.delete(step, ends[ends < step.size])
+    if rows[1] >= step.size - _BESIDE or sum(last - first for first, last in stretches) > _HALF * value.size:
+        return False
+    usual = float(np.nanmax(others))
+    jump, after = step[rows[1]], abs(float(value[rows[1] + 1 + _BESIDE] - value[rows[1] + 1]))
+    return bool(jump > max(_LARGER * usual, _LARGER * _step(value)) and after > _HALF * usual)
 
 
 def _moves(signal: str, time: Floats, position: Floats, velocity: Floats, rows: slice) -> bool:
