@@ -32,6 +32,7 @@ _OVERLAP = 0.5  # share of the shorter file that two files of one run have at le
 # What one file shows holds for the others: values that start again, and negative ones logged as unsigned.
 _OF_ALL = ("wrap", "decode")
 _TEXT = "its cells are text"
+_FEW_SAMPLES = 100  # rows of a piece below which it is not worth a record
 
 
 @dataclass(frozen=True)
@@ -172,17 +173,15 @@ class Log:
     def rows_without(self, places: Sequence[tuple[float, float]]) -> str:
         """The options that leave out times of the record, from .. to [s from its first stamp], and cut it there.
 
-        Empty where the files or their records are several, or no piece is long enough for a fit.
+        Empty where the files or their records are several, or no piece is long enough to be of use.
         """
-        from idloop.estimation.dataset import FEWEST_SAMPLES
-
         if len(self.files) > 1 or len(self.runs) > 1 or not places:
             return ""
         seconds = self.recognition.base.seconds
         first = self.recognition.rows[0].start if self.recognition.rows else 0
         begins, ends = np.searchsorted(seconds, seconds[first] + np.array(sorted(places)).T + [[1e-9], [-1e-9]])
         pieces = zip([first, *ends], [*begins, seconds.size], strict=True)
-        long = [f"--rows {start}:{stop}" for start, stop in pieces if stop - start >= FEWEST_SAMPLES]
+        long = [f"--rows {start}:{stop}" for start, stop in pieces if stop - start >= _FEW_SAMPLES]
         return " ".join(long)
 
     def command_in(self, unit: str) -> str:

@@ -143,7 +143,9 @@ def responses(axis: Axis) -> list[Response]:
 
 def _responses(axis: Axis) -> list[Response]:
     grid = axis.grid
-    if grid is None or not np.isfinite(grid.command).any() or np.nanstd(grid.command) == 0.0:
+    if grid is None or not all(np.isfinite(one).any() for one in (grid.command, grid.speed)):
+        return []
+    if np.nanstd(grid.command) == 0.0:
         return []
     found = []
     sources = [(grid.position, 2)]

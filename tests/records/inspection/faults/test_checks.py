@@ -149,6 +149,8 @@ def test_missed_pulses(make_axis):
     shift[[400, 900, 1700, 2500]] = 0.02 * np.ptp(axis.position)
     found = the(replace(axis, position=axis.position - np.cumsum(shift)), "missed_pulses")
     assert found.evidence["jumps"] == 4
+    # They make more acceleration than the motion has.
+    assert {"inertia and friction", "delays"} <= set(found.spoils)
 
 
 @pytest.mark.parametrize("again", [True, False])

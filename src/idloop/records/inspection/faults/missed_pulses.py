@@ -55,6 +55,7 @@ def _jumps(axis: Axis, time: Floats, place: Floats) -> list[Finding]:
     travel = 0.5 * (step[rows - 1] + step[rows + 1])
     off = step[rows] - travel
     missed = int(np.sum(off * travel < 0.0))
+    spoils = ("inertia and friction", "delays") if _outweigh(step, off) else ()
     size = float(np.median(np.abs(off)))
     name, unit = axis.name("position"), axis.unit("position")
     if _are_samples(off, travel):
@@ -94,11 +95,17 @@ def _jumps(axis: Axis, time: Floats, place: Floats) -> list[Finding]:
             f" too short, {rows.size - missed} times too far): pulses of the encoder were missed or counted twice",
             "count the pulses in hardware, shield the encoder, or drive slower",
             evidence={"jumps": float(rows.size), "size": size, "missed": float(missed)},
-            spoils=("flexible couplings", "play"),
+            spoils=(*spoils, "flexible couplings", "play"),
             count=int(rows.size),
             places=around(time, rows + 1),
         )
     ]
+
+
+def _outweigh(step: Floats, off: Floats) -> bool:
+    """Whether jumps (m,) make more of the acceleration than all that the steps (n,) show beside them."""
+    # A jump is one acceleration of its size, and the next of the opposite sign.
+    return bool(4.0 * float(np.sum(off**2)) > float(np.sum(np.diff(step) ** 2)))
 
 
 def _are_samples(off: Floats, travel: Floats) -> bool:
