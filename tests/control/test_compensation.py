@@ -320,7 +320,7 @@ def test_every_effect_of_the_catalogue_is_cancelled_or_says_why():
     spec = {"type": "p", "output": "motor.position", "kp": 1.0, "sample_time": 0.001}
     for name, kinds in built_in().items():
         for kind in kinds:
-            if "position" not in kind.outputs:
+            if "position" not in kind.outputs or kind.set_point:  # of a sensor, or of a drive that takes no force
                 continue
             model = torsion.with_effects([f"{name}@{sites[kind.site]}"])
             plan = build_controller(spec, compensation=Compensation(model)).plan

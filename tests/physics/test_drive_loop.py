@@ -12,6 +12,7 @@ import idloop
 from idloop.errors import InputError
 from idloop.physics import Engine, simulate
 from idloop.physics.model_file import from_text
+from idloop.physics.plant import Plant
 
 TIME = np.arange(0.0, 2.0, 0.002)
 
@@ -180,6 +181,71 @@ def test_the_machine_does_not_depend_on_the_gain_of_the_loop(proportional):
     for name in model.free:
         if name != "gravity@arm.lowest":
             assert fitted.values[name] == pytest.approx(true.values[name], rel=0.03), name
+
+
+VELOCITY, POSITION = "kind: velocity_loop, proportional: 0.3", "kind: position_loop, proportional: 8.0, derivative: 0.1"
+
+
+@pytest.mark.parametrize("name", ["friction_compensation", "friction_feed_forward"])
+def test_a_compensated_friction_is_smaller_by_what_the_drive_adds(name):
+    effects = ["coulomb_friction@arm(level=0.12)", f"{name}@input(level=0.08,speed=0.01)"]
+    run = simulate(servo(VELOCITY, *effects, unit="rad/s"), [0.0], [2.0], TIME).output
+    assert run[-1, 1] == pytest.approx((0.3 * 2.0 - 0.04) / 0.35, rel=1e-6)
+    # A ramp is followed late by what the forces of a constant speed need.
+    ramp = simulate(servo(POSITION, *effects), TIME, 1.5 * TIME, TIME).output
+    late = (1.5 * (0.05 + 0.1) + 0.04) / 8.0
+    assert 1.5 * (TIME[-1] - 0.001) - ramp[-1, 0] == pytest.approx(late, abs=2e-4)
+
+
+@pytest.mark.parametrize(
+    "effect", ["friction_compensation@input(level=0.08)", "friction_feed_forward@input(level=0.08)"]
+)
+def test_the_views_of_a_compensated_drive_agree(effect):
+    model = servo(POSITION, effect)
+    set_point = 0.4 * np.sin(3.0 * TIME) + 0.1 * np.sin(11.0 * TIME)
+    run = simulate(model, TIME, set_point, TIME).output
+    engine = Engine(model)
+    assert np.max(np.abs(engine.predict(None, TIME, set_point, TIME, run, np.zeros((3, 2))))) < 1e-9
+    # The mean of the held set-points before and after each instant.
+    acceleration, around = np.gradient(run[:, 1], TIME), 0.5 * (set_point + np.append(0.0, set_point[:-1]))
+    balance = engine.balance(None, run[:, :1], run[:, 1:], acceleration[:, None], TIME, around, TIME)
+    assert np.sqrt(np.mean(balance.residual[50:-1] ** 2)) < 0.005 * np.sqrt(np.mean(balance.applied**2))
+    plant = Plant(model, noise=False)
+    stepped = []
+    for instant, command in zip(TIME[:300], set_point, strict=False):
+        plant.advance(instant)
+        stepped.append(plant.measure()[0])
+        plant.schedule(instant, command)
+    np.testing.assert_allclose(stepped, run[:300, 0], atol=1e-6)
+
+
+def test_a_compensation_by_the_set_point_needs_a_loop():
+    with pytest.raises(InputError, match="follows the set-point of a loop in the drive: add `kind:`"):
+        idloop.load_model("dc_motor").with_effects(["friction_feed_forward@input(level=0.1)"])
+
+
+@pytest.mark.parametrize(
+    ("effect", "estimated"),
+    [
+        ("friction_compensation@input(level=0.08,speed=0.07)", "speed"),
+        ("friction_feed_forward@input(level=0.08)", "level"),
+    ],
+)
+def test_a_compensation_in_the_firmware_is_told_from_friction(effect, parameter, value):
+    random, time = np.random.default_rng(1), np.arange(0.0, 15.0, 0.005)
+    drive = "kind: position_loop, unit: N·m, proportional: 12.0, derivative: 0.2"
+    friction = "coulomb_friction@arm(level=0.12)"
+    set_point = np.interp(time, np.arange(0.0, 16.0), random.uniform(-1.0, 1.0, 16)) + 0.1 * np.sin(12.0 * time)
+    measured = simulate(servo(drive, friction, effect), time, set_point, time).output
+    measured += random.normal(0.0, [2e-4, 0.01], measured.shape)
+    model = servo(drive, friction, inertia="{value: 0.05}", viscous="{value: 0.01}")
+    record = idloop.Record.from_arrays(time, set_point, {"position": measured[:, 0], "velocity": measured[:, 1]}, model)
+    both = ["friction_compensation", "friction_feed_forward"]
+    name = effect.partition("(")[0]
+    assert idloop.diagnose(model, record, effects=both).to_dict()["set"] == [name]
+    values = idloop.fit(model.with_effects([effect]), record).values
+    assert values["coulomb_friction@arm.level"] == pytest.approx(0.12, abs=0.005)
+    assert values[f"{name}.{parameter}"] == pytest.approx(value, rel=0.1)
 
 
 def test_nothing_is_cancelled_where_no_force_can_be_sent():

@@ -13,10 +13,10 @@ from idloop.physics.effect import Effect, built_in
 
 # Functions of the equations, and brackets that are one.
 FUNCTIONS = {"sin": math.sin, "exp": math.exp, "abs": abs, "floor": math.floor, "min": min, "max": max,
-             "sign": lambda x: (x > 0) - (x < 0)}  # fmt: skip
+             "tanh": math.tanh, "sign": lambda x: (x > 0) - (x < 0)}  # fmt: skip
 WRITTEN = {
     r"\left|": "abs(", r"\right|": ")", r"\left\lfloor": "floor(", r"\right\rfloor": ")", r"\left": "", r"\right": "",
-    r"\,": " ", r"\min": "min", r"\max": "max", r"\sin": "sin", "^": "**",
+    r"\,": " ", r"\min": "min", r"\max": "max", r"\sin": "sin", r"\tanh": "tanh", "^": "**",
 }  # fmt: skip
 
 MEASURED = {"temperature": r"\Theta", "supply": "U_s"}

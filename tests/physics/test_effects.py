@@ -6,6 +6,7 @@ import pytest
 from idloop.errors import InputError
 from idloop.physics import Condition, Model, catalogue, load_model, simulate
 from idloop.physics.effect import Effect
+from idloop.physics.model_file import from_text
 
 TIME = np.arange(0.0, 2.0, 0.002)
 COMMAND = 2.0 * np.sign(np.sin(5.0 * TIME)) * np.abs(np.sin(1.3 * TIME))
@@ -13,6 +14,14 @@ CONDITIONS = [
     Condition("temperature", "°C", np.array([0.0, 2.0]), np.array([20.0, 60.0])),
     Condition("supply", "V", np.array([0.0, 2.0]), np.array([24.0, 18.0])),
 ]
+SERVO = """
+schema: idloop/model/1
+name: servo
+input: {joint: arm, field: position, unit: rad}
+outputs: [{joint: arm, field: position, unit: rad}]
+bodies: [{name: arm, inertia: 0.02, viscous_friction: 0.05}]
+drive: {kind: position_loop, unit: N·m, proportional: 2.0, derivative: 0.1}
+"""
 ALL = [effect for several in catalogue().values() for effect in several]
 
 
@@ -28,6 +37,8 @@ def site_of(effect: Effect, model: Model) -> str:
 
 def fits(effect: Effect) -> Model:
     """A model with a site that the effect fits."""
+    if effect.set_point:
+        return from_text(SERVO, None)
     return machine() if "position" in effect.outputs else load_model("axis")
 
 
@@ -54,6 +65,8 @@ def test_at_its_neutral_value_an_effect_does_nothing(effect: Effect) -> None:
 
 STRONG = {
     "input_offset": {"offset": 0.3},
+    "friction_compensation": {"level": 0.3},
+    "friction_feed_forward": {"level": 0.3},
     "gain_asymmetry": {"ratio": 0.2},
     "dead_zone": {"width": 0.4},
     "saturation": {"limit": 1.0},

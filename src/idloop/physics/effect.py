@@ -169,7 +169,7 @@ class Effect:
         Of a force or friction without memory: proportional to its first parameter.
     rate, spatial_rate : callable
         ``(values, inertia, stiffness)`` to the fastest rate that the effect adds, in rad/s and
-        in rad per unit of position, for the integration step.
+        in rad per unit of position, for the integration step. At the input the inertia is divided by the drive's gain.
     delay : str
         Parameter that is a pure delay of the input or output, implemented by the simulator.
     splits : bool
@@ -220,6 +220,12 @@ class Effect:
         A slow force whose body does not matter.
     needs_angle : bool
         Defined for angles only.
+    of_loop : bool
+        Of a drive with a loop of its own: no candidate for another one.
+    set_point : mapping of str to Hook
+        Of an effect at the input that depends on the set-point: by loop of the drive, an equation with the arguments of
+        ``command`` that is called with the set-point before the loop, notes it in the effect's states, and returns it.
+        ``settle`` is then called with the set-point as well.
     several : bool
         May act several times at one site, such as several harmonics.
     equation : EffectEquation, optional
@@ -279,6 +285,8 @@ class Effect:
     slow: bool = False
     anywhere: bool = False
     needs_angle: bool = False
+    of_loop: bool = False
+    set_point: Mapping[str, Hook] = field(default_factory=dict)
     several: bool = False
     equation: EffectEquation | None = None
     valid: Callable[[Mapping[str, float]], bool] = field(default=_always)
@@ -303,8 +311,8 @@ class Effect:
 
     @property
     def lags(self) -> bool:
-        """Whether the output depends on past inputs: a delay, a filter, a play."""
-        return self.settle is not None or bool(self.delay)
+        """Whether the output follows past inputs: a delay, a filter, a play."""
+        return bool(self.delay) or (self.settle is not None and not self.set_point)
 
     @property
     def from_a_level(self) -> str:

@@ -215,7 +215,7 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None, *, final: b
             else:
                 output_delay[output_of[active.at]] += own[effect.delay]
             continue
-        site, inertia, stiffness = 0, chain.inertia[0], 0.0
+        site, inertia, stiffness = 0, chain.inertia[0] / max(abs(values["drive.gain"]), 1e-300), 0.0
         if effect.site == BODY:
             site = body_of[active.at]
             inertia = chain.inertia[site]
@@ -233,6 +233,10 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None, *, final: b
             place = [spec.name for spec in effect.parameters].index(effect.reference)
             conditioned.append([next_state, len(numbers) + place])
             wanted.append((active.at, effect.condition))
+        if effect.set_point and model.loop is not None:
+            noted = effect.set_point[model.loop.effect.name].address
+            tables[INPUT].insert(0, [site, noted, settle, len(numbers), next_state, 0, 0])
+            settle = 0
         for kind, equation in _equations(active):
             row = [site, equation.address, settle, len(numbers), next_state, int(effect.final), edge]
             tables[kind].append(row)

@@ -480,10 +480,14 @@ class Model:
         Raises
         ------
         InputError
-            An effect acts inside a body that no effect splits in two.
+            An effect acts inside a body that no effect splits in two, or depends on a set-point that no drive has.
         """
         inside = {self.inside(body): body for body in self.bodies}
         for active in self.effects:
+            if active.effect.set_point and self.loop is None:
+                raise InputError(
+                    f"effect {active.name} follows the set-point of a loop in the drive: add `kind:` to `drive:`"
+                )
             if active.at in inside and active.at not in self.sites(COUPLING):
                 raise InputError(
                     f"effect {active.name} acts between two halves of {inside[active.at]}, which is one body: "

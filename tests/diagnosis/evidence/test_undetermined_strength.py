@@ -54,6 +54,18 @@ def test_an_effect_beside_which_another_one_is_not_determined_any_more(
     assert bool(text) is refused
 
 
+@pytest.mark.parametrize(("level", "refused"), [(4000.0, True), (0.3, False)])
+def test_two_effects_that_cancel_each_other_are_determined_by_their_difference_only(
+    level: float, refused: bool
+) -> None:
+    friction = "coulomb_friction@axis.level"
+    parent = load_model("axis").with_effects(["coulomb_friction@axis(level=0.12)"]).with_values({}, {friction: 0.01})
+    (proposal,) = proposals(parent, ["load_torque"])
+    errors = {friction: 0.1 * level, "load_torque@axis.torque": 0.1 * level}
+    fitted = proposal.model({"torque": level}).with_values({friction: level}, errors)
+    assert ("only their difference shows" in undetermined_with(parent, fitted, proposal)) is refused
+
+
 @pytest.mark.parametrize(("stderr", "refused"), [((0.01, 0.5), False), ((0.1, 0.5), True), ((None, None), True)])
 def test_an_effect_whose_addition_to_a_simpler_one_is_not_determined(
     stderr: tuple[float | None, float | None], refused: bool

@@ -51,7 +51,7 @@ def test_every_effect_of_the_catalogue_is_written_and_its_parameters_have_symbol
         model, at = load_model("dc_motor"), "velocity[motor]"
     else:
         model = load_model("torsion")
-    model = model.with_effects([f"{name}@{at}"])
+    model = model.with_effect(name, at)
     lines, symbols = equations(model)
     own = [p.name for p in model.parameters if p.name.startswith(f"{name}@")]
     assert own

@@ -11,13 +11,15 @@ from idloop.physics.parameter import Parameter
 
 # Standard errors from its neutral value within which the strength of an effect may be none.
 CERTAIN = 2.0
+# Factor by which an effect grows beside another one that cancels it.
+_CANCELLED = 100.0
 
 
 def undetermined_with(parent: Model, model: Model, proposal: Proposal) -> str:
     """Say that the data do not determine an effect, or another one beside it any more; empty where they do.
 
     The interval of the other one then contains both none and what it was before. One that is superfluous beside the new
-    effect is none with certainty.
+    effect is none with certainty. Two that cancel each other grow without limit: their difference alone shows.
 
     Parameters
     ----------
@@ -37,6 +39,8 @@ def undetermined_with(parent: Model, model: Model, proposal: Proposal) -> str:
         if not strength or active.name not in model.effect_names or key not in model.free:
             continue
         before, found = parent.parameter(key), model.parameter(key)
+        if abs(found.value) > _CANCELLED * abs(before.value) > _CANCELLED * CERTAIN * _error(before):
+            return f"beside it {active.name} grows to a {strength} of {found.value:.3g}: only their difference shows"
         reach = CERTAIN * _error(found)
         neutral = active.effect.spec(strength).neutral
         if (
