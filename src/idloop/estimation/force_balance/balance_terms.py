@@ -36,6 +36,7 @@ _CACHE_BYTES, _FEWEST_CACHED = 32_000_000, 16
 PROBE = 1e-3
 # Indices of the arguments by which a friction or a force depends on other terms: the transmitted torque, the inertia.
 _ARRIVING = _INERTIA = 2
+_NO_JUMPS = np.zeros(0, dtype=np.int64)
 
 
 @dataclass(frozen=True)
@@ -116,10 +117,16 @@ class DriveTerm:
         """Result of `probe`."""
         return self.probe()
 
-    @property
+    @cached_property
     def mean(self) -> Array:
         """Mean of both sides at the instants near rest, shape (k,)."""
-        return _mean_of_sides(self.near, len(self.near) - 2 * len(self.jumps), self.jumps, self.late)
+        return np.asarray(mean_of_sides(self.near, len(self.near) - 2 * len(self.jumps), self.jumps, self.late))
+
+    def __mul__(self, gain: float) -> DriveTerm:
+        def probe() -> list[tuple[Array, Array]]:
+            return [(gain * weak, gain * near) for weak, near in self.changes]
+
+        return DriveTerm(gain * self.weak, gain * self.near, self.jumps, self.late, probe, self.sent)
 
     def response(self, changed: Callable[[Array, Array], Array]) -> Array:
         """Derivative by the command, in every window (rows,), of a function of the changes of the drive."""
@@ -145,14 +152,12 @@ class _Friction:
         return _Friction(factor * self.weak, factor * self.near, factor * self.ahead, factor * self.back)
 
 
-def _mean_of_sides(values: Array, count: int, jumps: Places, late: Array) -> Array:
+@njit(cache=True, nogil=True)
+def mean_of_sides(values: Array, count: int, jumps: Places, late: Array) -> Array:
     """Values at instants from values there, then before and after the jumps: weighted means of both sides."""
-    found = values[:count]
-    if len(jumps):
-        found = found.copy()
-        sides = values[count:].reshape(2, len(jumps), *values.shape[1:])
-        late = late.reshape(-1, *np.ones(values.ndim - 1, dtype=int))
-        found[jumps] = (1.0 - late) * sides[0] + late * sides[1]
+    found: Array = values[:count].copy()
+    for k in range(len(jumps)):
+        found[jumps[k]] = (1.0 - late[k]) * values[count + k] + late[k] * values[count + len(jumps) + k]
     return found
 
 
@@ -168,17 +173,47 @@ def windowed(values: Array, rows: Places, weights: Array) -> Array:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _with_friction(left: Array, speed: Array, rest: float, moving: Array, ahead: Array, back: Array) -> Array:
-    """Change of the unexplained force ``left`` of a body near rest by its dry friction, shape (k,)."""
+def _with_friction(left: float, speed: float, rest: float, moving: float, ahead: float, back: float) -> float:
+    """Change of the unexplained force ``left`` of a body at one instant by its dry friction."""
+    if speed > rest:
+        return moving
+    if left > 0.0:
+        return max(left - back, 0.0) - left
+    return -max(-left - ahead, 0.0) - left
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _change_by_friction(
+    left: Array, speed: Array, rest: float, friction: tuple[Array, Array, Array], drive: Array, mean: Array,
+    jumps: Places, late: Array,
+) -> Array:  # fmt: skip
+    """Change of the unexplained force ``left`` (k,) of a body near rest by its dry friction, shape (k,).
+
+    At a jump of the command a body may be at rest before and not after: ``drive`` (k + 2 j,) is the force on both
+    sides, ``mean`` (k,) the one in ``left``.
+    """
+    moving, ahead, back = friction
     change = np.empty(len(left))
     for k in range(len(left)):
-        if speed[k] > rest:
-            change[k] = moving[k]
-        elif left[k] > 0.0:
-            change[k] = max(left[k] - back[k], 0.0) - left[k]
-        else:
-            change[k] = -max(-left[k] - ahead[k], 0.0) - left[k]
+        change[k] = _with_friction(left[k], speed[k], rest, moving[k], ahead[k], back[k])
+    for place in range(len(jumps)):
+        k, total = jumps[place], 0.0
+        for side in range(2):
+            there = left[k] + mean[k] - drive[len(left) + side * len(jumps) + place]
+            share = late[place] if side else 1.0 - late[place]
+            total += share * _with_friction(there, speed[k], rest, moving[k], ahead[k], back[k])
+        change[k] = total
     return change
+
+
+@njit(cache=True, nogil=True)
+def _in_windows(first: Places, columns: Places, weights: Array, values: Array) -> Array:
+    """Product of a sparse matrix by rows and a vector, shape (rows,)."""
+    sums = np.zeros(len(first) - 1)
+    for row in range(len(sums)):
+        for entry in range(first[row], first[row + 1]):
+            sums[row] += weights[entry] * values[columns[entry]]
+    return sums
 
 
 class MotionInWindows:
@@ -211,7 +246,8 @@ class MotionInWindows:
         self.command_rms = float(np.sqrt(np.mean(mean**2)))
         self.weak_command = self.weak(mean)
         self.near = np.flatnonzero(np.any(np.abs(self.whole.velocity) <= slowest, axis=1))
-        self.speed = np.abs(self.whole.velocity[self.near])
+        # Of every body, at the instants near rest.
+        self.speed = np.ascontiguousarray(np.abs(self.whole.velocity[self.near]).T)
         self.near_rest = self.whole.at(self.near)
         # Index of every instant among those near rest, -1 for others.
         self.place = np.full(len(self.whole.time), -1)
@@ -226,9 +262,14 @@ class MotionInWindows:
         means = np.asarray(windowed(columns, self.rows, self.weights))
         return means if values.ndim == 2 else means[:, 0]
 
+    def near_in_windows(self, values: Array) -> Array:
+        """Part of the window means, shape (rows,), by values (k,) at the instants near rest."""
+        matrix = self._near_matrix
+        return np.asarray(_in_windows(matrix.indptr, matrix.indices, matrix.data, values))
+
     @cached_property
-    def window_matrix(self) -> Any:
-        """Sparse matrix (rows, k) from values at the instants near rest to their part of the window means."""
+    def _near_matrix(self) -> Any:
+        """Sparse matrix (rows, k) of `near_in_windows`."""
         width = len(self.weights)
         row, offset = np.divmod(np.arange(len(self.rows) * width), width)
         column = self.place[self.rows[row] + offset]
@@ -312,13 +353,15 @@ class _Commands:
         self._along, self.around = along, along.commands(timing)
         around, count = self.around, len(self.around.mean)
         self.command = np.concatenate([around.mean, around.before, around.after])
-        self.instants = np.concatenate([np.arange(count), around.jumps, around.jumps])
-        self.time = np.arange(len(self.instants), dtype=float)
-        self.position = along.whole.position[self.instants, 0]
-        self.velocity = along.whole.velocity[self.instants, 0]
         kept = np.flatnonzero(along.place[around.jumps] >= 0)
         self.jumps, self.late, sides = along.place[around.jumps[kept]], around.late[kept], count + kept
         self.near = np.concatenate([along.near, sides, sides + len(around.jumps)])
+
+    @cached_property
+    def instants(self) -> Places:
+        """Index of the instant of every command."""
+        around = self.around
+        return np.concatenate([np.arange(len(around.mean)), around.jumps, around.jumps])
 
     @property
     def nbytes(self) -> int:
@@ -328,7 +371,7 @@ class _Commands:
     def both(self, force: Array) -> tuple[Array, Array]:
         """A force at these commands in every window, and near rest."""
         around = self.around
-        return self._along.weak(_mean_of_sides(force, len(around.mean), around.jumps, around.late)), force[self.near]
+        return self._along.weak(mean_of_sides(force, len(around.mean), around.jumps, around.late)), force[self.near]
 
 
 def _numbers(active: ActiveEffect, values: Values) -> tuple[float, ...]:
@@ -338,6 +381,26 @@ def _numbers(active: ActiveEffect, values: Values) -> tuple[float, ...]:
 def _identity(effect: Effect) -> tuple[str, str, int]:
     """Key of an effect among those of all catalogues."""
     return effect.name, effect.site, id(effect)
+
+
+@dataclass(frozen=True)
+class _Unexplained:
+    """Unexplained force in every window, shape (rows, bodies), and of what it is made at the driven body.
+
+    Attributes
+    ----------
+    weak : array, shape (rows, bodies)
+    near : array, shape (k,)
+        At the instants near rest, without dry friction.
+    drive : DriveTerm
+    change : array, shape (k,)
+        By the dry friction.
+    """
+
+    weak: Array
+    near: Array
+    drive: DriveTerm
+    change: Array
 
 
 class BalanceTerms:
@@ -366,6 +429,9 @@ class BalanceTerms:
             if (several := [one for one in effects if one.effect.site == COUPLING and one.at == coupling])
         }
         self._lags = any(one.effect.settle is not None for one in self.inputs)
+        self._inertias = [f"{body}.inertia" for body in model.bodies]
+        self._viscous = [f"{body}.viscous_friction" for body in model.bodies]
+        self._last: tuple[tuple[float, ...], _Unexplained] | None = None
 
     def residual(self, values: Values, timing: float, rest: float) -> Array:
         """Unexplained force of every window, shape (rows, bodies): inertial force minus all modelled forces.
@@ -379,26 +445,34 @@ class BalanceTerms:
         rest : float
             Speed below which a body counts as at rest [m/s or rad/s].
         """
-        weak, near, drive = self._left(values, timing)
-        for body in self._dry:
-            friction = self._friction(body, values)
-            change = self._change(body, friction, near[:, body], drive if body == 0 else None, rest)
-            weak[:, body] += friction.weak + self.along.window_matrix @ change
-        return weak
+        return self._at_rest_too(values, timing, rest).weak
 
     def slope(self, values: Values, timing: float, rest: float) -> Array:
         """Derivative of the driven body's balance by the command in every window, shape (rows,) [force per input]."""
-        drive = self._drive(values, timing)
         if 0 not in self._dry:
-            return drive.response(lambda weak, near: weak)
-        friction, left = self._friction(0, values), self._left(values, timing)[1][:, 0]
-        base = self._change(0, friction, left, drive, rest)
+            return self._drive(values, timing).response(lambda weak, near: weak)
+        found = self._at_rest_too(values, timing, rest)
+        drive, friction = found.drive, self._friction(0, values)
 
         def changed(weak: Array, near: Array) -> Array:
-            other = self._change(0, friction, left, drive, rest, near)
-            return np.asarray(self.along.window_matrix @ (other - base) - weak)
+            other = self._change(0, friction, found.near, drive, rest, near)
+            return np.asarray(self.along.near_in_windows(other - found.change) - weak)
 
         return drive.response(changed)
+
+    def _at_rest_too(self, values: Values, timing: float, rest: float) -> _Unexplained:
+        """What the forces leave, with the dry friction of bodies at rest; the last one is kept."""
+        key = (*values.values(), timing, rest)
+        if self._last is None or self._last[0] != key:
+            weak, near, drive = self._left(values, timing)
+            change = np.zeros(0)
+            for body in self._dry:
+                friction = self._friction(body, values)
+                own = self._change(body, friction, near[:, body], drive if body == 0 else None, rest)
+                weak[:, body] += friction.weak + self.along.near_in_windows(own)
+                change = own if body == 0 else change
+            self._last = key, _Unexplained(weak, np.ascontiguousarray(near[:, 0]), drive, change)
+        return self._last[1]
 
     def drives(self, values: Values, timing: float) -> tuple[Array, Array]:
         """Force of the drive in every window, and its derivative by the command, each of shape (rows,)."""
@@ -407,9 +481,9 @@ class BalanceTerms:
 
     def _left(self, values: Values, timing: float) -> tuple[Array, Array, DriveTerm]:
         """Unexplained force without dry friction, in every window and near rest, and the drive."""
-        along, bodies = self.along, self.model.bodies
-        inertia = np.array([values[f"{body}.inertia"] for body in bodies])
-        viscous = np.array([values[f"{body}.viscous_friction"] for body in bodies])
+        along = self.along
+        inertia = np.array([values[name] for name in self._inertias])
+        viscous = np.array([values[name] for name in self._viscous])
         weak = inertia * along.inertial + viscous * along.weak_velocity
         near = inertia * along.near_rest.acceleration + viscous * along.near_rest.velocity
         drive = self._drive(values, timing)
@@ -431,22 +505,16 @@ class BalanceTerms:
         changed: Array | None = None,
     ) -> Array:  # fmt: skip
         """Change of the unexplained force of a body near rest by its dry friction, shape (k,)."""
-        left, speed = np.ascontiguousarray(left), np.ascontiguousarray(self.along.speed[:, body])
-        if changed is not None and drive is not None:
-            left = left - _mean_of_sides(changed, len(left), drive.jumps, drive.late)
-        found: Array = _with_friction(left, speed, rest, friction.near, friction.ahead, friction.back)
-        if drive is None or not len(drive.jumps):
-            return found
-        # At a jump of the command a body may be at rest before and not after.
-        count, jumps = len(left), drive.jumps
-        sides = drive.near[count:] + (0.0 if changed is None else changed[count:])
-        both = np.tile(jumps, 2)
-        mean = drive.mean + (0.0 if changed is None else _mean_of_sides(changed, count, drive.jumps, drive.late))
-        aside = _with_friction(
-            left[both] + mean[both] - sides, speed[both], rest, friction.near[both], friction.ahead[both],
-            friction.back[both],
-        )  # fmt: skip
-        return _mean_of_sides(np.concatenate([found, aside]), count, jumps, drive.late)
+        levels = (friction.near, friction.ahead, friction.back)
+        left, speed = np.ascontiguousarray(left), self.along.speed[body]
+        if drive is None:
+            none = np.zeros(0)
+            return np.asarray(_change_by_friction(left, speed, rest, levels, none, none, _NO_JUMPS, none))
+        near, mean = drive.near, drive.mean
+        if changed is not None:
+            shift = mean_of_sides(changed, len(left), drive.jumps, drive.late)
+            left, near, mean = left - shift, near + changed, mean + shift
+        return np.asarray(_change_by_friction(left, speed, rest, levels, near, mean, drive.jumps, drive.late))
 
     def _alone(self, kept: Sequence[ActiveEffect], values: Values, chain: int | None = None) -> Any:
         """The compiled model with some effects only, without the drive, and with at most one coupling of the chain."""
@@ -556,14 +624,9 @@ class BalanceTerms:
 
     def _drive(self, values: Values, timing: float) -> DriveTerm:
         """The drive and the effects at its input, with its gain."""
-        along, gain = self.along, values["drive.gain"]
         numbers = tuple((_identity(one.effect), *_numbers(one, values)) for one in self.inputs)
-        found = along.cached(("drive", timing, numbers), lambda: self._drive_per_gain(values, timing))
-
-        def probe() -> list[tuple[Array, Array]]:
-            return [(gain * weak, gain * near) for weak, near in found.changes]
-
-        return DriveTerm(gain * found.weak, gain * found.near, found.jumps, found.late, probe, found.sent)
+        found: DriveTerm = self.along.cached(("drive", timing, numbers), lambda: self._drive_per_gain(values, timing))
+        return found * values["drive.gain"]
 
     def _drive_per_gain(self, values: Values, timing: float) -> DriveTerm:
         along = self.along
@@ -574,15 +637,21 @@ class BalanceTerms:
             given, jumps, late = commands.around.mean, commands.jumps[:0], commands.late[:0]
         else:
             given, jumps, late = commands.command, commands.jumps, commands.late
-            waves = [wave[commands.instants] for wave in waves]
         force = self._drive_force(values, commands)
         base = force(given)
+
+        def sent_waves() -> list[Array]:
+            return waves if self._lags else [wave[commands.instants] for wave in waves]
 
         def evaluated(force: Array) -> tuple[Array, Array]:
             return (along.weak(force), force[along.near]) if self._lags else commands.both(force)
 
         return DriveTerm(
-            *evaluated(base), jumps, late, lambda: [evaluated(force(given + wave) - base) for wave in waves], sent
+            *evaluated(base),
+            jumps,
+            late,
+            lambda: [evaluated(force(given + wave) - base) for wave in sent_waves()],
+            sent,
         )
 
     def _drive_force(self, values: Values, commands: _Commands) -> Callable[[Array], Array]:
@@ -598,13 +667,13 @@ class BalanceTerms:
         if not any(one.effect.command is not None for one in self.inputs):
             return lambda command: command
         layout = lay_out(self.model, values, final=False)
-        drive = layout.under(along.whole.at(commands.instants).conditions if layout.wanted else None).axis
+        motion = along.whole.at(commands.instants)
+        drive = layout.under(motion.conditions if layout.wanted else None).axis
+        position, velocity = motion.position[:, 0].copy(), motion.velocity[:, 0].copy()
 
         def force(command: Array) -> Array:
             given = np.empty(len(command))
-            kernel.drive_along(
-                drive, commands.time, command, commands.position, commands.velocity, layout.new_state(), given
-            )  # fmt: skip
+            kernel.drive_along(drive, motion.time, command, position, velocity, layout.new_state(), given)
             return given
 
         return force
@@ -643,7 +712,8 @@ class WholeBalance(BalanceTerms):
             command = np.concatenate([around.mean, around.before, around.after])
             instants = np.concatenate([np.arange(len(around.mean)), around.jumps, around.jumps])
             error = _equation_error(layout, constants, along.whole.at(instants), command + added[instants], rest)
-            left = _mean_of_sides(error, len(around.mean), around.jumps, around.late)
+            sides = (len(around.mean), around.jumps, around.late)
+            left = np.column_stack([mean_of_sides(column.copy(), *sides) for column in error.T])
         inertia = np.array([values[f"{body}.inertia"] for body in self.model.bodies])
         # The acceleration matters for a body at rest, whose friction balances all other forces.
         left = left - inertia * along.whole.acceleration

@@ -300,6 +300,8 @@ class WeakForm:
         self.engine, self.free_timing = engine, _free_timing(engine)
         self._delayed = any(active.effect.delay for active in engine.model.effects)
         self._balance: BalanceTerms | None = None
+        self._inertias = [f"{body}.inertia" for body in engine.model.bodies]
+        self._valued: tuple[bytes | None, Mapping[str, float]] = (None, {})
         self.forget()
 
     @property
@@ -395,7 +397,7 @@ class WeakForm:
 
     def _at(self, theta: Array, shift: float) -> tuple[BalanceTerms, Mapping[str, float], float]:
         """The balance, the values of all parameters, and the total delay of the command [s]."""
-        values, timing = self.engine.values(theta), shift
+        values, timing = self._values(theta), shift
         if self._delayed:
             timing += float(self.engine.layout(theta).axis.constants[kernel.DELAY])
         if self._balance is None:
@@ -404,12 +406,19 @@ class WeakForm:
 
     def inertia(self, theta: Array) -> Array:
         """Inertia of every body, shape (bodies,)."""
-        values = self.engine.values(theta)
-        return np.array([values[f"{body}.inertia"] for body in self.engine.model.bodies])
+        values = self._values(theta)
+        return np.array([values[name] for name in self._inertias])
 
     def gain(self, theta: Array) -> float:
         """Magnitude of the drive's gain [force per input], above 0."""
-        return max(abs(self.engine.values(theta)["drive.gain"]), 1e-300)
+        return max(abs(self._values(theta)["drive.gain"]), 1e-300)
+
+    def _values(self, theta: Array) -> Mapping[str, float]:
+        """Values of all parameters; the last ones are kept."""
+        key = theta.tobytes()
+        if self._valued[0] != key:
+            self._valued = key, self.engine.values(theta)
+        return self._valued[1]
 
     def slope(self, theta: Array, shift: float) -> Array:
         """Derivative of the driven body's balance by the command in every window, shape (rows,) [force per input].

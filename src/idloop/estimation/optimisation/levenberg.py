@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -269,28 +270,40 @@ def _half_square(residual: Array) -> float:
     return value if np.isfinite(value) else np.inf
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
 def box_step(
     gradient: Array, hessian: Array, damping: float, point: Array, lower: Array, upper: Array
 ) -> tuple[Array, float]:
     """Damped Gauss-Newton step in a box by an active set, and its predicted decrease of the cost."""
-    size = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
-    low, high = lower - point, upper - point
-    damped = hessian + np.diag((damping + 1e-12) * size**2)
-    move = np.zeros_like(point)
-    free = np.diag(hessian) > 1e-300
-    free &= ~((low >= 0.0) & (gradient > 0.0)) & ~((high <= 0.0) & (gradient < 0.0))
-    for _ in range(len(point)):
+    k = len(point)
+    size, low, high = np.empty(k), lower - point, upper - point
+    move, free = np.zeros(k), np.zeros(k, dtype=np.bool_)
+    damped = hessian.copy()
+    for i in range(k):
+        size[i] = np.sqrt(max(hessian[i, i], 1e-300))
+        damped[i, i] += (damping + 1e-12) * size[i] ** 2
+        outward = (low[i] >= 0.0 and gradient[i] > 0.0) or (high[i] <= 0.0 and gradient[i] < 0.0)
+        free[i] = hessian[i, i] > 1e-300 and not outward
+    for _ in range(k):
         index = np.flatnonzero(free)
         if len(index) == 0:
             break
         held = np.where(free, 0.0, move)
-        scaled = damped[np.ix_(index, index)] / np.outer(size[index], size[index])
-        move[index] = -np.linalg.solve(scaled, (gradient + damped @ held)[index] / size[index]) / size[index]
+        slope = gradient + damped @ held
+        scaled, right = np.empty((len(index), len(index))), np.empty(len(index))
+        for a, first in enumerate(index):
+            right[a] = slope[first] / size[first]
+            for b, second in enumerate(index):
+                scaled[a, b] = damped[first, second] / (size[first] * size[second])
+        if not (np.all(np.isfinite(scaled)) and np.all(np.isfinite(right))):
+            return np.full(k, np.nan), float(np.nan)
+        found = np.linalg.solve(scaled, right)
+        for a, first in enumerate(index):
+            move[first] = -found[a] / size[first]
         leaving = free & ((move < low) | (move > high))
         if not np.any(leaving):
             break
-        move = np.clip(move, low, high)
+        move = np.minimum(np.maximum(move, low), high)
         free &= ~leaving
-    move = np.clip(move, low, high)
-    predicted = -float(gradient @ move + 0.5 * move @ hessian @ move)
-    return move, predicted
+    move = np.minimum(np.maximum(move, low), high)
+    return move, -float(np.sum(move * (gradient + 0.5 * (hessian @ move))))
