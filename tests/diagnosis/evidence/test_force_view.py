@@ -306,3 +306,18 @@ def test_an_effect_that_can_imitate_a_constant_is_named_where_it_explains_more(e
     record = Record("run", time, command, time, output, "axis.effort", machine.input.unit, names, units)
     step = evaluated(load_model("axis"), record, ["load_torque", "asymmetric_viscous_friction"])
     assert step.names == (named,)
+
+
+@pytest.mark.parametrize(("torque", "named"), [(0.016, False), (0.03, True)])
+def test_an_effect_must_explain_a_part_of_what_no_noise_accounts_for(torque: float, named: bool):
+    """Beside a friction that no candidate describes: 4 % and 13 % of the power of the errors."""
+    machine = load_model("axis").with_effects(
+        [f"load_torque@axis(torque={torque})", "coulomb_friction@axis(level=0.12)"]
+    )
+    step = evaluated(load_model("axis"), turned(machine, 1, rate=250.0, seconds=100.0), ["load_torque"])
+    (one,) = step.evaluated
+    assert step.conclusive(one.evidence)
+    assert step.improvement(one) > step.minimum_improvement
+    assert step.names == (("load_torque@axis",) if named else ())
+    if not named:
+        assert "of what no sensor noise accounts for" in step.passed_over["load_torque@axis"]

@@ -69,6 +69,9 @@ _LEAST_INERTIA = 1.0 / 30.0
 _COARSE_WINDOWS = 2_000
 # A model that leaves less than this part of the drive's force is adequate where no effect explains more.
 ADEQUATE_FORCE = 0.1
+# An effect explains at least this part of the power of the errors that no sensor noise accounts for: beside a force that
+# no effect describes, one that follows a corner of it shows as well.
+_LEAST_PART = 0.05
 # An effect must show this part of its improvement on held-out records, if it changes the forces there by so much.
 _CARRIES_OVER = 0.25
 # Where it enlarges errors there, by at most this part of what it takes from those of the fitted records.
@@ -97,8 +100,13 @@ class ForceStep(SearchStep[WeakFit]):
         return min(one.evidence.improvement, relative)
 
     def practically_significant(self, one: EvaluatedModel[WeakFit]) -> bool:
-        """Whether it reduces errors enough, on held-out records as well."""
-        return super().practically_significant(one) and self._carries_over(one)
+        """Whether it reduces errors enough, also beside those that no noise accounts for, and on held-out records."""
+        return super().practically_significant(one) and self._part(one) >= _LEAST_PART and self._carries_over(one)
+
+    def _part(self, one: EvaluatedModel[WeakFit]) -> float:
+        """Part of the power of the errors that it explains, of those that no sensor noise accounts for."""
+        noise = float(np.max(self.subsampled.noise_share))
+        return (1.0 - (1.0 - self.improvement(one)) ** 2) / max(1.0 - noise**2, 1e-300)
 
     def _carries_over(self, one: EvaluatedModel[WeakFit]) -> bool:
         """Whether the held-out records have smaller errors as well, or errors like those of the fitted ones.
@@ -137,6 +145,11 @@ class ForceStep(SearchStep[WeakFit]):
     def insignificance(self, one: EvaluatedModel[WeakFit]) -> str:
         """Why an effect that shows is not worth a name."""
         part = self.improvement(one)
+        if part >= self.minimum_improvement and self._part(one) < _LEAST_PART:
+            return (
+                f"it explains {100.0 * self._part(one):.2g} % of what no sensor noise accounts for only, and "
+                f"{100.0 * _LEAST_PART:g} % is asked for"
+            )
         if part >= self.minimum_improvement and one.held_out is not None:
             return (
                 f"it reduces the unexplained force by {100.0 * part:.2g} % where it was fitted, and by "
