@@ -225,3 +225,30 @@ def test_a_fit_to_some_windows_is_no_worse_in_them() -> None:
     for rows in np.array_split(np.arange(len(whole.residual)), 4):
         part = whole.refitted(rows)
         assert np.linalg.norm(part.residual[rows]) <= np.linalg.norm(whole.residual[rows]) * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("memory", [0.8, 0.9])
+@pytest.mark.parametrize("size", [2e-5, 5e-5])
+def test_jitter_of_the_stamps_does_not_take_the_inertia_away(memory: float, size: float) -> None:
+    """A fast motor whose encoder is read early or late, for some samples in turn: noise that follows the speed."""
+    plain = load_model("axis")
+    plain = replace(plain, outputs=plain.outputs[:1])
+    time, rate, speed = 1e-3 * np.arange(5000), 2.0 * np.pi * 0.9, 150.0
+    velocity = speed * np.sin(rate * time)
+    forces = TRUE_INERTIA * speed * rate * np.cos(rate * time) + plain.values["axis.viscous_friction"] * velocity
+    position = -speed / rate * np.cos(rate * (time + wandering(memory, size)))
+    units = tuple(one.unit for one in plain.outputs)
+    record = Record(
+        "jitter",
+        time,
+        forces + np.sign(velocity),
+        time,
+        position[:, None],
+        "axis.effort",
+        "N·m",
+        plain.output_names,
+        units,
+    )
+    found = fit_by_force(CachingEngine(plain), prepare(plain, [record]), plain.theta)
+    assert found is not None
+    assert found.theta[0] == pytest.approx(TRUE_INERTIA, rel=0.2)

@@ -37,9 +37,8 @@ _WIDER = 1.4
 _LITTLE_NOISE, LEAST_UNEXPLAINED = 0.1, 0.01
 # Relative difference of two sensors' velocities of one body above which they disagree.
 _DISAGREE = 0.02
-# Narrow windows agree with wider ones when their values lose at most this log-likelihood there, up to this ratio of
-# widths.
-_AS_LIKELY, _FAR_WIDER = 3.0, 2.5
+# Narrow windows agree with those wider by this ratio when their values lose at most this log-likelihood there.
+_FAR_WIDER, _AS_LIKELY = 2.5, 3.0
 # Least share of the acceleration's power without noise, as the inertia is biased by the rest; and the least share for a
 # balance that contradicts a fit to prediction errors.
 _RELIABLE, _CERTAIN = 0.8, 0.95
@@ -548,7 +547,7 @@ def fit_by_force(
     """Fit a model to records by its force balance, in the narrowest windows that sensor noise does not dominate.
 
     This must hold for every body, else for some body. Where noise is much of the acceleration the inertia is biased
-    down, and with it the noise in units of force: such windows must agree with yet wider ones.
+    down, and with it the noise in units of force: far wider windows must not show a larger inertia.
 
     Parameters
     ----------
@@ -579,30 +578,46 @@ def fit_by_force(
     found: WeakFit | None = None
     # For a body without model error only noise is unexplained, at any width.
     partly_resolved: WeakFit | None = None
-    noisy, narrower = False, None
+    noisy = False
     while True:
-        form = forms[width].with_engine(engine) if width in forms else weak_form(engine, data, width)
-        if form is None or form.starts[-1] < FEWEST_ROWS:
+        form = _windows(engine, data, width, forms)
+        if form is None:
             return partly_resolved or (found if accept_noise else None)
-        forms.setdefault(width, form)
         form = form if rest_speed is None else form.with_rest_speed(rest_speed)
         found = with_rest_speed(fit_from_two_starts(form, point) if width == narrowest else fit_weak(form, point))
-        if narrower is not None and _agrees(narrower, found):
-            if width >= _FAR_WIDER * narrower.form.width:
-                return narrower
-            width = _wider(width)
-            continue
-        narrower = None
         if form.reliability < _RELIABLE:
             noisy = True
-        elif np.all(found.noise_share <= MOST_NOISE):
-            if not noisy:
+        elif found.resolved:
+            # What is left of a noise that is known to attenuate is left in the wider windows as well.
+            attenuated = _underestimates_inertia(found, forms, np.sqrt(_RELIABLE) if noisy else _RELIABLE)
+            noisy = noisy if attenuated is None else attenuated
+            if not noisy and np.all(found.noise_share <= MOST_NOISE):
                 return found
-            # Coloured noise is underestimated; only wider windows show how much it has been.
-            narrower = found
-        elif not noisy:
-            partly_resolved = partly_resolved or (found if found.resolved else None)
+            partly_resolved = partly_resolved or (None if noisy else found)
         width, point = _wider(width), found.theta
+
+
+def _windows(engine: Engine, data: Sequence[Data], width: int, known: dict[int, WeakForm]) -> WeakForm | None:
+    """Windows of a width, of those known where possible; None where there are too few of them."""
+    form = known[width].with_engine(engine) if width in known else weak_form(engine, data, width)
+    if form is None or form.starts[-1] < FEWEST_ROWS:
+        return None
+    known.setdefault(width, form)
+    return form
+
+
+def _underestimates_inertia(fit: WeakFit, forms: dict[int, WeakForm], least: float) -> bool | None:
+    """Whether an inertia is less than this part of what far wider windows show, in which noise averages out.
+
+    None where there are too few of them. Noise of unknown colour, as of a jitter of the stamps, is underestimated, and
+    with it how much it attenuates.
+    """
+    form = _windows(fit.form.engine, fit.form.data, round(_FAR_WIDER * fit.form.width), forms)
+    if form is None:
+        return None
+    wider = fit_weak(draft_windows(form.with_rest_speed(fit.form.rest_speed)), fit.theta, tolerance=RANKING_TOLERANCE)
+    narrow, wide = (one.form.inertia(one.theta) / one.form.gain(one.theta) for one in (fit, wider))
+    return bool(np.any(narrow < least * wide)) and not _agrees(fit, wider)
 
 
 def fit_by_force_if_possible(engine: Engine, data: Sequence[Data], start: Array) -> WeakFit | None:
