@@ -4,11 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from idloop.diagnosis.evidence.detection_limit import DetectionLimit, needed_power
-from idloop.diagnosis.identifiability import _reversals, excitation_findings, gate, limited_to
+from idloop.diagnosis.identifiability import NOT_REPEATED, _reversals, excitation_findings, gate, limited_to
 from idloop.diagnosis.screening.proposals import proposals
 from idloop.diagnosis.screening.score_test import Screened, Trace
+from idloop.diagnosis.screening.typical_sizes import Sizes
 from idloop.estimation.dataset import prepare
 from idloop.estimation.likelihood.estimation_problem import EstimationProblem, prepare_estimation
 from idloop.physics import load_model
@@ -141,3 +144,28 @@ def test_effects_as_fast_as_the_samples_need_a_fast_excitation(estimation, name,
     assert weak.untestable == (name,)
     assert weak.limits[name].parameter == shown
     assert strong.untestable == ()
+
+
+@given(turns=st.floats(0.0, 20.0), known=st.lists(st.integers(2, 400), max_size=3))
+@pytest.mark.parametrize("name", ["cogging", "sensor_ripple@position[axis]"])
+def test_a_wave_is_tried_where_the_motion_covers_two_of_its_periods(
+    estimation: EstimationProblem, name: str, turns: float, known: list[int]
+) -> None:
+    """Where none of those that were found repeats, no other one is tried in their place."""
+    model = load_model("axis")
+    (proposal,) = proposals(model, [name])
+    scales = replace(
+        Sizes(model, estimation).at(proposal.effect.site, proposal.at), turns=turns, harmonics=tuple(known)
+    )
+    tried = {trial["harmonic"] for trials in proposal.alternatives(scales) for trial in trials}
+    assert all(order * turns >= 2.0 for order in tried)
+
+
+def test_a_wave_that_the_motion_does_not_repeat_is_said_to_be_a_curve() -> None:
+    model = load_model("axis")
+    record = record_of(model, 0, seconds=3.0)
+    short = replace(record, output=record.output * [0.3 / np.ptp(record.output[:, 0]), 1.0])
+    problem = prepare_estimation(model, [short], "prediction")
+    (proposal,) = proposals(model, ["sensor_ripple@position[axis]"])
+    screened = Screened(proposal, [], bool(proposal.alternatives(Sizes(model, problem).at("output", proposal.at))))
+    assert gate(model, problem, [screened], 9.0).why[proposal.name] == NOT_REPEATED

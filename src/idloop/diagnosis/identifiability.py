@@ -22,6 +22,8 @@ from idloop.physics.trial import Scales
 
 # Least part of a trace that the free parameters must not be able to produce.
 OWN_PART = 3e-3
+# Why an effect that repeats over the position was not tried.
+NOT_REPEATED = "the motion does not cover two of its periods, below which it is a curve over the position"
 
 
 @dataclass(frozen=True)
@@ -178,6 +180,8 @@ def _testability(
 ) -> tuple[str, str]:
     """``yes``, ``weak`` or ``no``, and why."""
     effect = s.proposal.effect
+    if not s.tried:
+        return "no", NOT_REPEATED
     if not s.traces:
         return "no", "the model cannot be simulated with it on this data"
     if effect.odd and levels <= 1:

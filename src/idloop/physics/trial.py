@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
+# Periods within the travel below which a wave is no more than a curve over the position.
+FEWEST_PERIODS = 2.0
 # Parameter values of an effect in a screening.
 Trial = Mapping[str, float]
 # Alternatives; the trials of one alternative are tested together.
@@ -44,7 +46,7 @@ class Scales:
     turns : float
         Range of the positions in turns; 0 for a linear axis.
     harmonics : tuple of int
-        Strongest harmonics of a turn in an unexplained force; empty where unknown.
+        Strongest harmonics of a turn in an unexplained force; empty where none shows or none was looked for.
     conditions : mapping of str to float
         Mean of each measured condition at the site, such as ``temperature``.
     """
@@ -71,6 +73,10 @@ class Scales:
     turns: float
     harmonics: tuple[int, ...] = ()
     conditions: Mapping[str, float] = field(default_factory=dict)
+
+    def repeating(self, orders: Iterable[int]) -> list[int]:
+        """Those harmonics of a turn that repeat within the travel."""
+        return [order for order in orders if order * self.turns >= FEWEST_PERIODS]
 
     def about(self, condition: str, otherwise: float) -> float:
         """Mean of a measured condition with three digits, as its reference."""
@@ -102,10 +108,10 @@ def alternatives(name: str, values: Sequence[float], **others: float) -> list[li
     return [[{name: value, **others}] for value in values]
 
 
-def waves(amplitude: float, harmonics: Sequence[int] = (), name: str = "amplitude") -> list[list[Trial]]:
+def waves(amplitude: float, harmonics: Sequence[int] | None = None, name: str = "amplitude") -> list[list[Trial]]:
     """Sine and cosine over a turn, or over each of several harmonics of it."""
     phases = (0.0, 1.5707963267948966)
-    if not harmonics:
+    if harmonics is None:
         return [[{name: amplitude, "phase": phase} for phase in phases]]
     return [[{name: amplitude, "harmonic": float(n), "phase": phase} for phase in phases] for n in harmonics]
 

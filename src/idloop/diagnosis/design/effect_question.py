@@ -15,6 +15,7 @@ import numpy as np
 from idloop.diagnosis.design.limits import Limits
 from idloop.diagnosis.design.rival_set import log_likelihood_losses
 from idloop.diagnosis.design.suggest import Suggestion, suggest
+from idloop.diagnosis.identifiability import NOT_REPEATED
 from idloop.diagnosis.options import Progress
 from idloop.diagnosis.screening.proposals import Proposal, proposals
 from idloop.diagnosis.screening.typical_sizes import Sizes
@@ -72,6 +73,8 @@ def effect_rivals(model: Model, effect: str, records: Sequence[Record], limits: 
     sizes = Sizes(model, prepare_estimation(model, records, "prediction"))
     scales = _allowed_scales(sizes.at(proposal.effect.site, proposal.at), limits.completed(model, records))
     choices = [proposal.model(group[0]) for group in proposal.alternatives(scales) if group]
+    if not choices:
+        raise InputError(f"{effect}: {NOT_REPEATED}; allow more travel")
     costs = log_likelihood_losses(model, choices, records)
     allowed = [choice for choice, cost in zip(choices, costs, strict=True) if cost < _ALLOWED]
     typical = allowed[len(allowed) // 2] if allowed else choices[int(np.argmin(costs))]

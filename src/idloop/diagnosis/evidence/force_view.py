@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from idloop.diagnosis.evidence.predictive import Scores, scores_of, scores_without_refit
 from idloop.diagnosis.evidence.undetermined_strength import undetermined_with
-from idloop.diagnosis.identifiability import OWN_PART, Gate, excitation_findings
+from idloop.diagnosis.identifiability import NOT_REPEATED, OWN_PART, Gate, excitation_findings
 from idloop.diagnosis.options import FORCE, Options
 from idloop.diagnosis.residual_curves.force_curves import ForceCurve, force_curves
 from idloop.diagnosis.residual_curves.periods import harmonics
@@ -359,6 +359,7 @@ class _Promising:
     typical: float  # log-likelihood that the effect would be worth at its typical size
     own_part: float  # of its trace, which the free parameters cannot produce
     starts: list[Trial]
+    tried: bool = True  # at any values
 
 
 class _Screen:
@@ -389,7 +390,8 @@ class _Screen:
         scales = self.sizes.at(proposal.effect.site, proposal.at)
         scales = replace(scales, harmonics=self._harmonics.get(proposal.at, ()))
         found, typical, part = [], 0.0, 0.0
-        for trials in proposal.alternatives(scales):
+        alternatives = proposal.alternatives(scales)
+        for trials in alternatives:
             columns = [self._trace(proposal, trial) for trial in trials]
             if any(column is None for column in columns):
                 continue
@@ -411,7 +413,7 @@ class _Screen:
                 found.append((first, promise, trials, size))
         most = max((promise for _, promise, *_ in found), default=0.0)
         if most < LEAST_GAIN:
-            return _Promising(proposal, 0.0, typical, part, [])
+            return _Promising(proposal, 0.0, typical, part, [], bool(alternatives))
         found.sort(key=lambda one: -one[0])
         starts = [start for *_, trials, size in found[:_STARTS] for start in _starts(proposal, trials, size)]
         return _Promising(proposal, most, typical, part, starts)
@@ -445,7 +447,9 @@ def _testable(
     testable, why = {}, {}
     for one in screened:
         name = one.proposal.name
-        if one.own_part < OWN_PART:
+        if not one.tried:
+            testable[name], why[name] = "no", NOT_REPEATED
+        elif one.own_part < OWN_PART:
             testable[name], why[name] = "no", "on this data the free parameters can do the same"
         elif one.typical < threshold:
             testable[name], why[name] = "no", "at its typical size it explains too little force to show"

@@ -14,6 +14,7 @@ from idloop.estimation.likelihood.estimation_problem import EstimationProblem
 from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.estimation.statistics.student import weights
 from idloop.physics.model import Model
+from idloop.physics.trial import FEWEST_PERIODS
 
 Array = NDArray[np.float64]
 
@@ -114,8 +115,7 @@ def harmonics(fit: WeakFit, body: int) -> tuple[tuple[int, ...], int]:
     periods = np.linspace(0.0, _LONGEST, 201)
     shape = test_functions(form.width, form.sample_time)[0]
     share = np.abs(np.exp(2j * np.pi * np.outer(periods, np.arange(form.width) / form.width)) @ shape)
-    # Two periods within the motion show a wave.
-    lowest = max(2, int(np.ceil(2.0 / max(turns, 1e-12))))
+    lowest = max(2, int(np.ceil(FEWEST_PERIODS / max(turns, 1e-12))))
     orders = np.arange(lowest, _MOST + 1)
     kept = np.interp(np.outer(typical, orders), periods, share, right=0.0)
     power = counts @ kept**2

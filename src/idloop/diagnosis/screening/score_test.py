@@ -65,6 +65,7 @@ class Screened:
 
     proposal: Proposal
     traces: list[Trace]
+    tried: bool = True  # at any values
 
     @property
     def statistic(self) -> float:
@@ -111,13 +112,14 @@ class Screen:
         scales = self.sizes.at(proposal.effect.site, proposal.at)
         traces = []
         share, weakest = 1.0, _weakest(proposal, scales)
-        for trials in proposal.alternatives(scales):
+        alternatives = proposal.alternatives(scales)
+        for trials in alternatives:
             weak = trials in weakest
             trace, asked = self._weak_trace(proposal, trials, share) if weak else (self._trace(proposal, trials), 1.0)
             share = asked if weak else share
             if trace is not None:
                 traces.append(replace(trace, typical=max(trace.detectable, trace.detectable / asked**2)))
-        return Screened(proposal, traces)
+        return Screened(proposal, traces, bool(alternatives))
 
     def _weak_trace(self, proposal: Proposal, trials: list[Trial], share: float) -> tuple[Trace | None, float]:
         """Trace at a strength at which it is not far above the noise, as a weak effect is, and the share of that."""

@@ -32,7 +32,7 @@ EFFECT = Effect(
     rate=lambda values, inertia, stiffness: (values["amplitude"] * values["harmonic"] / inertia) ** 0.5,
     spatial_rate=lambda values, inertia, stiffness: values["harmonic"],
     looks_like=("sensor_ripple",),
-    trials=lambda s: waves(0.05 * s.force, s.harmonics or range(2, 25)),
+    trials=lambda s: waves(0.05 * s.force, s.repeating(s.harmonics or range(2, 25))),
     needs_angle=True,
     several=True,
 )

@@ -32,6 +32,6 @@ EFFECT = Effect(
     reading=reading,
     order=50,
     looks_like=("cogging",),
-    trials=lambda s: waves(0.02, range(1, 13)),
+    trials=lambda s: waves(0.02, s.repeating(range(1, 13))),
     needs_angle=True,
 )
