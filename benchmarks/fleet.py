@@ -234,17 +234,18 @@ def judge(fleet: Fleet, findings: Sequence[Any]) -> dict[str, Any]:
     }
 
 
-def timed(bag: Any, settings: Any) -> float:
-    """Seconds that a worker takes for a recording."""
+def timed(bag: Any, settings: Any) -> tuple[float, float, int]:
+    """Seconds and seconds of the processor that a worker takes for a recording, and joints that it identifies."""
     from idloop.fleet.joint_day import identify_bag
 
-    begun = time.perf_counter()
-    identify_bag(bag, settings)
-    return time.perf_counter() - begun
+    begun, used = time.perf_counter(), time.process_time()
+    rows = identify_bag(bag, settings) or []
+    joints = {row["joint"] for row in rows if row.get("parameter")}
+    return time.perf_counter() - begun, time.process_time() - used, len(joints)
 
 
 def scaling(table: Path) -> dict[str, float]:
-    """Recordings a second of one worker and of two, after a first one on each, and the share of time that they work.
+    """Joint-days a second of one worker and of two, after a first recording on each, and the share of time they work.
 
     The ratio needs idle cores; where workers work all the time, nothing but the cores limits them.
     """
@@ -259,9 +260,13 @@ def scaling(table: Path) -> dict[str, float]:
             ways: dict[str, Any] = {"size": 1, "lost": lambda one: None}
             list(workers.map(timed, bags[: 2 * count], settings, **ways))
             begun = time.perf_counter()
-            busy = sum(sum(found) for _, found in workers.map(timed, bags, settings, **ways))
+            several = [one for _, found in workers.map(timed, bags, settings, **ways) for one in found]
             wall = time.perf_counter() - begun
-        rates |= {f"{count} workers": len(bags) / wall, f"{count} workers, busy": busy / (count * wall)}
+        busy, used, joints = (sum(column) for column in zip(*several, strict=True))
+        rates |= {
+            f"{count} workers": joints / wall, f"{count} workers, busy": busy / (count * wall),
+            f"{count} workers, processor time a joint-day [s]": used / joints,
+        }  # fmt: skip
     return rates | {"ratio": rates["2 workers"] / rates["1 workers"], "load": os.getloadavg()[0]}
 
 
