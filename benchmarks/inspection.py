@@ -427,6 +427,12 @@ def copied_velocity(random: Random, recorded: Recorded) -> Recorded:
     return _with(recorded, command=0.3 * np.concatenate([velocity[:late], velocity[: velocity.size - late]]))
 
 
+def clipped_reading(random: Random, recorded: Recorded) -> Recorded:
+    """The command is measured by a sensor that cuts it off at 60 %."""
+    limit = 0.6 * float(np.max(np.abs(recorded.axis.command)))
+    return _with(recorded, command=np.clip(recorded.axis.command, -limit, limit))
+
+
 def no_reference(random: Random, recorded: Recorded) -> Recorded:
     """A closed loop without its reference on record."""
     return _with(recorded, has_reference=False)
@@ -498,6 +504,7 @@ CASES = (
     Case("one reading of 65535", ("spikes",), overflow, {}),
     Case("40 steps over the range", ("coarse",), coarse, {}),
     Case("command cut off at 60 %", ("saturated_command",), same, {"levels": "smooth", "closed": False, "clip": 0.6}),
+    Case("reading of the command cut off at 60 %", ("clipped_reading",), clipped_reading, {"closed": False}),
     Case("command is a set-point of the position", ("inner_loop",), inner_position, {}),
     Case("command is a set-point of the velocity", ("inner_loop",), inner_velocity, {}),
     Case("command is a copy of the velocity", ("copied_motion",), copied_velocity, {}),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 import idloop
@@ -47,3 +48,27 @@ def test_without_the_option_it_is_one_body_and_the_option_is_shown(log, tmp_path
     begun = idloop.start(log, tmp_path / "begun", fitted=False)
     assert list(begun.model.bodies) == ["axis"]
     assert any(doubt.endswith("--load 'load pos [rad]'") for doubt in begun.log.doubts)
+
+
+@pytest.mark.parametrize("name", ["torque_Nm", "pwm"])
+def test_a_load_whose_inertia_does_not_show_is_left_out_so_that_the_next_command_works(name, tmp_path):
+    """A stiff gear, and coarse encoders."""
+    random, rate, ratio = np.random.default_rng(41), 100.0, 5.0
+    time = np.arange(800) / rate
+    turns, phases = 2.0 * np.pi * random.uniform(0.2, 5.0, size=6), random.uniform(0.0, 6.0, size=6)
+    command = 0.02 * np.sin(np.outer(time, turns) + phases).sum(axis=1)
+    angle, place, speed = np.empty(800), 0.0, 0.0
+    for k, value in enumerate(command):
+        angle[k] = place
+        for _ in range(20):
+            speed += 0.05 / rate * (value - 0.002 * speed - 0.01 * np.tanh(speed / 0.02)) / 0.0005
+            place += 0.05 / rate * speed
+    count, scale = 400 * angle / (2.0 * np.pi), 1.0 if name == "torque_Nm" else 2000.0
+    columns = (1e3 * time, command * scale, count // 1, count / ratio // 1)
+    rows = "\n".join(f"{t:.0f},{u:.6f},{m:.0f},{p:.0f}" for t, u, m, p in zip(*columns, strict=True))
+    (tmp_path / "log.csv").write_text(f"time_ms,{name},motor_counts,load_counts\n{rows}\n")
+    given = {"position": "motor_counts=counts/400", "load": "load_counts=counts/400"}
+    begun = idloop.start(tmp_path / "log.csv", tmp_path / "begun", given)
+    assert list(begun.model.bodies) == ["axis"]
+    assert "load.position shows no inertia of its own" in begun.summary()
+    assert idloop.diagnose(idloop.load_model(begun.fitted_file), begun.records).summary()

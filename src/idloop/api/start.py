@@ -443,7 +443,9 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
         done = FirstFit(rough, why_not=apart.why, asked=fitted, reversed=apart.turned, apart=apart.groups)
     else:
         refused = inspections[0].grade_reason if _is_useless(inspections) else ""
-        done = first_fit(kind, bags, fitted=fitted, refused=refused, progress=part(progress, 0.4, 1.0))
+        done = first_fit(kind, bags, fitted=fitted, refused=refused, progress=part(progress, 0.4, 0.9))
+        if kind.load is not None and fitted and not refused and _is_massless(done, kind.load[0]):
+            done = _with_one_body(done, kind, bags, part(progress, 0.9, 1.0))
     if done.unmoved:
         done = more_than_one_axis(done, inspections, log.recognition.joints)
     done = with_causes(done, inspections, f"{joint}.velocity is late and left out of the model" if late else "")
@@ -453,6 +455,20 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
     if done.fit is not None:
         write_text(folder / FITTED, done.fit.model.to_yaml())
     return Start(folder, log, bags, inspections, done, between)
+
+
+def _is_massless(done: FirstFit, load: str) -> bool:
+    """Whether a fit of two bodies finds no inertia of the load, or nothing at all."""
+    return done.fit is None or f"{load}.inertia" in done.fit.result.at_bound
+
+
+def _with_one_body(done: FirstFit, kind: FirstModel, bags: Sequence[Path], progress: Progress) -> FirstFit:
+    """The fit of one body where it describes what that of two does not: a stiff gear, or a load of little inertia."""
+    alone = first_fit(replace(kind, load=None), bags, fitted=True, progress=progress)
+    if alone.fit is None or kind.load is None:
+        return done
+    note = f"{kind.load[0]}.position shows no inertia of its own: it is left out, and the model has one body"
+    return replace(alone, notes=(*alone.notes, note))
 
 
 def more_than_one_axis(done: FirstFit, inspections: Sequence[Inspection], joints: Sequence[str]) -> FirstFit:

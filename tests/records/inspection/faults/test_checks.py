@@ -359,3 +359,22 @@ def test_an_axis_that_rests_between_its_moves_has_no_stuck_sensor(make_axis):
         rounded = step * np.round(axis.position[::every] / step)
         slow = replace(axis, time=axis.time[::every], position=rounded, velocity=None)
         assert "stuck_sensor" not in kinds(slow)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.7])
+def test_a_reading_of_the_command_that_is_cut_off_is_told_from_a_command_that_is(make_axis, share):
+    turns = np.array([0.4, 1.1, 2.3])[:, None] * np.arange(3000) / 200
+    whole = np.sin(turns + np.arange(3)[:, None]).sum(axis=0)
+    cut = np.clip(whole, -share * np.max(whole), share * np.max(whole))
+    found = the(replace(make_axis(command=whole), command=cut), "clipped_reading")
+    assert found.evidence["limit"] == pytest.approx(share * np.max(whole))
+    assert "inertia and friction" in found.spoils
+    assert "saturated_command" not in kinds(replace(make_axis(command=whole), command=cut))
+    assert "clipped_reading" not in kinds(make_axis(command=cut))
+
+
+def test_a_noisy_velocity_of_an_axis_at_rest_shows_no_stuck_sensor(make_axis):
+    axis = make_axis(command=np.concatenate([np.zeros(400), np.repeat(np.random.default_rng(2).normal(size=65), 40)]))
+    position = np.where(axis.time < 2.0, 0.0, axis.position)
+    velocity = axis.velocity + 0.3 * np.std(axis.velocity) * np.random.default_rng(5).normal(size=3000)
+    assert "stuck_sensor" not in kinds(replace(axis, position=position, velocity=velocity))

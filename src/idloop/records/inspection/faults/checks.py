@@ -7,6 +7,7 @@ from dataclasses import replace
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults import (
+    clipped_reading,
     clocks,
     command_direction,
     command_sign,
@@ -44,7 +45,7 @@ def _limit(axis: Axis) -> list[Finding]:
     force = not_followed.check(axis)
     if force and (speed := speed_limit.check(axis)):
         return force if not_followed.check(axis, _BELOW * abs(speed[0].evidence["speed"])) else speed
-    return force or rate_limit.check(axis) or speed_limit.check(axis)
+    return force or rate_limit.check(axis) or speed_limit.check(axis) or clipped_reading.check(axis)
 
 
 def _late(axis: Axis) -> list[Finding]:
@@ -99,6 +100,8 @@ def inspect_axis(axis: Axis) -> list[Finding]:
             found += check(axis)
             if any(one.kind in _CONFUSES for one in found):
                 break
+        if any(one.kind == clipped_reading.KIND for one in found):
+            found = [one for one in found if one.kind != saturation.KIND]
         # A command measured together with the motion contains what is new in it without any loop.
         if not any(one.kind == MEASURED for one in found):
             found += feedback.check(axis)

@@ -8,6 +8,7 @@ from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import fault
 
+KIND = "saturated_command"
 # Share of the time at a limit.
 _SHARE = 0.02
 # Share of the samples elsewhere that repeat the one before.
@@ -58,7 +59,7 @@ def check(axis: Axis) -> list[Finding]:
     name, unit = axis.command_name, axis.unit("command")
     return [
         fault(
-            "saturated_command",
+            KIND,
             name,
             f"{name} is cut off at its limit ({largest:.4g} {unit}) {many}, {100 * share:.2g} % of the time",
             "lower the amplitude or the gains of the loop where the cut is not wanted; the recorded command is used"

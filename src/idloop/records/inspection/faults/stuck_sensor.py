@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import fault
+from idloop.records.inspection.motion import white_noise
 
 Floats = NDArray[np.float64]
 
@@ -21,6 +22,7 @@ KIND = "stuck_sensor"
 _SAMPLES, _LONGER = 20, 5.0
 # The speed that the other sensor shows there, as a share of its usual one, and in steps of the one that stands still.
 _MOVING, _STEPS = 0.2, 20.0
+_WALK = 5.0  # standard deviations of what its noise makes of it
 # Parts of a stretch over which a slope is taken.
 _PARTS = 10
 # Without another sensor: the jump after a stretch in the largest of all other steps, and samples over which the axis
@@ -92,8 +94,12 @@ def _moves(signal: str, time: Floats, position: Floats, velocity: Floats, rows: 
     """Whether the other sensor shows a motion in the rows of a stretch."""
     if signal == "position":
         usual, here = (float(np.sqrt(np.nanmean(one**2))) for one in (velocity, velocity[rows]))
-        travel = np.nancumsum(velocity[rows][1:] * np.diff(time[rows]))
-        return here > _MOVING * usual and float(np.max(np.abs(travel))) > _STEPS * _step(position)
+        interval = np.diff(time[rows])
+        travel = np.nancumsum(velocity[rows][1:] * interval)
+        # The noise of a velocity adds up to a walk.
+        walk = white_noise(velocity[np.isfinite(velocity)]) * float(np.sqrt(np.sum(interval**2)))
+        least = _STEPS * _step(position) + _WALK * walk
+        return here > _MOVING * usual and float(np.max(np.abs(travel))) > least
     within = time[rows]
     place = np.interp(np.linspace(within[0], within[-1], _PARTS + 1), within, position[rows])
     slope = np.diff(place) * _PARTS / (within[-1] - within[0])
