@@ -578,16 +578,21 @@ def fit_by_force(
     found: WeakFit | None = None
     # For a body without model error only noise is unexplained, at any width.
     partly_resolved: WeakFit | None = None
-    noisy = False
+    noisy, skipped = False, None
     while True:
         form = _windows(engine, data, width, forms)
         if form is None:
+            if partly_resolved is None and accept_noise and skipped is not None:
+                return with_rest_speed(fit_weak(skipped, point))
             return partly_resolved or (found if accept_noise else None)
         form = form if rest_speed is None else form.with_rest_speed(rest_speed)
+        noisy = noisy or form.reliability < _RELIABLE
+        if found is not None and _mostly_noise(form, found.point):
+            skipped, width = form, _wider(width)
+            continue
+        skipped = None
         found = with_rest_speed(fit_from_two_starts(form, point) if width == narrowest else fit_weak(form, point))
-        if form.reliability < _RELIABLE:
-            noisy = True
-        elif found.resolved:
+        if form.reliability >= _RELIABLE and found.resolved:
             # What is left of a noise that is known to attenuate is left in the wider windows as well.
             attenuated = _underestimates_inertia(found, forms, np.sqrt(_RELIABLE) if noisy else _RELIABLE)
             noisy = noisy if attenuated is None else attenuated
@@ -595,6 +600,15 @@ def fit_by_force(
                 return found
             partly_resolved = partly_resolved or (None if noisy else found)
         width, point = _wider(width), found.theta
+
+
+def _mostly_noise(form: WeakForm, point: Array) -> bool:
+    """Whether noise dominates whatever is fitted: it does in what these values leave, and a fit leaves less."""
+    if form.reliability < _RELIABLE:
+        return True
+    theta, shift = _split(form, point)
+    left = _scales(form, point, form.residual(theta, shift))
+    return bool(np.all(form.inertia(theta) * form.noise > MOST_NOISE * left))
 
 
 def _windows(engine: Engine, data: Sequence[Data], width: int, known: dict[int, WeakForm]) -> WeakForm | None:
