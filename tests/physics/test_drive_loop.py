@@ -183,6 +183,32 @@ def test_the_machine_does_not_depend_on_the_gain_of_the_loop(proportional):
             assert fitted.values[name] == pytest.approx(true.values[name], rel=0.03), name
 
 
+@pytest.mark.parametrize(
+    ("criterion", "kind"), [("simulation", "position"), ("force", "position"), ("simulation", "velocity")]
+)
+def test_an_integral_that_does_not_start_at_zero_leaves_the_physics_as_they_are(criterion, kind):
+    random, time = np.random.default_rng(0), np.arange(0.0, 20.0, 0.005)
+    speed = kind == "velocity"
+    drive = f"kind: {kind}_loop, unit: N·m, " + (
+        "proportional: 1.2, integral: 8.0" if speed else "proportional: 12.0, derivative: 0.4, integral: 30.0"
+    )
+    model = servo(
+        drive, "gravity@arm", "coulomb_friction@arm", unit="rad/s" if speed else "rad", inertia="{value: 0.05}",
+        viscous="{value: 0.01}",
+    )  # fmt: skip
+    truth = {"arm.inertia": 0.02, "arm.viscous_friction": 0.05, "coulomb_friction@arm.level": 0.12}
+    true = model.with_values({**truth, "gravity@arm.moment": 0.9})
+    wander = np.interp(time, np.arange(0.0, 21.0), random.uniform(-1.0, 1.0, 21))
+    set_point = wander + (1.0 * np.sin(4.0 * time) if speed else 0.7 + 0.1 * np.sin(12.0 * time))
+    measured = simulate(true, time, set_point, time).output + random.normal(0.0, [2e-4, 0.01], (len(time), 2))
+    later = time >= 6.0
+    outputs = {"position": measured[later, 0], "velocity": measured[later, 1]}
+    record = idloop.Record.from_arrays(time[later] - 6.0, set_point[later], outputs, model)
+    fitted = idloop.fit(model, record, criterion=criterion)
+    assert fitted.values["gravity@arm.moment"] == pytest.approx(0.9, rel=0.01 if criterion == "simulation" else 0.1)
+    assert fitted.values["arm.inertia"] == pytest.approx(0.02, rel=0.03)
+
+
 VELOCITY, POSITION = "kind: velocity_loop, proportional: 0.3", "kind: position_loop, proportional: 8.0, derivative: 0.1"
 
 
@@ -225,10 +251,10 @@ def test_a_compensation_by_the_set_point_needs_a_loop():
 
 
 @pytest.mark.parametrize(
-    ("effect", "estimated"),
+    ("effect", "parameter", "value"),
     [
-        ("friction_compensation@input(level=0.08,speed=0.07)", "speed"),
-        ("friction_feed_forward@input(level=0.08)", "level"),
+        ("friction_compensation@input(level=0.08,speed=0.07)", "speed", 0.07),
+        ("friction_feed_forward@input(level=0.08)", "level", 0.08),
     ],
 )
 def test_a_compensation_in_the_firmware_is_told_from_friction(effect, parameter, value):
@@ -240,10 +266,10 @@ def test_a_compensation_in_the_firmware_is_told_from_friction(effect, parameter,
     measured += random.normal(0.0, [2e-4, 0.01], measured.shape)
     model = servo(drive, friction, inertia="{value: 0.05}", viscous="{value: 0.01}")
     record = idloop.Record.from_arrays(time, set_point, {"position": measured[:, 0], "velocity": measured[:, 1]}, model)
-    both = ["friction_compensation", "friction_feed_forward"]
     name = effect.partition("(")[0]
+    model, both = idloop.fit(model, record).model, ["friction_compensation", "friction_feed_forward"]
     assert idloop.diagnose(model, record, effects=both).to_dict()["set"] == [name]
-    values = idloop.fit(model.with_effects([effect]), record).values
+    values = idloop.fit(model.with_effects([effect]), record, criterion="simulation").values
     assert values["coulomb_friction@arm.level"] == pytest.approx(0.12, abs=0.005)
     assert values[f"{name}.{parameter}"] == pytest.approx(value, rel=0.1)
 

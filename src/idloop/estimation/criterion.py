@@ -39,9 +39,10 @@ class Criterion(Protocol):
 
 
 class InitialStates:
-    """Initial positions, velocities and disturbance forces of all records as nuisance parameters.
+    """Initial positions and velocities of all records as nuisance parameters, and what acts on the driven body then.
 
-    `force_scale`: typical disturbance force; when left out, the disturbance is 0 and no parameter.
+    `force_scale`: typical disturbance force. When left out, the disturbance is 0 and no parameter, and an integral in
+    the drive is one: what it contributes to the drive's output at the start. Both are constant forces.
     """
 
     def __init__(self, engine: Engine, data: list[Data], force_scale: float | None = None) -> None:
@@ -50,14 +51,17 @@ class InitialStates:
         self.engine, model = engine, engine.model
         bodies = self.bodies = len(model.bodies)
         self._disturbance = DISTURBANCE
-        force = np.zeros(0) if force_scale is None else np.zeros(1)
+        self._integral = force_scale is None and model.integrates
+        force = np.zeros(1 if self._integral or force_scale is not None else 0)
+        loop = model.loop_gains(model.values)
         self.width = 2 * bodies + len(force)
         self.values = np.concatenate([np.concatenate([*initial_motion(model, d), force]) for d in data])
         sizes = []
         for d in data:
             span = travel(model, d)
             speed = max(10.0 * span / float(d.time[-1] - d.time[0]), 1e-9)
-            scales = [np.full(bodies, span), np.full(bodies, speed), np.full(len(force), force_scale or 0.0)]
+            size = abs(loop.set_point) * (span if loop.position else speed) if force_scale is None else force_scale
+            scales = [np.full(bodies, span), np.full(bodies, speed), np.full(len(force), max(size, 1e-12))]
             sizes.append(np.concatenate(scales))
         self.scale = np.concatenate(sizes)
 
@@ -68,6 +72,8 @@ class InitialStates:
     def state(self, nuisance: Array, record: int, theta: Array) -> Array:
         """Initial state of one record, for the simulator."""
         part, n = self.part(nuisance, record), self.bodies
+        if self._integral:
+            return self.engine.initial_state(part[:n], part[n : 2 * n], theta, part[2 * n])
         state = self.engine.initial_state(part[:n], part[n : 2 * n], theta)
         if self.width > 2 * n:
             state[self._disturbance] = part[2 * n]

@@ -104,11 +104,16 @@ class Engine:
         return all(active.effect.valid(values_of(active, values)) for active in self.model.effects)
 
     def initial_state(
-        self, position: Array | None = None, velocity: Array | None = None, theta: Array | None = None
+        self,
+        position: Array | None = None,
+        velocity: Array | None = None,
+        theta: Array | None = None,
+        integral: float = 0.0,
     ) -> Array:
         """State with given motion of the model's bodies (n,), at rest in 0 by default.
 
-        The two halves of a body that compliance splits start together.
+        The two halves of a body that compliance splits start together. ``integral`` is what the integral of the loop in
+        the drive contributes to its output.
         """
         layout = self.layout(theta)
         state = layout.new_state()
@@ -120,6 +125,8 @@ class Engine:
                 state[kernel.FIRST : kernel.FIRST + n][part] = position[index]
             if velocity is not None:
                 state[kernel.FIRST + n : kernel.FIRST + 2 * n][part] = velocity[index]
+        if integral != 0.0 and (gain := self.values(theta)["drive.integral"]) != 0.0:
+            state[kernel.FIRST + 3 * n] = integral / gain  # the loop acts first, and its integral is its first state
         return state
 
     def simulate(
@@ -406,8 +413,7 @@ class Engine:
         """Initial state at the first of the times."""
         state = layout.new_state()
         if initial_state is not None:
-            motion = slice(kernel.DISTURBANCE, kernel.FIRST + 3 * layout.bodies)
-            state[motion] = initial_state[motion]
+            state[kernel.DISTURBANCE :] = initial_state[kernel.DISTURBANCE :]
         state[kernel.TIME] = time[0]
         # The last command that acts before the start.
         first = np.searchsorted(input_time, time[0] - layout.axis.constants[kernel.DELAY], side="left") - 1

@@ -239,6 +239,12 @@ class Model:
             return LoopGains(1.0, 0.0, 0.0)
         return loop_gains(self.loop.effect.name, values_of(self.loop, values))
 
+    @property
+    def integrates(self) -> bool:
+        """Whether the loop of the drive has an integral, whose value at the start of a record is not measured."""
+        name = "drive.integral"
+        return self.loop is not None and (name in self.free or self.values.get(name, 0.0) != 0.0)
+
     def parameter(self, name: str) -> Parameter:
         """Return a parameter by name.
 

@@ -57,6 +57,8 @@ class RecordBalance:
             None, position, velocity, acceleration, time, value.ravel(), time, rest_speed, conditions=self.conditions
         )
         applied, required = (np.sum(weight * one.reshape(-1, 2), axis=1) for one in (along.applied, along.required))
+        if engine.model.integrates:
+            applied += np.mean(required - applied)
         return applied, required
 
 

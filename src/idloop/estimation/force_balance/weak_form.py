@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from itertools import groupby
+from itertools import groupby, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -388,11 +388,18 @@ class WeakForm:
         if known != key:
             if self.engine.is_valid(theta):
                 balance, values, timing = self._at(theta, shift)
-                residual = balance.residual(values, timing, self.rest_speed)
+                residual = self._without_starts(balance.residual(values, timing, self.rest_speed))
             else:
                 residual = np.full(self.inertial.shape, np.nan)
             residual.flags.writeable = False
             self._known = key, residual
+        return residual
+
+    def _without_starts(self, residual: Array) -> Array:
+        """Without the constant that an integral in the drive, from an unknown start, adds to each track."""
+        if self.engine.model.integrates:
+            for first, after in pairwise(self.starts):
+                residual[first:after, 0] -= np.mean(residual[first:after, 0])
         return residual
 
     def _at(self, theta: Array, shift: float) -> tuple[BalanceTerms, Mapping[str, float], float]:
