@@ -96,17 +96,21 @@ class ForceStep(SearchStep[WeakFit]):
 
         What reduces drive force and unexplained force alike explains nothing.
         """
-        relative = 1.0 - math.exp(_log_mean(one.fit.relative_by_body) - _log_mean(self.subsampled.relative_by_body))
-        return min(one.evidence.improvement, relative)
+        return min(one.evidence.improvement, 1.0 - math.exp(-self._fall(one)))
+
+    def _fall(self, one: EvaluatedModel[WeakFit]) -> float:
+        """Mean logarithm by which the relative force errors of the bodies fall."""
+        return _log_mean(self.subsampled.relative_by_body) - _log_mean(one.fit.relative_by_body)
 
     def practically_significant(self, one: EvaluatedModel[WeakFit]) -> bool:
         """Whether it reduces errors enough, also beside those that no noise accounts for, and on held-out records."""
         return super().practically_significant(one) and self._part(one) >= _LEAST_PART and self._carries_over(one)
 
     def _part(self, one: EvaluatedModel[WeakFit]) -> float:
-        """Part of the power of the errors that it explains, of those that no sensor noise accounts for."""
-        noise = float(np.max(self.subsampled.noise_share))
-        return (1.0 - (1.0 - self.improvement(one)) ** 2) / max(1.0 - noise**2, 1e-300)
+        """Part of the power of the errors of all bodies that it explains, of those that no noise accounts for."""
+        noise = self.subsampled.noise_share
+        left = max(1.0 - one.evidence.improvement, math.exp(-len(noise) * self._fall(one)))
+        return (1.0 - left**2) / max(1.0 - float(np.max(noise)) ** 2, 1e-300)
 
     def _carries_over(self, one: EvaluatedModel[WeakFit]) -> bool:
         """Whether the held-out records have smaller errors as well, or errors like those of the fitted ones.
