@@ -69,8 +69,8 @@ _LEAST_INERTIA = 1.0 / 30.0
 _COARSE_WINDOWS = 2_000
 # A model that leaves less than this part of the drive's force is adequate where no effect explains more.
 ADEQUATE_FORCE = 0.1
-# An effect explains at least this part of the power of the errors that no sensor noise accounts for: beside a force that
-# no effect describes, one that follows a corner of it shows as well.
+# An effect explains at least this part of the power of the errors that no sensor noise accounts for: beside a force
+# that no effect describes, one that follows a corner of it shows as well.
 _LEAST_PART = 0.05
 # An effect must show this part of its improvement on held-out records, if it changes the forces there by so much.
 _CARRIES_OVER = 0.25
