@@ -56,6 +56,11 @@ def bag(record, tmp_path_factory):
     return robot_bag(folder, record.input_at(record.time), record.output[:, 0], record.output[:, 1])
 
 
+def test_what_is_found_of_the_messages_is_said_of_the_table(bag):
+    (note,) = bag_table(bag).table.notes
+    assert note.startswith("/effort_controller/commands: the messages carry no stamps (the type has no header)")
+
+
 def test_columns_have_their_place_their_unit_and_their_stamps(bag):
     found = bag_table(bag)
     assert found.sources["/joint_states elbow position measured"] == {

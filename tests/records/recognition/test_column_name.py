@@ -113,3 +113,10 @@ def test_any_name_is_taken_apart(name, unit):
 )  # fmt: skip
 def test_a_coordinate_beside_a_force_says_of_what_it_is_one(name, role):
     assert role_by_name(parse_column_name(name)).role == role
+
+
+def test_the_current_of_a_motor_is_the_command_before_that_from_the_supply():
+    rank = {
+        name: role_by_name(parse_column_name(name)).rank for name in ("avgMotorCurrent", "avgInputCurrent", "input")
+    }
+    assert rank["input"] > rank["avgMotorCurrent"] > rank["avgInputCurrent"] > 0.0

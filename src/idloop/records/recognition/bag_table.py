@@ -89,7 +89,9 @@ def bag_table(path: Path, readable: Callable[[BagField], bool] = lambda one: one
     received = any(share_no_clock(one, other) for one, other in pairs)
     stamps = {name: stream.receive_ns if received else stream.stamp_ns for name, stream in streams.items()}
     begin = min(int(one.min()) for one in stamps.values() if one.size)
-    table, found = Table(path, {}), {}
+    # What is found of the messages shows in no table of their numbers.
+    notes = [one.text for stream in streams.values() for one in stream.findings if one.level == "warning"]
+    table, found = Table(path, {}, notes=notes), {}
     for one in fields:
         stream = streams[one.topic]
         name, clock = _name(one), f"{one.topic} stamps"

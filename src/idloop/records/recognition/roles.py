@@ -150,7 +150,10 @@ def role_by_name(name: ColumnName) -> RoleByName:
     if words in ({"r"}, {"action"}) and not unit:
         return RoleByName("reference", 1.0, _because(words, unit))
     if kind == "force":
-        order = next((k for k, some in enumerate(_ORDER) if words & some), len(_ORDER) - 1)
+        # The current that a drive draws from its supply acts after that of the motor.
+        drawn = "input" in words and bool(unit in ("A", "mA") or words & CURRENTS)
+        acts = words - {"input"} - CURRENTS if drawn else words
+        order = next((k for k, some in enumerate(_ORDER) if acts & some), len(_ORDER) - (not drawn))
         if measured and not wanted:
             return RoleByName("effort", 1.0 + (len(_ORDER) - order) / 10, _because(measured, unit))
         wanted = wanted | words & FEED_FORWARD

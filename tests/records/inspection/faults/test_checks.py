@@ -378,3 +378,14 @@ def test_a_noisy_velocity_of_an_axis_at_rest_shows_no_stuck_sensor(make_axis):
     position = np.where(axis.time < 2.0, 0.0, axis.position)
     velocity = axis.velocity + 0.3 * np.std(axis.velocity) * np.random.default_rng(5).normal(size=3000)
     assert "stuck_sensor" not in kinds(replace(axis, position=position, velocity=velocity))
+
+
+def test_samples_that_were_left_out_at_one_speed_are_no_pulses_counted_twice():
+    """A fine log of a coarse sensor: only what is lost at the top speed stands out."""
+    time = np.arange(6000) / 1000.0
+    position = np.round(5.0 * np.sin(3.0 * time), 3)
+    kept = np.delete(np.arange(6000), [2, 1043, 1045 + 1047, 3145, 4188, 5236])
+    short = time[: kept.size]
+    axis = Axis("j", short, position[kept], None, short, np.cos(3.0 * time[kept]), "j.effort")
+    assert "missed_pulses" not in kinds(axis)
+    assert "lost_samples" in kinds(axis)

@@ -58,7 +58,7 @@ def _jumps(axis: Axis, time: Floats, place: Floats) -> list[Finding]:
     spoils = ("inertia and friction", "delays") if _outweigh(step, off) else ()
     size = float(np.median(np.abs(off)))
     name, unit = axis.name("position"), axis.unit("position")
-    if _are_samples(off, travel):
+    if _are_samples(off, travel, axis.resolution["position"]):
         return [
             fault(
                 "lost_samples",
@@ -108,13 +108,20 @@ def _outweigh(step: Floats, off: Floats) -> bool:
     return bool(4.0 * float(np.sum(off**2)) > float(np.sum(np.diff(step) ** 2)))
 
 
-def _are_samples(off: Floats, travel: Floats) -> bool:
-    """Whether jumps (n,) are whole numbers of what the axis travels in a sample beside them (n,), at several speeds."""
+def _are_samples(off: Floats, travel: Floats, step: float) -> bool:
+    """Whether jumps (n,) are whole numbers of what the axis travels in a sample beside them (n,).
+
+    Pulses that go missing may be so at one speed, or to a step of the sensor where the axis travels few in a sample,
+    but they do not all go along the motion.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         samples = off / travel
-    whole = np.isfinite(samples) & (np.round(samples) != 0.0) & (np.abs(samples - np.round(samples)) < _WHOLE)
+    along = bool((samples > 0.0).all())
+    exact = np.maximum(_WHOLE * np.abs(travel), step * (1.0 + np.abs(np.round(samples))) if along else 0.0)
+    whole = np.isfinite(samples) & (np.round(samples) != 0.0)
+    whole &= np.abs(off - np.round(samples) * travel) < exact
     speeds = np.abs(travel[whole])
-    return bool(whole.mean() > _SAMPLES and np.max(speeds) > _SPEEDS * np.min(speeds))
+    return bool(whole.mean() > _SAMPLES and (along or np.max(speeds) > _SPEEDS * np.min(speeds)))
 
 
 def _left_out(step: Floats, rows: NDArray[np.int64]) -> float:
