@@ -701,3 +701,20 @@ def test_rows_that_hold_nothing_are_refused(record, tmp_path, rows):
     log = _write(tmp_path / "log.csv", "t_s,torque_Nm,angle_rad", c["t"], c["u"], c["q"])
     with pytest.raises(InputError, match=r"holds nothing: the table has \d+ rows"):
         recognise(log, rows=[rows])
+
+
+@pytest.mark.parametrize(("bits", "unit"), [(16, "ms"), (32, "us")])
+def test_a_counter_of_the_time_that_is_full_is_said_to_be(record, tmp_path, bits, unit):
+    c = _columns(record)
+    ticks = (np.round(c["t"] * (1e3 if unit == "ms" else 1e6)) + 0.6 * 2**bits).astype(np.int64)
+    ticks += 2**bits - int(ticks[700])
+    log = _write(tmp_path / "log.csv", f"t_{unit},torque_Nm,angle_rad", ticks % 2**bits, c["u"], c["q"], form="{:.12g}")
+    said = recognise(log).notes
+    assert f"log.csv: the counter of the time is full at {2**bits} and goes on in row 700: 2 records" in said[0]
+
+
+def test_a_folder_behind_the_log_is_no_folder_to_write_to(record, tmp_path):
+    c = _columns(record)
+    log = _write(tmp_path / "log.csv", "t_s,torque_Nm,angle_rad", c["t"], c["u"], c["q"])
+    with pytest.raises(InputError, match="give a folder to write to by --output"):
+        recognise([log, tmp_path])

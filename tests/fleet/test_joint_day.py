@@ -6,12 +6,15 @@ import shutil
 from dataclasses import replace
 
 import fsspec
+import numpy as np
 import pytest
 
 from benchmarks import fleet as simulated
 from idloop import __version__
 from idloop.fleet.bags import find_bags
-from idloop.fleet.joint_day import FORCE_ERROR, Settings, identify_bag, key_of
+from idloop.fleet.joint_day import FORCE_ERROR, Settings, identify_bag, joint_records, key_of
+from idloop.physics import load_model
+from idloop.records import Record, write_bag
 from idloop.reporting.provenance import checksum
 
 
@@ -89,3 +92,14 @@ def test_a_bag_at_an_address_is_fetched(rows, bag, recordings, settings):
     found = identify_bag(replace(bag, bag="memory://bags_of_test/one"), settings)
     assert [one["value"] for one in found] == [one["value"] for one in rows]
     memory.rm("/bags_of_test", recursive=True)
+
+
+def test_of_a_recording_that_gaps_cut_the_part_in_which_nothing_moves_is_left_out(tmp_path):
+    time = np.concatenate([np.arange(300), 5000 + np.arange(300)]) * 0.01
+    motion = np.where(np.arange(600)[:, None] < 300, np.column_stack([np.sin(time), np.cos(time)]), 0.0)
+    names, command = ("motor.position", "motor.velocity"), np.sign(np.sin(time / 0.07))
+    whole = Record("bag", time, command, time, motion, "motor.effort", "V", names, ("rad", "rad/s"))
+    write_bag(tmp_path / "bag", whole)
+    (kept,) = joint_records(tmp_path / "bag", load_model("dc_motor"))
+    assert kept.time.size == 300
+    assert "nothing moves" in kept.findings[-1].text

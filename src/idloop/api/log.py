@@ -32,6 +32,7 @@ _OVERLAP = 0.5  # share of the shorter file that two files of one run have at le
 # What one file shows holds for the others: values that start again, and negative ones logged as unsigned.
 _OF_ALL = ("wrap", "decode")
 _TEXT = "its cells are text"
+_COUNTERS, _ON = (16, 24, 32), 5.0  # bits of counters, and intervals by which they go on from full to zero at most
 _FEW_SAMPLES = 100  # rows of a piece below which it is not worth a record
 
 
@@ -242,7 +243,11 @@ def recognise(
     paths = tuple(Path(one) for one in ([files] if isinstance(files, str | Path) else files))
     if not paths:
         raise InputError("name at least one file")
-    if any(is_bag(path) for path in paths):
+    if bags := [path for path in paths if is_bag(path)]:
+        if len(bags) < len(paths):
+            raise InputError(
+                f"{bags[0]}: a bag or folder beside tables: start bags alone, and give a folder to write to by --output"
+            )
         if rows or late:
             raise InputError("--rows and --late are of tables: a bag has messages with stamps of their own")
         return _of_bags(paths, given or {})
@@ -503,7 +508,7 @@ def _records_in(found: Recognition) -> Iterator[str]:
         return
     if len(found.rows) > 1:
         starts = [str(one.start) for one in found.rows[1:]]
-        why = "a record begins" if found.table.begins else "the time starts again"
+        why = "a record begins" if found.table.begins else _why_again(found)
         yield f"{why} in row {listed(starts, 6)}: {len(found.rows)} records, which become a bag each"
     if not found.rows or found.table.begins:
         return
@@ -515,6 +520,17 @@ def _records_in(found: Recognition) -> Iterator[str]:
         yield f"{_rows(one.stop - one.start)} left out from row {one.start} on: the time is {stamp:g} s in all of them"
     if lost := sum(one.stop - one.start for one in pieces if one not in still):
         yield f"{_rows(lost)} left out: the time starts again there, and what follows is too short for a record"
+
+
+def _why_again(found: Recognition) -> str:
+    """Whether the time starts again, or its counter is full: then what was counted on fits to it."""
+    from idloop.records.tables.base_units import SECONDS
+
+    count = found.base.seconds / SECONDS.get(found.base.time.unit, 1.0)
+    usual = float(np.median(np.diff(count)))
+    falls = [float(count[one.start] - count[one.start - 1]) for one in found.rows[1:] if one.start]
+    full = next((bits for bits in _COUNTERS if falls and all(abs(fall + 2.0**bits) < _ON * usual for fall in falls)), 0)
+    return f"the counter of the time is full at {2**full} and goes on" if full else "the time starts again"
 
 
 def _rows(count: int) -> str:

@@ -22,7 +22,7 @@ from idloop.estimation import fit
 from idloop.fleet.bags import FleetBag, open_place
 from idloop.physics import Model
 from idloop.physics.model_file import with_joints
-from idloop.records import Record, check_commands, check_identifiable, read_records, read_streams
+from idloop.records import Record, check_commands, check_identifiable, read_records, read_streams, usable_parts
 from idloop.records.bags.bag import Bag
 from idloop.records.bags.topics import resolve_topic
 from idloop.reporting.provenance import checksum
@@ -160,7 +160,7 @@ def _joints_in(bag: Bag, settings: Settings) -> Sequence[tuple[str, str]]:
 
 def joint_records(bag: Bag | Path, model: Model) -> list[Record]:
     """Read the records of one joint that a fit can use."""
-    return [check_identifiable(one) for one in check_commands(read_records(bag, model))]
+    return usable_parts(check_commands(read_records(bag, model)), check_identifiable)
 
 
 def identify_joint(bag: Bag | Path, model: Model, common: dict[str, Any]) -> Iterator[dict[str, Any]]:
