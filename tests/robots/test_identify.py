@@ -1,14 +1,16 @@
 from __future__ import annotations
 
+from types import SimpleNamespace
 from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
 from tests.robots.conftest import ARMATURE, DRY, JOINTS, VISCOUS, made
 
+from idloop.physics import load_model
 from idloop.records import make_stream, write_bag
-from idloop.robots.balance import robot_motions
-from idloop.robots.joint_models import effects_of_joints
+from idloop.robots.balance import RobotMotion, robot_motions
+from idloop.robots.joint_models import effect_torque, effects_of_joints
 from idloop.robots.rigid_body import RigidBody
 
 COGGING = (0.15, 9.0, 0.7)
@@ -45,6 +47,16 @@ def test_effects_of_the_command_are_not_looked_for_behind_the_drive():
     names = effects_of_joints()
     assert {"cogging", "stribeck_friction", "cable_spring"} <= set(names)
     assert not {"dead_zone", "saturation", "input_delay", "thermal_viscosity", "gravity"} & set(names)
+
+
+def test_the_torque_of_a_friction_at_a_reversal_is_its_own():
+    stribeck = "stribeck_friction@axis"
+    model = load_model("axis").with_effects([f"{stribeck}(coulomb=0.5,static=0.9,velocity=0.1)"])
+    time = np.arange(0.0, 2.0, 0.001)
+    q, v, a = (one[:, None] for one in (np.sin(5.0 * time), 5.0 * np.cos(5.0 * time), -25.0 * np.sin(5.0 * time)))
+    motion = RobotMotion(SimpleNamespace(time=time), q, v, a, np.array([0.2]), 20.0, 10.0)  # type: ignore[arg-type]
+    found = effect_torque(SimpleNamespace(model=model, added=(stribeck,)), motion, 0)  # type: ignore[arg-type]
+    np.testing.assert_allclose(found, np.sign(v[:, 0]) * (0.5 + 0.4 * np.exp(-((v[:, 0] / 0.1) ** 2))), atol=1e-9)
 
 
 @pytest.mark.slow

@@ -203,11 +203,13 @@ def _of_joint(tell: Callable[[int, float], None], place: int, share: float, text
 
 
 def joint_torque(model: Model, motion: RobotMotion, place: int) -> Array:
-    """Torque that a joint's model needs along a motion, shape (n,) [N·m or N]."""
+    """Torque that a joint's model needs along a motion, shape (n,) [N·m or N].
+
+    Its dry friction opposes the slowest motion: what it balances at rest is no torque of the joint alone.
+    """
     q, v, a = (getattr(motion, key)[:, place : place + 1] for key in ("position", "velocity", "acceleration"))
     time = motion.record.time
-    rest = float(motion.rest_speed[place])
-    balance = Engine(model).balance(None, q, v, a, time, np.zeros(len(time)), time, rest)
+    balance = Engine(model).balance(None, q, v, a, time, np.zeros(len(time)), time)
     return np.asarray(balance.required)
 
 
