@@ -1,5 +1,6 @@
 """Fits of single effects, and what the noise model absorbs."""
 
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,10 +12,12 @@ from tests.diagnosis.conftest import record_of
 from idloop.diagnosis import diagnose
 from idloop.diagnosis.screening.proposals import proposals
 from idloop.diagnosis.screening.score_test import Screen
-from idloop.diagnosis.search.confirm import refit_under_restricted_noise
+from idloop.diagnosis.search import confirm
+from idloop.diagnosis.search.confirm import Confirmed, refit_under_restricted_noise, search
 from idloop.estimation.likelihood.estimation_problem import prepare_estimation
 from idloop.estimation.likelihood.refit import STRENGTH_FACTORS, refit
 from idloop.physics import Model, catalogue, load_model
+from idloop.physics.effect import built_in
 
 
 @pytest.mark.parametrize("offset", [0.1, 0.0])
@@ -38,6 +41,30 @@ def test_a_filter_that_the_noise_model_imitates_is_found_with_the_noise_held_dow
     found = refit_under_restricted_noise(estimation, parent, screened)
     assert found[0].proposal.name == hidden
     assert found[0].fit.model.values[f"{hidden}.time_constant"] == pytest.approx(0.04, rel=0.01)
+
+
+@pytest.mark.parametrize(("replaces", "best"), [("coulomb_friction@axis", "stribeck_friction"), (None, "compensation")])
+def test_an_effect_that_begins_far_from_its_optimum_is_searched_to_the_end_beside_one_that_looks_like_it(
+    monkeypatch: pytest.MonkeyPatch, replaces: str | None, best: str
+) -> None:
+    """After one round the other one explains far more."""
+
+    def begun(name: str, first: float, last: float, replaced: str | None) -> Confirmed:
+        proposal = SimpleNamespace(effect=built_in()[name][0], replaces=replaced)
+        fit = SimpleNamespace(log_likelihood=first, model=last)
+        return Confirmed(proposal, fit, first, 0.0)  # type: ignore[arg-type]
+
+    def finished(estimation: object, model: float, *others: object, **options: object) -> object:
+        return SimpleNamespace(log_likelihood=model)
+
+    monkeypatch.setattr(confirm, "refit_or_none", finished)
+    both = [
+        begun("friction_compensation", 400.0, 700.0, None),
+        begun("stribeck_friction", 0.0, 750.0, replaces),
+    ]
+    choices = [(one.proposal.effect.name, lambda one=one: one) for one in both]
+    found = search(None, SimpleNamespace(log_likelihood=0.0), choices, lambda *_: None)  # type: ignore[arg-type]
+    assert best in found[0].proposal.effect.name
 
 
 @given(st.floats(1e-4, 10.0), st.floats(0.02, 50.0))

@@ -121,9 +121,15 @@ def search(
     most = begun[0].gain if begun else 0.0
     # No further round gains 50 units of log-likelihood.
     bar = min(STILL_IN_IT * most, most - 50.0)
-    worth = [first.gain >= bar and matters(first) for first in begun]
+    worth = [(first.gain >= bar or _begins_far(first, begun[0])) and matters(first) for first in begun]
     finished = in_parallel(finish, [first for first, front in zip(begun, worth, strict=True) if front])
     return by_gain([*finished, *(first for first, front in zip(begun, worth, strict=True) if not front)])
+
+
+def _begins_far(first: Confirmed, best: Confirmed) -> bool:
+    """Whether an effect that looks like the best one replaces a simpler one, and begins far from its optimum."""
+    own, other = first.proposal.effect, best.proposal.effect
+    return first.proposal.replaces is not None and (own.name in other.looks_like or other.name in own.looks_like)
 
 
 def first_round(
