@@ -257,6 +257,7 @@ def test_a_compensation_by_the_set_point_needs_a_loop():
         ("friction_feed_forward@input(level=0.08)", "level", 0.08),
     ],
 )
+@pytest.mark.slow
 def test_a_compensation_in_the_firmware_is_told_from_friction(effect, parameter, value):
     random, time = np.random.default_rng(1), np.arange(0.0, 15.0, 0.005)
     drive = "kind: position_loop, unit: N·m, proportional: 12.0, derivative: 0.2"
