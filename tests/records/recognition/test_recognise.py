@@ -777,3 +777,9 @@ def test_a_command_that_is_named_takes_the_motion_of_its_joint():
     # A motion that is named beside it says more.
     roles, _ = _roles(columns, given={"command": Given("a1 torque cmd [Nm]"), "position": Given("a2 position [rad]")})
     assert roles["velocity"][0] == "a2 velocity [rad/s]"
+
+
+def test_the_unit_of_a_position_is_said_by_the_velocity_and_not_by_its_own_slope():
+    found = _roles({"t": T, "u": U, "pos": ANGLE, "vel": SPEED})[1]
+    assert found.of("position").reason == "by its name (pos); rad by the velocity in rad/s"
+    assert "it is the slope of the position" in found.of("velocity").reason

@@ -307,7 +307,8 @@ def _related(
         turned = turned.with_doubt("position and velocity have opposite signs; that of the velocity is turned")
     chosen["velocity"] = turned
     if not place.unit:
-        chosen["position"] = replace(place, unit=found.position, reason=f"{place.reason}; {times}")
+        by_velocity = f"{found.position} by the velocity in {found.velocity}"
+        chosen["position"] = replace(place, unit=found.position, reason=f"{place.reason}; {by_velocity}")
         if not speed_unit:
             written = [repr(one.written) for one in (place, speed) if one.written]
             said = f"not known as a unit: {joined_names(written)}" if written else "no unit is written down"
