@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idloop.diagnosis import diagnose
+from idloop.diagnosis import diagnose, refine
 from idloop.diagnosis.evidence.deciding_view import DecidingView
 from idloop.estimation.likelihood.estimation_problem import prepare_estimation
 from idloop.physics import Model, load_model
@@ -100,3 +100,33 @@ def test_an_inertia_that_friction_hides_is_decided_by_the_force():
     found = diagnose(model, [record])
     assert found.criterion == "force"
     assert "coulomb_friction@axis" in found.set
+
+
+def moved_against_friction(inertia: float, rate: float = 500.0) -> Record:
+    """A joint that a stiff loop moves slowly: its torque is friction, and a torque of other joints that wanders."""
+    model, rng = load_model("axis"), np.random.default_rng(1)
+    time, speeds = np.arange(0.0, 10.0, 1.0 / rate), 2.0 * np.pi * np.arange(0.1, 0.55, 0.1)
+    size, phase = 0.35 * rng.normal(size=5), rng.uniform(0.0, 2.0 * np.pi, 5)
+    at = np.outer(time, speeds) + phase
+    velocity, acceleration = np.cos(at) @ (size * speeds), -np.sin(at) @ (size * speeds**2)
+    memory, wanders = np.exp(-1.0 / rate / 0.3), np.zeros(len(time))
+    for k in range(1, len(time)):
+        wanders[k] = memory * wanders[k - 1] + np.sqrt(1.0 - memory**2) * rng.normal()
+    torque = inertia * acceleration + 0.02 * velocity + 0.26 * np.tanh(velocity / 0.01) + 0.03 * wanders
+    position = np.sin(at) @ size + 2e-5 * rng.normal(size=len(time))
+    return Record(
+        "joint", time, torque, time, position[:, None], "axis.effort", "N·m", model.output_names[:1], ("rad",)
+    )
+
+
+@pytest.mark.parametrize("inertia", [1e-5, 2e-3])
+@pytest.mark.parametrize("start", [1e-6, 0.1])
+def test_friction_that_moves_a_joint_is_found_where_its_inertia_is_not_seen(inertia, start):
+    """From any start, also one that the samples cannot show."""
+    model = load_model("axis")
+    model = replace(model, outputs=tuple(one for one in model.outputs if one.field == "position"))
+    model = model.with_values({"axis.inertia": start})
+    found = refine(model, [moved_against_friction(inertia)], effects=["coulomb_friction"])
+    assert found.added == ("coulomb_friction@axis",)
+    assert found.model.values["coulomb_friction@axis.level"] == pytest.approx(0.26, rel=0.1)
+    assert not found.response.uninformative

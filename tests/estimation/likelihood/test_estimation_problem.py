@@ -9,6 +9,7 @@ from tests.diagnosis.conftest import record_of
 from idloop.diagnosis.screening.typical_sizes import Sizes
 from idloop.errors import IdloopError
 from idloop.estimation.likelihood.estimation_problem import BoundedRateEngine, prepare_estimation
+from idloop.estimation.likelihood.refit import refit
 from idloop.physics import load_model
 
 STEP = 0.002
@@ -48,3 +49,15 @@ def test_the_speed_of_a_body_is_known_from_its_position_where_its_velocity_is_le
         for one in (record, replace(record, output=computed))
     )
     assert left == pytest.approx(whole, rel=0.05)
+
+
+@pytest.mark.parametrize("inertia", [1e-8, 1e-7])
+def test_a_search_begins_where_the_samples_resolve_the_model(inertia: float) -> None:
+    model = load_model("axis")
+    estimation = prepare_estimation(model, [record_of(model, 4, seconds=6.0)], "prediction")
+    start = model.with_values({"axis.inertia": inertia})
+    with pytest.raises(IdloopError, match="faster than the samples"):
+        estimation.engine(start).layout(None)
+    assert estimation.resolves(estimation.resolvable(start))
+    assert estimation.resolvable(model) is model
+    np.testing.assert_allclose(refit(estimation, start).model.theta, model.theta, rtol=0.1)

@@ -44,7 +44,7 @@ class DecidingView:
             fit is not None
             and fit.usable
             and fit.form.left_out <= _LEFT_OUT
-            and estimation.resolves(_with_largest_inertias(fit))
+            and (fit.relative < UNEXPLAINED or estimation.resolves(_with_largest_inertias(fit)))
             and not _command_is_reversed(fit)
         )
         self.balance = fit if serves else None

@@ -532,6 +532,7 @@ class _Evaluator:
         form = weak_form(parent.form.engine, held_out, parent.form.width) if held_out else None
         self._held_out = None if form is None else form.subsampled(ENOUGH)
         self._before = self._typical_error(parent)
+        self._resolved = estimation.resolves(parent.model)
 
     def _typical_error(self, fit: WeakFit) -> float:
         """Logarithm of the typical error on the held-out records, whose scale is their own."""
@@ -567,9 +568,9 @@ class _Evaluator:
     def _evaluate(self, scored: _Scored) -> EvaluatedModel[WeakFit] | None:
         chosen, fit, scored_by = scored
         gain = fit.log_likelihood - self.parent.log_likelihood
-        if gain < LEAST_GAIN or not self.estimation.resolves(fit.model):
+        if gain < LEAST_GAIN or _loses_inertia(fit, self.parent):
             return None
-        if _loses_inertia(fit, self.parent):
+        if self._resolved and not self.estimation.resolves(fit.model):
             return None
         scores = _scores_or_none(fit, scored_by)
         if scores is None:

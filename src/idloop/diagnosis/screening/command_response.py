@@ -15,12 +15,15 @@ from enum import Enum
 
 import numpy as np
 
+from idloop.diagnosis.evidence.deciding_view import UNEXPLAINED
 from idloop.diagnosis.screening.granger_test import granger_causes
 from idloop.errors import IdloopError
 from idloop.estimation.direction import OPPOSITE_DIRECTION, REVERSE_ADVICE, gain_is_turned
+from idloop.estimation.force_balance.weak_fit import fit_by_force_if_possible
 from idloop.estimation.likelihood.estimation_problem import EstimationProblem, prepare_estimation
 from idloop.estimation.likelihood.likelihood_difference import distinguishable
 from idloop.estimation.likelihood.refit import Refit, refit, refit_or_none, transfer
+from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.physics.model import Model
 from idloop.records import Record
 
@@ -93,7 +96,10 @@ def missing_response(estimation: EstimationProblem, fit: Refit, start: Model, se
     # A command that is constant in every record precedes nothing: steps show their effect from record to record.
     if all(np.ptp(one.input) == 0.0 for one in estimation.records) or granger_causes(estimation.records, seed):
         return CommandResponse.OTHERWISE
-    return CommandResponse.UNMOVED
+    # A stiff loop has the friction of a motion in its command, not before it.
+    balance = fit_by_force_if_possible(CachingEngine(start), estimation.data, start.theta)
+    moved = balance is not None and balance.relative < UNEXPLAINED
+    return CommandResponse.OTHERWISE if moved else CommandResponse.UNMOVED
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")

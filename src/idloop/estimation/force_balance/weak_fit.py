@@ -37,11 +37,10 @@ _WIDER = 1.4
 _LITTLE_NOISE, LEAST_UNEXPLAINED = 0.1, 0.01
 # Relative difference of two sensors' velocities of one body above which they disagree.
 _DISAGREE = 0.02
-# Narrow windows agree with those wider by this ratio when their values lose at most this log-likelihood there.
+# Narrow windows agree with those wider by this ratio where their values lose at most this log-likelihood there.
 _FAR_WIDER, _AS_LIKELY = 2.5, 3.0
-# Least share of the acceleration's power without noise, as the inertia is biased by the rest; and the least share for a
-# balance that contradicts a fit to prediction errors.
-_RELIABLE, _CERTAIN = 0.8, 0.95
+# Least share of the acceleration's power without noise, as the inertia is biased by the rest.
+_RELIABLE = 0.8
 # A fit to prediction errors with so many times the unexplained force of a disturbance takes a force for a disturbance,
 # in windows of at most so many times the widest that resolve the motion.
 _HIDDEN, _PERIOD = 1.5, 4
@@ -138,7 +137,7 @@ class WeakFit:
 
         The balance explains that force.
         """
-        if not self.usable or self.form.reliability < _CERTAIN or self.form.width > _PERIOD * self.form.widest:
+        if not self.usable or self.form.width > _PERIOD * self.form.widest:
             return False
         # Least squares count a part of a disturbance as inertia, and leave less of it unexplained.
         disturbed = self.relative / np.sqrt(1.0 - self.relative**2)
@@ -593,8 +592,7 @@ def fit_by_force(
         skipped = None
         found = with_rest_speed(fit_from_two_starts(form, point) if width == narrowest else fit_weak(form, point))
         if form.reliability >= _RELIABLE and found.resolved:
-            # What is left of a noise that is known to attenuate is left in the wider windows as well.
-            attenuated = _underestimates_inertia(found, forms, np.sqrt(_RELIABLE) if noisy else _RELIABLE)
+            attenuated = _underestimates_inertia(found, forms, noisy=noisy)
             noisy = noisy if attenuated is None else attenuated
             if not noisy and np.all(found.noise_share <= MOST_NOISE):
                 return found
@@ -620,18 +618,22 @@ def _windows(engine: Engine, data: Sequence[Data], width: int, known: dict[int, 
     return form
 
 
-def _underestimates_inertia(fit: WeakFit, forms: dict[int, WeakForm], least: float) -> bool | None:
-    """Whether an inertia is less than this part of what far wider windows show, in which noise averages out.
+def _underestimates_inertia(fit: WeakFit, forms: dict[int, WeakForm], *, noisy: bool) -> bool | None:
+    """Whether far wider windows, in which noise averages out, show a larger inertia, with which they leave less force.
 
     None where there are too few of them. Noise of unknown colour, as of a jitter of the stamps, is underestimated, and
-    with it how much it attenuates.
+    with it how much it attenuates. Where it was much of the acceleration in narrower windows (`noisy`), the values must
+    be as likely as the others; else they must not leave much more.
     """
     form = _windows(fit.form.engine, fit.form.data, round(_FAR_WIDER * fit.form.width), forms)
     if form is None:
         return None
     wider = fit_weak(draft_windows(form.with_rest_speed(fit.form.rest_speed)), fit.theta, tolerance=RANKING_TOLERANCE)
     narrow, wide = (one.form.inertia(one.theta) / one.form.gain(one.theta) for one in (fit, wider))
-    return bool(np.any(narrow < least * wide)) and not _agrees(fit, wider)
+    if np.all(narrow >= np.sqrt(_RELIABLE) * wide):
+        return False
+    lost = cost_at(wider.form, fit.point) + wider.log_likelihood
+    return lost > (_AS_LIKELY if noisy else -log(_RELIABLE) * wider.form.starts[-1])
 
 
 def fit_by_force_if_possible(engine: Engine, data: Sequence[Data], start: Array) -> WeakFit | None:
@@ -640,11 +642,6 @@ def fit_by_force_if_possible(engine: Engine, data: Sequence[Data], start: Array)
         return fit_by_force(engine, data, start, accept_noise=True)
     except (IdloopError, np.linalg.LinAlgError):
         return None
-
-
-def _agrees(narrower: WeakFit, wider: WeakFit) -> bool:
-    """Whether the values from narrower windows are nearly as likely in the wider ones as those fitted there."""
-    return cost_at(wider.form, narrower.point) + wider.log_likelihood <= _AS_LIKELY
 
 
 def with_rest_speed(fit: WeakFit, tolerance: float = TOLERANCE) -> WeakFit:

@@ -171,6 +171,14 @@ class EstimationProblem:
         engine = self.engine(model)
         return chain_rate(CachingEngine(model).layout()) <= engine.most
 
+    def resolvable(self, model: Model) -> Model:
+        """The model as a start of a search: with inertias raised until the samples resolve the rate of its chain."""
+        while not self.resolves(model):
+            model = model.with_values(
+                {f"{body}.inertia": 2.0 * model.values[f"{body}.inertia"] for body in model.bodies}
+            )
+        return model
+
     def engine(self, model: Model) -> BoundedRateEngine:
         """Engine of one model for a search."""
         return BoundedRateEngine(model, min(d.sample_time for d in self.data), self.speed)

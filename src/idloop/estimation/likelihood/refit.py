@@ -231,6 +231,7 @@ def refit(
     IdloopError
         The model gives no finite errors at any starting values.
     """
+    model = estimation.resolvable(model)
     fit = _search(estimation, model, starts, neighbour, scale, rounds, choose_orders, orders, limits, try_undisturbed)
     if neighbour is None and not fit.settled:
         # It began with the noise of errors that were far from their optimum, and may have stayed near that noise.
