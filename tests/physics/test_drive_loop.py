@@ -209,6 +209,42 @@ def test_an_integral_that_does_not_start_at_zero_leaves_the_physics_as_they_are(
     assert fitted.values["arm.inertia"] == pytest.approx(0.02, rel=0.03)
 
 
+@pytest.mark.parametrize(
+    ("drive", "unit"),
+    [
+        ("kind: position_loop, unit: N·m, proportional: {p}, derivative: {d}", "rad"),
+        ("kind: velocity_loop, unit: N·m, proportional: {p}, integral: {i}", "rad/s"),
+    ],
+)
+@pytest.mark.parametrize("inertia_known", [True, False])
+def test_gains_of_which_a_tenth_is_assumed_are_found_or_their_ratios_are(drive, unit, inertia_known):
+    random, time = np.random.default_rng(3), np.arange(0.0, 10.0, 0.005)
+    known = drive.format(p=8.0, d=0.2, i=4.0) if unit == "rad" else drive.format(p=0.5, d=0.0, i=4.0)
+    # The derivative shows only together with the viscous friction.
+    tenth = {"p": "{value: %g, min: 0}" % (0.8 if unit == "rad" else 0.05), "d": 0.2, "i": "{value: 0.4, min: 0}"}
+    if not inertia_known:
+        tenth["d"] = "{value: 0.02, min: 0}"
+    effects = ["coulomb_friction@arm", "gravity@arm"]
+    true = servo(known, *effects, unit=unit)
+    true = true.with_values({"coulomb_friction@arm.level": 0.12, "gravity@arm.moment": 0.43})
+    set_point = np.interp(time, np.arange(0.0, 11.0), random.uniform(-1.0, 1.0, 11)) + 0.3 * np.sign(np.sin(4.0 * time))
+    set_point *= 1.0 if unit == "rad" else 4.0
+    measured = simulate(true, time, set_point, time).output + random.normal(0.0, [2e-4, 0.01], (len(time), 2))
+    model = servo(
+        drive.format(**tenth), *effects, unit=unit, viscous="0.05" if not inertia_known else "{value: 0.01}",
+        inertia="0.02" if inertia_known else "{value: 0.2}",
+    )  # fmt: skip
+    if not inertia_known:
+        model = model.with_free([*model.free, "arm.viscous_friction"])
+    outputs = {"position": measured[:, 0], "velocity": measured[:, 1]}
+    fitted = idloop.fit(model, idloop.Record.from_arrays(time, set_point, outputs, model), criterion="simulation")
+    scale = fitted.model.values["arm.inertia"] / 0.02
+    assert (scale == pytest.approx(1.0)) is inertia_known
+    assert ("only the ratios of" in fitted.summary()) is not inertia_known
+    for name in ("drive.proportional", "coulomb_friction@arm.level", "gravity@arm.moment"):
+        assert fitted.values[name] / scale == pytest.approx(true.values[name], rel=0.03), name
+
+
 VELOCITY, POSITION = "kind: velocity_loop, proportional: 0.3", "kind: position_loop, proportional: 8.0, derivative: 0.1"
 
 

@@ -19,6 +19,7 @@ from idloop.estimation.result import FitResult, Ratio
 from idloop.estimation.simulation import SimulationCriterion
 from idloop.estimation.statistics.uncertainty import reduced_hessian, ties
 from idloop.physics import Engine
+from idloop.physics.effect import INPUT
 from idloop.physics.schema import BODY_PARAMETERS, COUPLING_PARAMETERS
 
 if TYPE_CHECKING:
@@ -110,7 +111,7 @@ def common_scale(engine: Engine, data: list[Data]) -> Undetermined | None:
     forces = _forces(model)
     names = tuple(name for name in model.free if name in forces)
     inertias = [f"{body}.inertia" for body in model.bodies]
-    if not {"drive.gain", *inertias} <= set(names) or not _same_motion(engine, data, names):
+    if not {_drive_scale(model), *inertias} <= set(names) or not _same_motion(engine, data, names):
         return None
     held = model.parameter(inertias[0])
     return Undetermined(names, held.name, held.value, held.unit, ratios=True)
@@ -246,9 +247,19 @@ def _sharing(direction: Array) -> list[int]:
 
 def _forces(model: Model) -> set[str]:
     """Parameters that are proportional to a force."""
-    found = {"drive.gain"}
+    found, output = {_drive_scale(model)}, _drive_scale(model) != "drive.gain"
+    if model.loop is not None and output:
+        found |= {f"drive.{p.name}" for p in model.loop.effect.parameters if p.unit.startswith("{input}")}
     found |= {f"{body}.{own}" for body in model.bodies for own in BODY_PARAMETERS}
     found |= {f"{coupling}.{own}" for coupling in model.couplings for own in COUPLING_PARAMETERS}
     for active in model.effects:
-        found |= {f"{active.name}.{p.name}" for p in active.effect.parameters if p.unit.startswith("{force}")}
+        scaled = "{input}" if active.effect.site == INPUT else "{force}"
+        if output or scaled == "{force}":
+            found |= {f"{active.name}.{p.name}" for p in active.effect.parameters if p.unit.startswith(scaled)}
     return found
+
+
+def _drive_scale(model: Model) -> str:
+    """Parameter that scales the drive's force: its gain, or that of a loop that is estimated."""
+    loop = "drive.proportional"
+    return loop if model.loop is not None and loop in model.free else "drive.gain"
