@@ -1,13 +1,16 @@
 """Whether an identified machine depends on the gains of its servo: a MuJoCo position actuator with three gains.
 
     .venv/bin/python benchmarks/servo_gains.py                     # a table: what was found beside what is true
+    .venv/bin/python benchmarks/servo_gains.py --unknown           # the gains are estimated as well
 
 A pendulum under a position actuator with a limited force, whose set-point arrives 10 ms late, read by an encoder of 12
-bits at 200 Hz. The model knows the gains, not the machine; `idloop.refine` finds friction, gravity and the limit.
+bits at 200 Hz. The model knows the gains, not the machine; `idloop.refine` finds friction, gravity and the limit. With
+unknown gains the model has friction, gravity and the limit, and `idloop.fit` starts from gains that are far off.
 """
 
 from __future__ import annotations
 
+import sys
 import time
 
 import mujoco
@@ -56,8 +59,23 @@ def recorded(kp: float, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, 
     return stamps, wanted, np.round((position + random.normal(0.0, 1e-4, len(stamps))) / count) * count, float(inertia)
 
 
+def without_gains() -> None:
+    """Print what a fit finds from gains that are far off."""
+    known = "proportional: {kp}, derivative: {kv}"
+    off = "proportional: {{value: 1.5, min: 0}}, derivative: {{value: 0.02, min: 0}}, limit: 3.0"
+    for kp in GAINS:
+        text = MODEL.replace(known, off).format(kp=kp, kv=BRAKING)
+        model = from_text(text, None).with_effects(["coulomb_friction@arm", "gravity@arm"])
+        stamps, wanted, position, _ = recorded(kp, 0)
+        fitted = idloop.fit(model, idloop.Record.from_arrays(stamps, wanted, {"position": position}, model))
+        print(f"gain {kp:g}, derivative {BRAKING:g}\n{fitted.summary()}\n")
+
+
 def main() -> None:
     """Print a table with a row for each gain."""
+    if "--unknown" in sys.argv[1:]:
+        without_gains()
+        return
     keys = ("arm.inertia", "arm.viscous_friction", "coulomb_friction@arm.level", "gravity@arm.moment")
     print(f"{'gain':>6} " + " ".join(f"{key:>28}" for key in (*keys, "saturation@input.limit")) + "   time [s]")
     for kp in GAINS:
