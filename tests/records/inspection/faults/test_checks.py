@@ -171,6 +171,21 @@ def test_samples_recorded_again_or_left_out_are_no_missed_pulses(make_axis, agai
 
 
 @pytest.mark.parametrize("seed", range(3))
+def test_samples_left_out_spoil_the_inertia_where_the_missing_time_moves_it_out_of_its_interval(make_axis, seed):
+    """Also where more are left out than an encoder would miss pulses: each piece of the motion looks faster."""
+    rng = np.random.default_rng(seed)
+    axis = make_axis(seed, drive=lambda u: u + 0.5 * rng.normal())
+    chosen = rng.uniform(size=3000)
+    for share, spoilt in ((0.003, ("delays",)), (0.05, ("inertia and friction", "delays"))):
+        kept = chosen >= share
+        stamps = axis.time[: kept.sum()]
+        short = {"time": stamps, "input_time": stamps, "command": axis.command[kept]}
+        found = the(replace(axis, position=axis.position[kept], velocity=axis.velocity[kept], **short), "lost_samples")
+        assert found.spoils == spoilt
+        assert 0.2 * share < found.evidence["share"] < 1.3 * share
+
+
+@pytest.mark.parametrize("seed", range(3))
 def test_a_motion_of_which_pieces_were_left_out_under_even_stamps_is_told_from_pulses_counted_twice(make_axis, seed):
     """The command changes every 40 samples, with the time constant of the axis; each piece begins shortly before."""
     axis = make_axis(seed)

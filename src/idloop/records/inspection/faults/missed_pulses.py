@@ -16,11 +16,14 @@ from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import around, fault
 from idloop.records.inspection.faults.local import isolated
 from idloop.records.inspection.faults.spikes import driven
+from idloop.records.inspection.response import response
 
 Floats = NDArray[np.float64]
 
-# Jumps needed; uneven intervals are left out.
-_FEWEST, _UNEVEN = 3, 0.2
+# Jumps needed; the largest share of the steps that jump, which lost samples may exceed; uneven intervals are left out.
+_FEWEST, _MOST, _UNEVEN = 3, 0.02, 0.2
+# A 95 % interval reaches so many standard errors to each side.
+_INTERVAL = 1.96
 # Jumps are samples where this share of them is, up to the second share of it, what the axis travels in whole samples.
 # Pulses missed at one speed may be as large as that by chance; at speeds that differ so many times they are not.
 _SAMPLES, _WHOLE, _SPEEDS = 0.8, 0.15, 1.5
@@ -50,7 +53,7 @@ def _jumps(axis: Axis, time: Floats, place: Floats) -> list[Finding]:
     rows = rows[(rows > 1) & (rows < step.size - 2)]
     # Values that are repeated jump as well, when the next one catches up.
     rows = rows[~np.isin(rows, driven(axis)) & (step[rows - 1] != 0.0) & (step[rows + 1] != 0.0)]
-    if rows.size < _FEWEST or rows.size > 0.02 * step.size:
+    if rows.size < _FEWEST:
         return []
     travel = 0.5 * (step[rows - 1] + step[rows + 1])
     off = step[rows] - travel
@@ -59,6 +62,8 @@ def _jumps(axis: Axis, time: Floats, place: Floats) -> list[Finding]:
     size = float(np.median(np.abs(off)))
     name, unit = axis.name("position"), axis.unit("position")
     if _are_samples(off, travel, axis.resolution["position"]):
+        lost = float(np.sum(np.round(off / travel)))
+        share = lost / (step.size + lost)
         return [
             fault(
                 "lost_samples",
@@ -66,12 +71,14 @@ def _jumps(axis: Axis, time: Floats, place: Floats) -> list[Finding]:
                 f"{name} jumps {rows.size} times by what it travels in a sample, whatever its speed, where the stamps"
                 f" go on evenly: {rows.size - missed} times samples were left out, {missed} times one was sent again",
                 "record the stamp or the counter of the device with each sample, and on its own clock",
-                evidence={"jumps": float(rows.size), "size": size, "repeated": float(missed)},
-                spoils=("delays",),
+                evidence={"jumps": float(rows.size), "size": size, "repeated": float(missed), "share": share},
+                spoils=("inertia and friction", "delays") if _shifts(axis, share) else ("delays",),
                 count=int(rows.size),
                 places=around(time, rows + 1),
             )
         ]
+    if rows.size > _MOST * step.size:
+        return []
     if count := _left_out(step, rows):
         return [
             fault(
@@ -106,6 +113,15 @@ def _outweigh(step: Floats, off: Floats) -> bool:
     """Whether jumps (m,) make more of the acceleration than all that the steps (n,) show beside them."""
     # A jump is one acceleration of its size, and the next of the opposite sign.
     return bool(4.0 * float(np.sum(off**2)) > float(np.sum(np.diff(step) ** 2)))
+
+
+def _shifts(axis: Axis, share: float) -> bool:
+    """Whether a share of the time that is missing moves the inertia out of its interval.
+
+    Without it the motion looks faster by that share and its acceleration larger by twice the share.
+    """
+    seen = response(axis)
+    return seen is not None and 2.0 * abs(share * seen.certainty) > _INTERVAL
 
 
 def _are_samples(off: Floats, travel: Floats, step: float) -> bool:
