@@ -98,6 +98,13 @@ def test_a_unit_below_the_header_counts_and_case_tells_letters_apart():
     assert (parse_column_name("M_soll").letter, parse_column_name("V_bus").letter) == ("M", "")
 
 
+@pytest.mark.parametrize(
+    ("name", "role"), [("T_cmd(Nm)", "command"), ("T [Nm]", "command"), ("T_meas_Nm", "effort"), ("T [s]", "time")]
+)
+def test_a_letter_of_time_with_the_unit_of_a_torque_is_a_torque(name, role):
+    assert role_by_name(parse_column_name(name)).role == role
+
+
 @given(st.text(max_size=40), st.text(max_size=10))
 def test_any_name_is_taken_apart(name, unit):
     parsed = parse_column_name(name, unit)

@@ -134,7 +134,8 @@ def role_by_name(name: ColumnName) -> RoleByName:
     voltage = unit in ("V", "mV") or bool(words & _VOLTAGES)
     if words & _SUPPLIES or (voltage and "bus" in words):
         return RoleByName("supply", 1.0, "by its name")
-    if words & TIME_WORDS or (unit in SECONDS and not words & _FORCES):
+    # A T in newton metres is a torque.
+    if (words & TIME_WORDS and unit not in _COMMANDS) or (unit in SECONDS and not words & _FORCES):
         by_word = words & TIME_WORDS
         return RoleByName("time", 1.0 + (len(words) == 1) + bool(by_word), _because(by_word, unit))
     kind = _kind(name, words, unit)
