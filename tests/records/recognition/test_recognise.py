@@ -457,6 +457,15 @@ def test_a_velocity_in_a_known_unit_says_the_size_of_a_count(sign):
     assert any("2000 counts per turn" in one and "'pos [inc]=counts/N'" in one for one in found.all_doubts())
 
 
+@pytest.mark.parametrize(("unit", "other"), [("rad/s", "rpm"), ("rpm", "rad/s")])
+def test_counts_found_by_a_velocity_whose_unit_is_confused_are_said_for_the_other_unit(unit, other):
+    """The reader knows the 1440 counts of the encoder, not the 151 of a velocity in rpm called rad/s."""
+    speed = SPEED if other == "rad/s" else SPEED * 30 / pi
+    columns = {"t [s]": T, "u [V]": U, "pos [inc]": np.round(ANGLE * 1440 / 2 / pi), f"speed [{unit}]": speed}
+    (doubt,) = (one for one in _roles(columns)[1].all_doubts() if "counts per turn" in one)
+    assert f"with the velocity in {other} they are 1440: --velocity 'speed [{unit}]={other}'" in doubt
+
+
 def test_a_linear_velocity_says_the_length_of_a_count():
     columns = {"t [s]": T, "u [V]": U, "pos [inc]": np.round(ANGLE / 5e-6), "v [mm/s]": 1e3 * SPEED}
     _, found = _roles(columns)

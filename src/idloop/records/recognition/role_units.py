@@ -363,7 +363,7 @@ def _no_unit(slope: float, place: Guess) -> str:
 
 def _count_by_slope(place: Guess, speed: Guess, slope: float) -> tuple[Guess, Guess]:
     """Set the size of a count so that a velocity in a known unit, in rad/s or m/s `slope` per count, is their slope."""
-    unit, _ = base_unit(speed.unit, "velocity", speed.column)
+    unit, factor = base_unit(speed.unit, "velocity", speed.column)
     size, options = abs(slope), dict(speed.options)
     if slope < 0.0:
         options["scale"] = -options.get("scale", 1.0)
@@ -376,8 +376,15 @@ def _count_by_slope(place: Guess, speed: Guess, slope: float) -> tuple[Guess, Gu
         said = f"a count of {size:g} {unit}"
     else:
         counts = usual_resolution(2.0 * pi / size)
+        # Who takes rpm for rad/s, or the reverse, knows the encoder by the other number.
+        other = "rad/s" if speed.unit == "rpm" else "rpm"
+        counts_in_other = usual_resolution(2.0 * pi / size * factor / base_unit(other, "velocity", "")[1])
         size, unit = 2.0 * pi / counts, "rad"
-        way, said = f"--position '{place.column}=counts/N'", f"{counts:g} counts per turn"
+        said = f"{counts:g} counts per turn"
+        way = (
+            f"--position '{place.column}=counts/N'; with the velocity in {other} they are {counts_in_other:g}:"
+            f" --velocity '{speed.column}={other}'"
+        )
     found = replace(
         place,
         unit=unit,
