@@ -63,6 +63,17 @@ def test_a_velocity_that_is_no_derivative(make_axis, factor, words):
     assert words in found.text
 
 
+@pytest.mark.parametrize("lost", [True, False])
+def test_a_command_without_visible_effect_that_never_changes_its_sign_may_have_lost_it(make_axis, lost):
+    """A pendulum that swings by a smooth force: no correlation shows the lost sign."""
+    time = np.arange(6000) / 200
+    command = sum(np.sin(turns * time + turns) for turns in (1.5, 3.8, 7.1, 11.9))
+    swinging = make_axis(count=6000, command=command)
+    unrelated = np.random.default_rng(3).normal(size=6000)
+    found = the(replace(swinging, command=np.abs(unrelated) if lost else unrelated), "weak_excitation")
+    assert ("check that the sign of j.effort was recorded" in found.cure) == lost
+
+
 def test_a_late_velocity_is_measured_in_milliseconds(make_axis):
     axis = make_axis()
     slow = lfilter([0.1], [1.0, -0.9], axis.velocity)  # 9 samples of 5 ms late

@@ -30,19 +30,13 @@ _SHIFTS, _TURNS = 8, 12
 
 def check(axis: Axis) -> list[Finding]:
     """Correlate speed and command in each direction of motion."""
-    grid = axis.grid
-    if grid is None or axis.command.size < 2:
-        return []
-    known = axis.command[np.isfinite(axis.command)]
-    low, high = float(known.min()), float(known.max())
-    if low == high or low * high < 0.0:
+    grid, back = axis.grid, backward_travel(axis)
+    if grid is None or not back:
         return []
     size, speed = np.abs(grid.command), grid.speed
     good = np.isfinite(size) & np.isfinite(speed)
     size, speed = size[good], speed[good]
-    travel = np.array([np.sum(speed[speed > 0.0]), -np.sum(speed[speed < 0.0])])
-    if size.size < 200 or travel.min() < _BACK * travel.max():
-        return []
+    high = float(np.nanmax(axis.command))
     static = max((_both_ways(size, speed, width, grid.noise) for width in _WINDOWS), key=min)
     explained, plain = _with_sign(axis)
     if min(static) >= _RELATED:
@@ -56,7 +50,6 @@ def check(axis: Axis) -> list[Finding]:
         return []
     still = float(np.mean(np.abs(speed[size == 0.0]) < 0.05 * np.max(np.abs(speed)))) if np.any(size == 0.0) else np.nan
     at_rest = f", and stands still in {100 * still:.0f} % of the time at zero" if np.isfinite(still) else ""
-    back = float(travel.min() / travel.sum())
     name = axis.command_name
     return [
         fault(
@@ -76,6 +69,20 @@ def check(axis: Axis) -> list[Finding]:
             spoils=("identification",),
         )
     ]
+
+
+def backward_travel(axis: Axis) -> float:
+    """Share of the travel that goes the other way although the command never changes its sign; 0 where it does."""
+    grid = axis.grid
+    if grid is None or axis.command.size < 2:
+        return 0.0
+    known = axis.command[np.isfinite(axis.command)]
+    low, high = float(known.min()), float(known.max())
+    speed = grid.speed[np.isfinite(grid.command) & np.isfinite(grid.speed)]
+    if low == high or low * high < 0.0 or speed.size < 200:
+        return 0.0
+    travel = np.array([np.sum(speed[speed > 0.0]), -np.sum(speed[speed < 0.0])])
+    return float(travel.min() / travel.sum()) if travel.min() >= _BACK * travel.max() > 0.0 else 0.0
 
 
 def _both_ways(size: Floats, speed: Floats, width: int, noise: float) -> tuple[float, float]:

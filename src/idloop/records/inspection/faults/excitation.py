@@ -6,6 +6,7 @@ import numpy as np
 
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
+from idloop.records.inspection.faults.command_sign import backward_travel
 from idloop.records.inspection.faults.fault import fault
 from idloop.records.inspection.motion import white_noise
 from idloop.records.inspection.response import PLAIN, response, responses
@@ -137,6 +138,10 @@ def _slow(axis: Axis) -> list[Finding]:
             " forces, are larger"
         )
         cure = "command more, record longer, or check that command and motion are of the same joint"
+        if backward_travel(axis):
+            cure = (
+                f"check that the sign of {name} was recorded, which never changes while the axis goes both ways; {cure}"
+            )
     return [
         fault(
             "weak_excitation",
