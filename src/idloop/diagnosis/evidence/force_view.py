@@ -69,8 +69,8 @@ _LEAST_INERTIA = 1.0 / 30.0
 _COARSE_WINDOWS = 2_000
 # A model that leaves less than this part of the drive's force is adequate where no effect explains more.
 ADEQUATE_FORCE = 0.1
-# An effect explains at least this part of the power of the errors that no sensor noise accounts for: beside a force
-# that no effect describes, one that follows a corner of it shows as well.
+# Where no held-out record shows it, an effect explains at least this part of the power of errors beyond sensor noise:
+# beside a force that no effect describes, one that follows a corner of it shows as well.
 _LEAST_PART = 0.05
 # An effect must show this part of its improvement on held-out records, if it changes the forces there by so much.
 _CARRIES_OVER = 0.25
@@ -103,8 +103,8 @@ class ForceStep(SearchStep[WeakFit]):
         return _log_mean(self.subsampled.relative_by_body) - _log_mean(one.fit.relative_by_body)
 
     def practically_significant(self, one: EvaluatedModel[WeakFit]) -> bool:
-        """Whether it reduces errors enough, also beside those that no noise accounts for, and on held-out records."""
-        return super().practically_significant(one) and self._part(one) >= _LEAST_PART and self._carries_over(one)
+        """Whether it reduces errors enough, on held-out records as well."""
+        return super().practically_significant(one) and self._carries_over(one)
 
     def _part(self, one: EvaluatedModel[WeakFit]) -> float:
         """Part of the power of the errors of all bodies that it explains, of those that no noise accounts for."""
@@ -115,13 +115,13 @@ class ForceStep(SearchStep[WeakFit]):
     def _carries_over(self, one: EvaluatedModel[WeakFit]) -> bool:
         """Whether the held-out records have smaller errors as well, or errors like those of the fitted ones.
 
-        One record whose errors happened to be small says little beside many that an effect explains.
+        One record whose errors happened to be small says little beside many that an effect explains. Without held-out
+        records, and of an effect that they do not reach, the fitted ones must show enough.
         """
-        return (
-            one.held_out is None
-            or one.as_fitted
-            or one.held_out >= max(_CARRIES_OVER * self.improvement(one), self.minimum_improvement)
-        )
+        if one.held_out is None:
+            return self._part(one) >= _LEAST_PART
+        least = max(_CARRIES_OVER * self.improvement(one), self.minimum_improvement)
+        return one.as_fitted or one.held_out >= least
 
     def _nearly_degenerates_to(self, rich: EvaluatedModel[WeakFit], plain: EvaluatedModel[WeakFit]) -> bool:
         """As in `SearchStep`, or what it explains beyond the other one does not carry over to the held-out records."""
@@ -149,12 +149,12 @@ class ForceStep(SearchStep[WeakFit]):
     def insignificance(self, one: EvaluatedModel[WeakFit]) -> str:
         """Why an effect that shows is not worth a name."""
         part = self.improvement(one)
-        if part >= self.minimum_improvement and self._part(one) < _LEAST_PART:
+        if part >= self.minimum_improvement and one.held_out is None:
             return (
-                f"it explains {100.0 * self._part(one):.2g} % of what no sensor noise accounts for only, and "
-                f"{100.0 * _LEAST_PART:g} % is asked for"
+                f"it explains {100.0 * self._part(one):.2g} % of what no sensor noise accounts for only, and without a "
+                f"held-out record that shows it {100.0 * _LEAST_PART:g} % is asked for"
             )
-        if part >= self.minimum_improvement and one.held_out is not None:
+        if part >= self.minimum_improvement:
             return (
                 f"it reduces the unexplained force by {100.0 * part:.2g} % where it was fitted, and by "
                 f"{100.0 * one.held_out:.2g} % on the held-out records: it does not carry over"
