@@ -175,7 +175,7 @@ def make(folder: Path, fleet: Fleet) -> Path:
 
 
 class Memory:
-    """Largest resident memory of any child process, looked at ten times a second."""
+    """Largest resident memory of any child process, looked at every second."""
 
     def __init__(self) -> None:
         self.largest = 0
@@ -185,7 +185,7 @@ class Memory:
     def _look(self) -> None:
         import psutil
 
-        while not self._ended.wait(0.1):
+        while not self._ended.wait(1.0):
             for child in psutil.Process().children(recursive=True):
                 with contextlib.suppress(psutil.Error):
                     self.largest = max(self.largest, child.memory_info().rss)

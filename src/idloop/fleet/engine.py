@@ -66,8 +66,9 @@ class Workers:
         """Processes on this machine."""
         import dask
 
-        # A batch that loses two workers is suspect, and goes on item by item.
-        with dask.config.set({"distributed.scheduler.allowed-failures": 1}):
+        # A batch that loses two workers is suspect, and goes on item by item. Nobody looks at the profiles of workers.
+        settings = {"distributed.scheduler.allowed-failures": 1, "distributed.worker.profile.enabled": False}
+        with dask.config.set(settings):
             return self._open.enter_context(
                 library("distributed").LocalCluster(
                     n_workers=self._given, threads_per_worker=1, processes=True, memory_limit=self._memory,

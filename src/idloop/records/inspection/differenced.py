@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from weakref import WeakKeyDictionary
+from weakref import finalize
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +57,8 @@ _LEAST_POLE = -0.01
 _UNITS = np.array([1.0, np.pi / 180, 180 / np.pi, np.pi / 30, 30 / np.pi, 6.0, 1 / 6, 60.0, 1 / 60, 1e3, 1e-3])
 _PERIOD = 0.03
 
-_known: WeakKeyDictionary[Record, tuple[Finding, ...]] = WeakKeyDictionary()
+# Stamps and findings by the identity of the outputs, which a record shares with its copies that carry other findings.
+_known: dict[int, tuple[Floats, list[Finding]]] = {}
 
 
 @dataclass(frozen=True)
@@ -127,13 +128,15 @@ def differenced(record: Record) -> tuple[Finding, ...]:
 
     ``where`` is the velocity. Findings from before a record was cut or filtered stay valid.
     """
-    if record not in _known:
-        earlier = [one for one in record.findings if one.kind == KIND]
-        names = {one.where for one in earlier}
-        columns = dict(zip(record.output_names, record.output.T, strict=True))
-        more = differenced_columns(record.time, {n: c for n, c in columns.items() if n not in names})
-        _known[record] = (*earlier, *more)
-    return _known[record]
+    earlier = [one for one in record.findings if one.kind == KIND]
+    names = {one.where for one in earlier}
+    stamps, found = _known.get(id(record.output), (None, []))
+    if stamps is not record.time:
+        found = differenced_columns(record.time, dict(zip(record.output_names, record.output.T, strict=True)))
+        if stamps is None:
+            finalize(record.output, _known.pop, id(record.output), None)
+        _known[id(record.output)] = record.time, found
+    return (*earlier, *(one for one in found if one.where not in names))
 
 
 def differenced_columns(time: Floats, columns: dict[str, Floats]) -> list[Finding]:
