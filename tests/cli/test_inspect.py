@@ -21,7 +21,8 @@ def bag(tmp_path):
         tmp_path / "bag",
         [
             make_stream("joint_command", stamps, {"motor": {"effort": command}}),
-            make_stream("joint_states", stamps, {"motor": {"position": np.cumsum(command)}}),
+            # A held command moves nothing before its stamp.
+            make_stream("joint_states", stamps, {"motor": {"position": np.cumsum(command) - command}}),
         ],
     )
 
