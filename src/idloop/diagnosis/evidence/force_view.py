@@ -149,15 +149,15 @@ class ForceStep(SearchStep[WeakFit]):
     def insignificance(self, one: EvaluatedModel[WeakFit]) -> str:
         """Why an effect that shows is not worth a name."""
         part = self.improvement(one)
-        if part >= self.minimum_improvement and one.held_out is None:
+        if part >= self.minimum_improvement:
+            if one.held_out is not None:
+                return (
+                    f"it reduces the unexplained force by {100.0 * part:.2g} % where it was fitted, and by "
+                    f"{100.0 * one.held_out:.2g} % on the held-out records: it does not carry over"
+                )
             return (
                 f"it explains {100.0 * self._part(one):.2g} % of what no sensor noise accounts for only, and without a "
                 f"held-out record that shows it {100.0 * _LEAST_PART:g} % is asked for"
-            )
-        if part >= self.minimum_improvement:
-            return (
-                f"it reduces the unexplained force by {100.0 * part:.2g} % where it was fitted, and by "
-                f"{100.0 * one.held_out:.2g} % on the held-out records: it does not carry over"
             )
         return (
             f"it reduces the unexplained force by {100.0 * max(part, 0.0):.2g} % only, and "
