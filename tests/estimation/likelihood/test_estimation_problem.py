@@ -61,3 +61,11 @@ def test_a_search_begins_where_the_samples_resolve_the_model(inertia: float) -> 
     assert estimation.resolves(estimation.resolvable(start))
     assert estimation.resolvable(model) is model
     np.testing.assert_allclose(refit(estimation, start).model.theta, model.theta, rtol=0.1)
+
+
+def test_what_is_known_is_no_start_that_a_search_may_raise() -> None:
+    model = load_model("axis")
+    estimation = prepare_estimation(model, [record_of(model, 4, seconds=6.0)], "prediction")
+    known = model.with_values({"axis.inertia": 1e-8}).with_free(set(model.free) - {"axis.inertia"})
+    assert not estimation.resolves(known)
+    assert estimation.resolvable(known) is known

@@ -172,12 +172,18 @@ class EstimationProblem:
         return chain_rate(CachingEngine(model).layout()) <= engine.most
 
     def resolvable(self, model: Model) -> Model:
-        """The model as a start of a search: with inertias raised until the samples resolve the rate of its chain."""
-        while not self.resolves(model):
-            model = model.with_values(
-                {f"{body}.inertia": 2.0 * model.values[f"{body}.inertia"] for body in model.bodies}
-            )
-        return model
+        """The model as a start of a search: with free inertias raised until the samples resolve the rate of its chain.
+
+        The same model where that does not help: what is known stays.
+        """
+        raised, names = model, {f"{body}.inertia" for body in model.bodies}
+        most = dict(zip(model.free, model.bounds[1].tolist(), strict=True))
+        while not self.resolves(raised):
+            inertias = {name: min(2.0 * raised.values[name], most[name]) for name in names & most.keys()}
+            if not any(value > raised.values[name] for name, value in inertias.items()):
+                return model
+            raised = raised.with_values(inertias)
+        return raised
 
     def engine(self, model: Model) -> BoundedRateEngine:
         """Engine of one model for a search."""
