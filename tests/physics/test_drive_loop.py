@@ -10,6 +10,9 @@ from scipy.linalg import expm
 
 import idloop
 from idloop.errors import InputError
+from idloop.estimation.dataset import prepare
+from idloop.estimation.force_balance.weak_form import NARROWEST, weak_form
+from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.physics import Engine, simulate
 from idloop.physics.model_file import from_text
 from idloop.physics.plant import Plant
@@ -181,6 +184,16 @@ def test_the_machine_does_not_depend_on_the_gain_of_the_loop(proportional):
     for name in model.free:
         if name != "gravity@arm.lowest":
             assert fitted.values[name] == pytest.approx(true.values[name], rel=0.03), name
+
+
+def test_a_balance_with_an_integral_is_the_same_for_a_second_look_at_its_windows():
+    model = servo("kind: position_loop, proportional: 8.0, derivative: 0.3, integral: 40.0", viscous="{value: 0.05}")
+    run = simulate(model, TIME, np.sin(5.0 * TIME), TIME)
+    outputs = {"position": run.output[:, 0], "velocity": run.output[:, 1]}
+    record = idloop.Record.from_arrays(TIME, np.sin(5.0 * TIME), outputs, model)
+    form = weak_form(CachingEngine(model), prepare(model, [record]), NARROWEST)
+    first = form.residual(model.theta, 0.0)
+    np.testing.assert_array_equal(form.with_rest_speed(form.rest_speed).residual(model.theta, 0.0), first)
 
 
 @pytest.mark.parametrize(

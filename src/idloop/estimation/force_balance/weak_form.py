@@ -397,10 +397,12 @@ class WeakForm:
 
     def _without_starts(self, residual: Array) -> Array:
         """Without the constant that an integral in the drive, from an unknown start, adds to each track."""
-        if self.engine.model.integrates:
-            for first, after in pairwise(self.starts):
-                residual[first:after, 0] -= np.mean(residual[first:after, 0])
-        return residual
+        if not self.engine.model.integrates:
+            return residual
+        left: Array = residual.copy()
+        for first, after in pairwise(self.starts):
+            left[first:after, 0] -= np.mean(left[first:after, 0])
+        return left
 
     def _at(self, theta: Array, shift: float) -> tuple[BalanceTerms, Mapping[str, float], float]:
         """The balance, the values of all parameters, and the total delay of the command [s]."""
