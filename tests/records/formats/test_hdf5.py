@@ -28,6 +28,8 @@ def test_data_sets_groups_units_and_clocks(tmp_path):
         run["name"] = "motor"
         run["states"] = ["on"] * 49 + ["off"]
         run["slow/temperature"] = U[:10]
+        run.attrs["sample_rate"] = 100.0
+        run.attrs["title"] = "of the writer"
         file.attrs["rate"] = 100.0
         file.attrs["operator"] = "nobody"
     table = read_table(tmp_path / "log.h5")
@@ -35,7 +37,8 @@ def test_data_sets_groups_units_and_clocks(tmp_path):
     np.testing.assert_array_equal(table.numbers("run1/y[1]"), -U)
     assert table.units == {"run1/time": "ms", "run1/u": "V", "run1/y[0]": "rad", "run1/y[1]": "rad"}
     assert table.clocks == dict.fromkeys(("run1/u", "run1/y[0]", "run1/y[1]", "run1/states"), "run1/time")
-    assert table.attributes == {"run1/name": "motor", "rate": 100.0, "operator": "nobody"}
+    kept = {"run1/name": "motor", "run1/sample_rate": 100.0, "rate": 100.0, "operator": "nobody"}
+    assert table.attributes == kept
     assert table.raw("run1/states")[-1] == "off"
 
 

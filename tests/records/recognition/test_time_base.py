@@ -67,7 +67,7 @@ def test_what_is_given_counts():
 @pytest.mark.parametrize(
     ("name", "value", "period"),
     [("Ts", 0.01, 0.01), ("config.dt", 0.002, 0.002), ("fs", 500.0, 0.002), ("config.action_hz", 50.0, 0.02),
-     ("sample_rate", 1000.0, 0.001)],
+     ("sample_rate", 1000.0, 0.001), ("axis/sample_rate", 1000.0, 0.001)],
 )  # fmt: skip
 def test_a_period_or_a_rate_beside_the_columns(name, value, period):
     base = _base({"u": np.sin(K)}, attributes={"gain": 3.0, name: value})

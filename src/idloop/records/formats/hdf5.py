@@ -143,7 +143,8 @@ def _tree(reader: Hdf5Reader, group: Any, place: str, units: dict[str, str], dep
         full = f"{place}{name}"
         if not hasattr(item, "shape"):
             if hasattr(item, "keys"):
-                found[name] = _of_pandas(_tree(reader, item, full + "/", units, depth + 1))
+                own = {key: value for key in item.attrs if isinstance(value := _attribute(item, key), float)}
+                found[name] = own | _of_pandas(_tree(reader, item, full + "/", units, depth + 1))
             continue
         value = reader.values(item)
         if value is None:

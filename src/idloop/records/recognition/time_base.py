@@ -295,7 +295,7 @@ def _disagreement(table: Table, numbers: dict[str, Floats], period: float) -> st
 def _increment(table: Table) -> tuple[float, str] | None:
     """Sampling period [s] that the file holds once, or its rate, and why."""
     for name in [*table.columns, *table.attributes]:
-        *within, plain = name.lower().strip().split(".")
+        *within, plain = re.split(r"[./]", name.lower().strip())
         rate = _RATE.fullmatch(plain) is not None
         # Deep in a file it is that of something else.
         if len(within) > 1 or (plain not in _INCREMENTS and not rate):
