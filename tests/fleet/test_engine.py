@@ -54,15 +54,15 @@ def test_a_killed_worker_loses_nothing_and_an_item_that_kills_costs_itself_only(
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("default")
-def test_a_cluster_is_reached_by_its_address(tmp_path):
+def test_a_cluster_is_reached_by_its_address_and_may_lose_a_worker(tmp_path):
     import distributed
 
-    (tmp_path / "killed").touch()
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None
     ) as cluster, Workers(cluster=cluster.scheduler_address) as workers:  # fmt: skip
         assert workers.count == 2
         assert everything(workers, tmp_path, 2) == {item: item**2 for item in range(COUNT)}
+        assert (tmp_path / "killed").exists()
 
 
 def start(recordings: Path, folder: Path) -> subprocess.Popen[str]:
