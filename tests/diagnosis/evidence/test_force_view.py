@@ -320,4 +320,4 @@ def test_an_effect_must_explain_a_part_of_what_no_noise_accounts_for(torque: flo
     assert step.improvement(one) > step.minimum_improvement
     assert step.names == (("load_torque@axis",) if named else ())
     if not named:
-        assert "of what no sensor noise accounts for" in step.passed_over["load_torque@axis"]
+        assert "of the errors beyond the sensors' noise" in step.passed_over["load_torque@axis"]

@@ -156,8 +156,8 @@ class ForceStep(SearchStep[WeakFit]):
                     f"{100.0 * one.held_out:.2g} % on the held-out records: it does not carry over"
                 )
             return (
-                f"it explains {100.0 * self._part(one):.2g} % of what no sensor noise accounts for only, and without a "
-                f"held-out record that shows it {100.0 * _LEAST_PART:g} % is asked for"
+                f"it explains only {100.0 * self._part(one):.2g} % of the errors beyond the sensors' noise; without a "
+                f"held-out record that shows it, {100.0 * _LEAST_PART:g} % is asked for"
             )
         return (
             f"it reduces the unexplained force by {100.0 * max(part, 0.0):.2g} % only, and "
