@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from idloop.cli import main
+from idloop.fleet.libraries import NEEDED
 
 pytest.importorskip("distributed")
 pytest.importorskip("duckdb")
@@ -32,7 +33,7 @@ def test_bad_input_is_one_line(tmp_path, monkeypatch, capsys, words, line):
     assert said.count("\n") == 1
 
 
-@pytest.mark.parametrize("name", ["distributed", "duckdb", "fsspec", "pyarrow.parquet"])
+@pytest.mark.parametrize("name", NEEDED)
 def test_a_missing_extra_is_one_line(tmp_path, monkeypatch, capsys, name):
     (tmp_path / "t.csv").write_text("robot,joint,time,bag\nr,j,2026-03-01,b\n")
     monkeypatch.setitem(__import__("sys").modules, name, None)

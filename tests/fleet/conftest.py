@@ -14,6 +14,7 @@ pytest.importorskip("distributed")
 pytest.importorskip("duckdb")
 pytest.importorskip("fsspec")
 pytest.importorskip("pyarrow")
+pytest.importorskip("statsmodels")
 
 
 @pytest.fixture(scope="session")

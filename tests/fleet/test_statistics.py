@@ -13,8 +13,8 @@ from idloop.fleet.statistics import (
     Series,
     best_change,
     between_periods,
+    random_effect,
     series_of,
-    spread,
     take_apart,
 )
 
@@ -142,12 +142,29 @@ def test_a_small_fleet_has_no_tests_that_it_cannot_bear():
     assert count(empty) == 0
 
 
-def test_spread_is_what_the_errors_leave():
+@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e6])
+@pytest.mark.parametrize("effect", [0.0, 3.0])
+def test_a_random_effect_is_what_the_errors_leave(effect, scale):
     rng = np.random.default_rng(0)
     error = rng.uniform(0.5, 2.0, size=20000)
-    assert spread(error * rng.normal(size=error.size), error**2) == pytest.approx(0.0, abs=0.05)
-    assert spread(np.hypot(error, 3.0) * rng.normal(size=error.size), error**2) == pytest.approx(9.0, rel=0.05)
-    assert spread(np.zeros(5), np.zeros(5)) == 0.0
+    found = random_effect(scale * np.hypot(error, effect) * rng.normal(size=error.size), (scale * error) ** 2)
+    assert found.variance / scale**2 == pytest.approx(effect**2, rel=0.05, abs=0.05)
+    assert abs(found.mean) < 4.0 * found.stderr
+
+
+@pytest.mark.parametrize("own", [0.0, 0.01])
+def test_odd_units_neither_move_the_mean_nor_hide_themselves(own):
+    rng = np.random.default_rng(1)
+    y = np.append(rng.normal(size=50), [8.0, 9.0, 10.0, 30.0])
+    plain, found = (random_effect(one, np.full(len(one), own)) for one in (y[:50], y))
+    assert found == pytest.approx(plain, rel=1e-6)
+
+
+@pytest.mark.parametrize("size", [0, 1, 2, 5])
+def test_a_random_effect_of_equal_or_few_estimates_is_a_number(size):
+    same = random_effect(np.full(size, 2.0), np.zeros(size))
+    assert (same.variance, np.nan_to_num(same.stderr)) == (0.0, 0.0)
+    assert random_effect(np.arange(float(size)), np.full(size, 0.01)).variance >= 0.0
 
 
 def test_a_step_is_no_trend():

@@ -270,8 +270,11 @@ def _work(
     """Check what is asked for; the workers end with the block."""
     from idloop.fleet.engine import Workers
     from idloop.fleet.joint_day import Settings
+    from idloop.fleet.libraries import NEEDED, library
     from idloop.fleet.store import Store
 
+    for name in NEEDED:
+        library(name)  # before hours of work, not after
     if not 0.0 < level < 1.0:
         raise InputError(f"level is {level}: the rate of false discoveries is between 0 and 1, such as 0.05")
     if diagnose != "all" and (not isinstance(diagnose, int) or diagnose < 0):

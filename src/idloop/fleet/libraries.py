@@ -13,6 +13,7 @@ NEEDED = {
     "duckdb": ("duckdb", "reads the results"),
     "fsspec": ("fsspec", "opens addresses"),
     "pyarrow.parquet": ("pyarrow", "writes the results"),
+    "statsmodels.stats.meta_analysis": ("statsmodels", "combines the results"),
 }
 
 

@@ -2,10 +2,10 @@
 
 The estimate of a parameter is  kind + date + unit + day + error:  a mean of the kind, an effect of the date that all
 units of the kind share, a unit's own deviation, a deviation of the single recording, and the error that the fit
-states. Mean and effects of dates are medians (median polish, Tukey, Exploratory Data Analysis, 1977). The variances of
-units and days are those at which the standardised deviations have the median of a normal distribution: the equation of
-Paule and Mandel (J. Res. NBS 87, 1982) for a random effect with known errors, with the median in the place of the mean,
-so that odd units do not hide themselves. A unit's own value is shrunk towards its kind by its share of the variance.
+states. Effects of dates are medians (median polish, Tukey, Exploratory Data Analysis, 1977). Units and days are random
+effects under known errors (Paule and Mandel, J. Res. NBS 87, 1982, by statsmodels), estimated without what is too far
+off for a normal distribution, so that odd units do not hide themselves. A unit's own value is shrunk towards its kind
+by its share of the variance.
 
 Tested are each unit (is it odd among its kind?), each unit over time (a trend or a step, against its kind), each kind
 over time, and each recording (does it leave the course of its unit, by the tails that recordings have?). All p-values
@@ -19,21 +19,23 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from idloop.fleet.joint_day import FORCE_ERROR
+from idloop.fleet.libraries import library
 
 Array = NDArray[np.float64]
 
 LEVEL = 0.05
-_NORMAL_MEDIAN = 0.6744897501960817  # of the absolute value of a standard normal variable
-_Z95 = 1.959963984540054
 FEWEST_UNITS = 5  # that share the effect of a date, or among which one can be odd
 _FEWEST_DAYS = 4  # of a trend or a step
 _SIDE = 2  # recordings on either side of a step
-_EFFICIENCY = 0.37  # of the median of absolute deviations: degrees of freedom of a variance from it
+_LEAST_VARIANCE = 1e-6  # of an error, in squares of the scale
+_TOLERANCE = 1e-6  # of the equation of Paule and Mandel, which is a sum, for each of its terms
+_ROUNDS = 10
 _POLISHES = 4
 _FAR = 0.7  # of the degrees of freedom that fit the middle of the tails: counted, their ends are heavier
 _CLIP = 2.5  # standard deviations from a unit's median beyond which a recording adds no evidence of a change
@@ -86,8 +88,8 @@ class Components:
         Estimates without the effects of dates.
     total : array, shape (units, d)
         Variances of single recordings: error and day.
-    freedom : float
-        Degrees of freedom of the day's variance.
+    freedom, unit_freedom : float
+        Degrees of freedom of the variances of days and of units.
     """
 
     series: Series
@@ -103,6 +105,7 @@ class Components:
     left: Array
     total: Array
     freedom: float
+    unit_freedom: float
 
 
 @dataclass(frozen=True)
@@ -164,21 +167,51 @@ def series_of(
     return Series(kind, parameter, unit, tuple(names), dates, table[0], table[1])
 
 
-def spread(deviation: Array, variance: Array) -> float:
-    """Variance of a random effect under deviations with known variances of their errors; see the top of this file."""
-    from scipy.optimize import brentq
+class RandomEffect(NamedTuple):
+    """Mean of estimates, its standard error, and the variance beyond their errors with its degrees of freedom."""
 
-    known = np.isfinite(deviation) & np.isfinite(variance)
-    size, own = np.abs(deviation[known]), variance[known]
-    if not len(size) or not size.any():
-        return 0.0
+    mean: float
+    stderr: float
+    variance: float
+    freedom: float
 
-    def excess(effect: float) -> float:
-        return float(np.median(size / np.sqrt(np.maximum(own + effect, 1e-300)))) - _NORMAL_MEDIAN
 
-    if excess(0.0) <= 0.0:
-        return 0.0
-    return float(brentq(excess, 0.0, 4.0 * float(np.max(size)) ** 2, xtol=1e-12 * float(np.max(size)) ** 2))
+def random_effect(value: Array, variance: Array) -> RandomEffect:
+    """Combine estimates whose errors are known, without those that are too far off to be of one normal distribution."""
+    from scipy.special import ndtri
+    from scipy.stats import median_abs_deviation
+
+    known = np.isfinite(value) & np.isfinite(variance)
+    y, own = value[known], variance[known]
+    if not len(y):
+        return RandomEffect(np.nan, np.nan, 0.0, 1.0)
+    median = float(np.median(y))
+    scale = float(median_abs_deviation(y, scale="normal")) or float(np.std(y))
+    if not scale:
+        return RandomEffect(median, float(np.sqrt(np.mean(own) / len(y))), 0.0, max(len(y) - 1.0, 1.0))
+    combine = library("statsmodels.stats.meta_analysis").combine_effects
+    # In units of the scale: what is tolerated is a number, and no estimate is exact.
+    y, own = (y - median) / scale, np.maximum(own / scale**2, _LEAST_VARIANCE)
+    reach, kept = -float(ndtri(0.5 * LEVEL / len(y))), np.zeros(len(y), dtype=bool)
+    found = RandomEffect(0.0, 0.0, 1.0, 1.0)
+    for _ in range(_ROUNDS):
+        before, kept = kept, np.abs(y - found.mean) <= reach * np.sqrt(own + found.variance)
+        if kept.sum() < 2 or (kept == before).all():
+            break
+        effect = combine(y[kept], own[kept], "iterated", atol=_TOLERANCE * kept.sum())
+        found = RandomEffect(effect.mean_effect_re, effect.sd_eff_w_re, effect.tau2, kept.sum() - 1.0)
+    mean, stderr, beyond, freedom = map(float, found)
+    return RandomEffect(median + scale * mean, scale * stderr, scale**2 * beyond, freedom)
+
+
+def wander(steps: Array, errors: Array) -> tuple[float, float]:
+    """Variance of single values beyond their errors, and its degrees of freedom.
+
+    From successive differences and the variances of their errors. Two differences share each value: independent ones
+    would have half as many degrees of freedom more.
+    """
+    found = random_effect(steps, errors)
+    return 0.5 * found.variance, max(2.0 / 3.0 * found.freedom, 1.0)
 
 
 def take_apart(series: Series) -> Components:
@@ -194,7 +227,7 @@ def take_apart(series: Series) -> Components:
             date = date - np.median(date[shared]) if shared.any() else date
         left = y - date
         step, errors, memory = _successive(left, own)
-        day = 0.5 * spread(step, errors)
+        day, freedom = wander(step, errors)
         rho = float(np.clip(np.nan_to_num(np.nanmedian(memory)), 0.0, 0.9)) if len(memory) else 0.0
         # Of successive differences with memory: the variance of a mean of many is larger by so much.
         total = (own + day) * (1.0 + rho) / (1.0 - rho) ** 2
@@ -203,13 +236,11 @@ def take_apart(series: Series) -> Components:
         error = np.where(np.any(weight > 0.0, axis=1), 1.0 / np.maximum(np.sum(weight, axis=1), 1e-300), np.nan)
         count = np.maximum(np.sum(np.isfinite(left), axis=0), 1)
         date_stderr = np.sqrt(np.nanmedian(total, axis=0) * (np.pi / 2.0) / count)
-    mean = float(np.nanmedian(level))
-    between = spread(level - mean, error)
+    mean, _, between, unit_freedom = random_effect(level, error)
     shrunk = mean + (level - mean) * between / np.maximum(between + error, 1e-300)
-    freedom = max(_EFFICIENCY * np.isfinite(step).sum(), 1.0)
     return Components(
         series, mean, date, date_stderr, level, np.sqrt(error), shrunk, float(np.sqrt(between)), float(np.sqrt(day)),
-        rho, left, total, freedom,
+        rho, left, total, freedom, unit_freedom,
     )  # fmt: skip
 
 
@@ -271,7 +302,6 @@ class Hypotheses:
         """Add every test of a parameter of a kind."""
         series = parts.series
         among = np.hypot(parts.unit_deviation, parts.level_stderr)
-        freedom = max(_EFFICIENCY * np.isfinite(parts.level).sum(), 1.0)
         single: list[tuple[tuple[str, str], Array, Array, Array]] = []
         for place, name in enumerate(series.names):
             seen = np.isfinite(parts.left[place])
@@ -282,7 +312,7 @@ class Hypotheses:
             if len(series.names) >= FEWEST_UNITS:
                 size, stderr = float(parts.level[place] - parts.mean), float(parts.level_stderr[place])
                 odd = partial(_finding, series, "odd", float(days[-1]), size, stderr, name)
-                self._one(float(_p(size, among[place], freedom)), odd)
+                self._one(float(_p(size, among[place], parts.unit_freedom)), odd)
             if len(y) >= _FEWEST_DAYS:
                 change = best_change(days, y, variance, parts.freedom)
                 self._one(change.p_value, partial(_change, series, change, name))
@@ -304,10 +334,14 @@ class Hypotheses:
 
 
 def _finding(
-    series: Series, what: str, day: float, size: float, stderr: float, name: tuple[str, str], p_value: float
-) -> Finding:
+    series: Series, what: str, day: float, size: float, stderr: float, name: tuple[str, str], p_value: float,
+    freedom: float = np.inf,
+) -> Finding:  # fmt: skip
     """Finding with its size and interval; those of a logarithm as shares."""
-    ends = np.array([size, size - _Z95 * stderr, size + _Z95 * stderr])
+    from scipy.special import stdtrit
+
+    reach = float(stdtrit(freedom, 0.975)) * stderr
+    ends = np.array([size, size - reach, size + reach])
     size, low, high = (np.expm1(ends) if series.parameter == FORCE_ERROR else ends).tolist()
     robot, joint = name
     return Finding(what, series.kind, series.parameter, series.unit, robot, joint, day, size, low, high, p_value)
@@ -329,8 +363,8 @@ def _dates(parts: Components) -> Change | None:
     if shared.sum() < _FEWEST_DAYS:
         return None
     y, own = parts.date[shared], parts.date_stderr[shared] ** 2
-    wander = 0.5 * spread(np.diff(y), own[1:] + own[:-1])
-    return best_change(parts.series.days[shared], y, own + wander, max(_EFFICIENCY * (len(y) - 1), 1.0), np.inf)
+    more, freedom = wander(np.diff(y), own[1:] + own[:-1])
+    return best_change(parts.series.days[shared], y, own + more, freedom, np.inf)
 
 
 @dataclass(frozen=True)
@@ -403,9 +437,8 @@ def _p(away: Array | float, error: Array | float, freedom: float) -> Array:
 def between_periods(series: Series, since: float, against: float | None) -> tuple[list[Finding], list[Finding]]:
     """Change of a kind and of its units from the days of ``[against, since)`` to those from ``since`` on.
 
-    Each unit is compared with itself. The change of the kind is the mean of its units' changes under a random effect
-    (DerSimonian and Laird, Controlled Clinical Trials 7, 1986); of five units and more the change of each is that
-    beyond the median of all.
+    Each unit is compared with itself. The change of the kind is the mean of its units' changes under a random effect;
+    of five units and more the change of each is that beyond this mean.
 
     Parameters
     ----------
@@ -420,8 +453,7 @@ def between_periods(series: Series, since: float, against: float | None) -> tupl
     before = (series.days < since) & (series.days >= (-np.inf if against is None else against))
     after = series.days >= since
     step, errors, _ = _successive(series.value, series.variance)
-    day = 0.5 * spread(step, errors)
-    freedom = max(_EFFICIENCY * len(step), 1.0)
+    day, freedom = wander(step, errors)
     names, sizes, variances = [], [], []
     for name, y, own in zip(series.names, series.value, series.variance, strict=True):
         parts = [(y[period & np.isfinite(y)], own[period & np.isfinite(y)] + day) for period in (before, after)]
@@ -434,16 +466,11 @@ def between_periods(series: Series, since: float, against: float | None) -> tupl
     if not names:
         return [], []
     size, variance = np.array(sizes), np.array(variances)
-    weight = 1.0 / variance
-    fixed = np.sum(weight * size) / np.sum(weight)
-    spare = np.sum(weight) - np.sum(weight**2) / np.sum(weight)
-    effect = max((np.sum(weight * (size - fixed) ** 2) - (len(size) - 1)) / spare, 0.0) if len(size) > 1 else 0.0
-    weight = 1.0 / (variance + effect)
-    mean, stderr = float(np.sum(weight * size) / np.sum(weight)), float(1.0 / np.sqrt(np.sum(weight)))
-    few = min(freedom, max(len(size) - 1.0, 1.0)) if effect > 0.0 else freedom
-    kind = [_finding(series, "period", since, mean, stderr, ("", ""), float(_p(mean, stderr, few)))]
+    mean, stderr, effect, joints = random_effect(size, variance)
+    few = min(freedom, joints) if effect > 0.0 else freedom
+    kind = [_finding(series, "period", since, mean, stderr, ("", ""), float(_p(mean, stderr, few)), few)]
     # Where enough joints share the change of their kind, one is of interest that does otherwise.
-    what, away = ("beyond", size - np.median(size)) if len(size) >= FEWEST_UNITS else ("period", size)
+    what, away = ("beyond", size - mean) if len(size) >= FEWEST_UNITS else ("period", size)
     errors = np.sqrt(variance)
     units = [
         _finding(series, what, since, one, error, name, p)
