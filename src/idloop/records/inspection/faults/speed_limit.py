@@ -15,8 +15,8 @@ from idloop.records.inspection.faults.fault import fault
 # Band below the largest speed, which lies above the limit by the noise itself: at least this share of it and so many
 # times the noise, at most the second share.
 _BAND, _NOISE, _WIDEST = 0.01, 4.0, 0.06
-# Share of the time in the band, visits to it, and how much fuller it is than the two bands below.
-_SHARE, _VISITS, _FULLER = 0.03, 3, 3.0
+# Share of the time in the band, visits to it from below the two bands under it, and how much fuller it is than these.
+_SHARE, _VISITS, _FULLER = 0.03, 2, 3.0
 # Spread of the commands there, and the smallest usual one, as shares of the largest.
 _SPREAD, _PUSHES = 0.12, 0.4
 # Largest speeds left out, and blocks that a record is averaged to at least.
@@ -44,8 +44,11 @@ def check(axis: Axis) -> list[Finding]:
         if top <= 0.0 or band > _WIDEST * top:
             continue
         at = forward > top - band
-        below = np.count_nonzero((forward > top - 3.0 * band) & ~at)
-        visits = np.flatnonzero(np.diff(np.concatenate([[False], at]).astype(np.int8)) > 0)
+        left = forward <= top - 3.0 * band
+        below = np.count_nonzero(~left & ~at)
+        # Noise takes a speed out of the band and back within one stay.
+        certain = np.flatnonzero(at | left)
+        visits = certain[np.diff(at[certain].astype(np.int8), prepend=0) > 0]
         if at.mean() < _SHARE or visits.size < _VISITS or np.count_nonzero(at) < _FULLER * below:
             continue
         low, high = np.quantile(pushes[at], [0.1, 0.9]) / largest
