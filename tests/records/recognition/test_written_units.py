@@ -82,3 +82,40 @@ def test_an_unknown_unit_is_not_called_unwritten(tmp_path, velocity):
 def test_the_unit_of_a_remark_is_not_that_of_the_column():
     assert parse_column_name("Time (samples) TM=976.5625us").unit == ""
     assert parse_column_name("Time (samples) TM=976.5625us").written == "samples"
+
+
+@pytest.mark.parametrize(
+    ("name", "largest", "words"),
+    [
+        ("pwm", 255, "probably the full scale of 8 bits: as a share of it --command 'pwm / 255=-'"),
+        ("duty", 1000, "probably the full scale of per mille: as a share of it --command 'duty / 1000=-'"),
+        ("u", 32767, "probably the full scale of 15 bits: as a share of it --command 'u / 32767=-'"),
+        ("PWM out", 180, "of which the full scale N is not known (255 of 8 bits): as a share of it"),
+    ],
+)
+def test_the_full_scale_of_a_command_in_counts_is_said_with_the_options_that_use_it(tmp_path, name, largest, words):
+    path = _log(tmp_path, name, "angle [rad]", counts=1.0)
+    rows = [line.split(";") for line in path.read_text(encoding="utf-8").splitlines()]
+    levels = [
+        str(round(largest * np.sign(float(row[1])) * (0.5 + 0.5 * (k % 300 > 150)))) for k, row in enumerate(rows[1:])
+    ]
+    text = [";".join([row[0], level, *row[2:]]) for row, level in zip(rows[1:], levels, strict=True)]
+    path.write_text("\n".join([";".join(rows[0]), *text]) + "\n", encoding="utf-8")
+    doubts = recognise(path, {"command": name}).doubts
+    said = next(doubt for doubt in doubts if "holds whole numbers" in doubt)
+    assert f"{name!r} holds whole numbers up to {largest}, {words}" in said
+    assert "as the mean voltage of a supply of U volts" in said
+    formula = said.partition("--command '")[2].partition("'")[0].replace("N", "255")
+    again = recognise(path, {"command": formula})
+    assert again.recognition.of("command").options["compute"] == formula.removesuffix("=-")
+    assert not any("holds whole numbers" in doubt for doubt in again.doubts)
+
+
+def test_a_recorded_supply_makes_a_voltage_of_a_duty_cycle(tmp_path):
+    time = np.arange(800) / 200.0
+    duty, supply = np.round(255 * np.sin(5.0 * time)), 12.0 - 0.1 * np.abs(np.sin(5.0 * time))
+    rows = "\n".join(f"{t:.4f},{u:.0f},{v:.3f},{np.cos(3 * t):.5f}" for t, u, v in zip(time, duty, supply, strict=True))
+    path = tmp_path / "log.csv"
+    path.write_text(f"t [s],pwm,vbat [V],angle [rad]\n{rows}\n")
+    doubts = recognise(path).doubts
+    assert any(doubt.endswith("as the mean voltage --command 'pwm * `vbat [V]` / 255=V'") for doubt in doubts)

@@ -31,6 +31,10 @@ _ENCODERS = {"enc", "encoder", "count", "counts", "tick", "ticks", "inc"}
 _FEWEST_COUNTS = 200  # of a turn
 _MOST_LEVELS, _FEW_LEVELS = 8, 5  # of a command in whole amperes or newton metres, and of what follows it
 _MANY_COUNTS = 1000  # whole numbers as large as this are no angle in rad
+# Largest values of a command in counts, and those of them that a duty cycle may have as well.
+_FULL_SCALES = {2.0**bits - 1.0: f"of {bits} bits" for bits in range(8, 17)}
+_FULL_DUTIES = _FULL_SCALES | {1e2: "of per cent", 1e3: "of per mille", 1e4: "of a hundredth of a per cent"}
+_DUTIES = {"pwm", "duty", "dutycycle", "throttle"}
 # Names of units by the word that a column of the command has.
 _UNITS_OF_WORDS = (
     ({"voltage", "volt", "volts", "vin", "spannung"}, "V"),
@@ -58,7 +62,7 @@ def set_units(
     elif wanted := _wanted_as(chosen, columns):
         chosen[wanted] = replace(chosen.pop("command"), role=wanted)
     elif command is not None and not command.unit:
-        chosen["command"] = command = _force_unit(command, columns)
+        chosen["command"] = command = _full_scale(_force_unit(command, columns), columns, chosen.get("supply"))
     effort = chosen.get("effort")
     if effort is not None and not effort.unit:
         chosen["effort"] = _force_unit(effort, columns)
@@ -163,13 +167,33 @@ def _force_unit(one: Guess, columns: Map[str, TableColumn]) -> Guess:
     if one.role == "command" and _in_hertz(one):
         return _turns_per_second(one)
     # A duty cycle has no unit, and of an unknown one only ratios of the parameters matter.
-    duty = bool(words & {"pwm", "duty", "dutycycle", "throttle"})
+    duty = bool(words & _DUTIES)
     what = f"the unit {one.written!r}" if one.written else "the unit"
     text = (
         "" if duty and not one.written else f"{what} of the {one.role} is not known: --{one.role} '{one.column}=UNIT'"
     )
     found = replace(one, unit="-")
     return found.with_doubt(text) if text else found
+
+
+def _full_scale(one: Guess, columns: Map[str, TableColumn], supply: Guess | None) -> Guess:
+    """Say how a command in counts of a PWM is taken as a share of its full scale, or as a voltage."""
+    column = columns.get(one.column)
+    if column is None or one.unit != "-" or one.options or not column.whole_numbers:
+        return one
+    largest = float(np.nanmax(np.abs(column.value)))
+    duty = bool(_DUTIES & set(parse_column_name(one.column).words))
+    scale = (_FULL_DUTIES if duty else _FULL_SCALES).get(largest, "")
+    if not scale and not (duty and largest > 1.0):
+        return one
+    whole = f"{largest:g}" if scale else "N"
+    what = f"probably the full scale {scale}" if scale else "of which the full scale N is not known (255 of 8 bits)"
+    volts, unit = (quoted(supply.column), supply.unit) if supply is not None and supply.column else ("U", "V")
+    return one.with_doubt(
+        f"{one.column!r} holds whole numbers up to {largest:g}, {what}: as a share of it --{one.role}"
+        f" '{quoted(one.column)} / {whole}=-', as the mean voltage{'' if volts != 'U' else ' of a supply of U volts'}"
+        f" --{one.role} '{quoted(one.column)} * {volts} / {whole}={unit or 'V'}'"
+    )
 
 
 def _without_unit(guess: Guess) -> str:
