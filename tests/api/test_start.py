@@ -15,7 +15,7 @@ from idloop.api.first_fit import FirstFit, judged
 from idloop.api.log import Log, recognise
 from idloop.api.start import begin, more_than_one_axis, with_causes
 from idloop.errors import InputError
-from idloop.records import Finding
+from idloop.records import Finding, make_stream, write_bag
 from idloop.records.tables.importing import import_bag
 from idloop.records.tables.mapping import load_mapping
 
@@ -718,3 +718,51 @@ def test_a_folder_behind_the_log_is_no_folder_to_write_to(record, tmp_path):
     log = _write(tmp_path / "log.csv", "t_s,torque_Nm,angle_rad", c["t"], c["u"], c["q"])
     with pytest.raises(InputError, match="give a folder to write to by --output"):
         recognise([log, tmp_path])
+
+
+def test_a_sign_that_may_be_lost_is_answered_where_the_motion_follows_nothing(record, tmp_path):
+    c = _columns(record)
+    other = np.abs(np.random.default_rng(3).normal(size=c["t"].size))
+    begun = idloop.start(_write(tmp_path / "log.csv", "t,torque,q", c["t"], other, c["q"]), tmp_path / "begun")
+    assert begun.fit is None
+    assert "or what the inspection names is the cause: axis.effort has no visible effect" in begun.not_fitted
+    assert "run again with --command 'torque * sign(COLUMN)=N·m'" in begun.summary()
+
+
+def _foreign_bag(path, record, command, place, *, later=0.5):
+    """A bag of another system, whose command topic begins earlier than the motion."""
+    stamp = (1e9 * (1_700_000_000.0 + record.time)).astype(np.int64)
+    sent = np.concatenate([stamp[:1] - int(1e9 * later), stamp])
+    streams = [
+        make_stream("/drive/cmd", sent, {"m": {"effort": np.concatenate([[0.0], command])}}),
+        make_stream("/drive/joint_states", stamp, {"m": {"position": place}}),
+    ]
+    return write_bag(path, streams)
+
+
+def test_a_late_command_of_a_bag_is_mended_by_the_option_that_is_printed(record, tmp_path):
+    c = _columns(record)
+    late = np.concatenate([np.full(8, c["u"][0]), c["u"][:-8]])
+    bag = _foreign_bag(tmp_path / "bag", record, late, c["q"])
+    assert "run again with --late 0.08 and" in idloop.start(bag, tmp_path / "begun", fitted=False).summary()
+    again = idloop.start(bag, tmp_path / "again", late=0.08)
+    assert again.fit.values["axis.inertia"] == pytest.approx(0.01, rel=0.05)
+    assert again.inspections[0].faults == ()
+
+
+def test_a_bag_is_cut_apart_by_the_options_that_are_printed(record, tmp_path):
+    c = _columns(record)
+    place, middle = c["q"] + np.where(c["t"] < 7.5, 0.0, 0.2 * np.ptp(c["q"])), c["t"].size // 2
+    bag = _foreign_bag(tmp_path / "bag", record, c["u"], place)
+    said = idloop.start(bag, tmp_path / "begun", fitted=False).summary()
+    (first, second) = re.search(r"run again with --rows (\S+) --rows (\S+) and", said).groups()
+    pieces = [slice(*map(int, one.split(":"))) for one in (first, second)]
+    assert pieces[0].start == 0
+    assert pieces[0].stop <= middle < pieces[1].start + 2
+    again = idloop.start(bag, tmp_path / "again", rows=pieces)
+    assert [one.name for one in again.bags] == ["bag_run1", "bag_run2"]
+    assert [one.grade for one in again.inspections] == ["usable", "usable"]
+    assert [one.axes[0].time.size for one in again.inspections] == [one.stop - one.start for one in pieces]
+    assert again.fit.values["axis.inertia"] == pytest.approx(0.01, rel=0.05)
+    with pytest.raises(InputError, match="--rows 9000: holds nothing"):
+        recognise(bag, rows=[slice(9000, None)])

@@ -178,9 +178,9 @@ class Log:
         """
         if len(self.files) > 1 or len(self.runs) > 1 or not places:
             return ""
-        seconds = self.recognition.base.seconds
+        seconds, begin = self.recognition.base.seconds, self.recognition.begin
         first = self.recognition.rows[0].start if self.recognition.rows else 0
-        begins, ends = np.searchsorted(seconds, seconds[first] + np.array(sorted(places)).T + [[1e-9], [-1e-9]])
+        begins, ends = np.searchsorted(seconds, begin + np.array(sorted(places)).T + [[1e-9], [-1e-9]])
         pieces = zip([first, *ends], [*begins, seconds.size], strict=True)
         long = [f"--rows {start}:{stop}" for start, stop in pieces if stop - start >= _FEW_SAMPLES]
         return " ".join(long)
@@ -248,9 +248,7 @@ def recognise(
             raise InputError(
                 f"{bags[0]}: a bag or folder beside tables: start bags alone, and give a folder to write to by --output"
             )
-        if rows or late:
-            raise InputError("--rows and --late are of tables: a bag has messages with stamps of their own")
-        return _of_bags(paths, given or {})
+        return replace(_of_bags(paths, given or {}, rows), late=late)
     options = {"skip_text": True, **(csv or {})}
     tables = _each([partial(read_table, path, options=options) for path in paths], paths)
     said = _given(given or {}, [name for table in tables for name in table.columns])
@@ -259,20 +257,28 @@ def recognise(
             raise InputError("--rows cuts one file, or files with the same columns")
         return replace(_joined(paths, tables, said, period), late=late)
     for table in tables if rows else ():
-        table.begins = tuple(sorted({*table.begins, *_edges(rows, max(map(len, table.columns.values())))}))
+        if not table.clocks:
+            table.begins = tuple(sorted({*table.begins, *_edges(rows, max(map(len, table.columns.values())))}))
     shown = shown_together(tables, said, period=period) if len(tables) > 1 and not tables[0].clocks else None
     found = _alike(
         _each([partial(recognise_table, table, said, period=period, shown=shown) for table in tables], paths)
     )
     between = tuple(_read_otherwise(found))
-    if rows:
-        found = [replace(one, rows=_cut(rows, one.base.seconds.size)) for one in found]
-    return Log(paths, tuple(found), between=between, late=late)
+    return Log(paths, tuple(_cut_apart(one, rows) for one in found), between=between, late=late)
 
 
 def _cut(rows: Sequence[slice], count: int) -> tuple[slice, ...]:
     """The rows that the user wants, within those that there are."""
     return tuple(slice(*one.indices(count)[:2]) for one in rows)
+
+
+def _cut_apart(found: Recognition, rows: Sequence[slice]) -> Recognition:
+    """Take the rows that the user wants of the motion, each piece a record; all where none are said."""
+    if not rows:
+        return found
+    count = found.base.seconds.size
+    _edges(rows, count)
+    return replace(found, rows=_cut(rows, count), table=replace(found.table, parts={}))
 
 
 def _edges(rows: Sequence[slice], count: int) -> tuple[int, ...]:
@@ -471,10 +477,10 @@ def _apart(bases: Mapping[str, TimeBase]) -> Iterator[str]:
             )
 
 
-def _of_bags(paths: tuple[Path, ...], given: Mapping[str, str]) -> Log:
-    """Recognise the topics of bags, each a record."""
+def _of_bags(paths: tuple[Path, ...], given: Mapping[str, str], rows: Sequence[slice]) -> Log:
+    """Recognise the topics of bags, each a record, or cut into several."""
     found = _each([partial(_of_bag, path, given) for path in paths], paths)
-    return Log(paths, tuple(found), between=tuple(_read_otherwise(found)))
+    return Log(paths, tuple(_cut_apart(one, rows) for one in found), between=tuple(_read_otherwise(found)))
 
 
 def _of_bag(path: Path, given: Mapping[str, str]) -> Recognition:
@@ -506,11 +512,13 @@ def _records_in(found: Recognition) -> Iterator[str]:
         names = list(found.table.parts)
         yield f"the file marks {len(names)} records, which become a bag each: {listed(names, 6)}"
         return
+    # Where the columns have clocks of their own, only the user cuts.
+    is_cut = bool(found.table.begins or found.table.clocks)
     if len(found.rows) > 1:
         starts = [str(one.start) for one in found.rows[1:]]
-        why = "a record begins" if found.table.begins else _why_again(found)
+        why = "a record begins" if is_cut else _why_again(found)
         yield f"{why} in row {listed(starts, 6)}: {len(found.rows)} records, which become a bag each"
-    if not found.rows or found.table.begins:
+    if not found.rows or is_cut:
         return
     edges = [0, *(edge for one in found.rows for edge in (one.start, one.stop)), found.base.seconds.size]
     pieces = [slice(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b > a]

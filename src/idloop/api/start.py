@@ -33,7 +33,7 @@ __all__ = ["Log", "Start", "begin", "recognise", "start"]
 MAPPING, MODEL, FITTED, PICTURE, BAGS = "mapping.yaml", "model.yaml", "fitted.yaml", "log.png", "bags"
 REFINED = "refined"  # where the commands that follow write
 _OF_MAPPING = ("mapping", "`rows:`")  # words of a cure that is a key of the mapping
-_TURNED, _SIGN_LOST = "turned_command", "sign_lost"  # the faults whose cure is an option
+_TURNED = "turned_command"  # the fault whose cure is an option
 
 
 @dataclass(frozen=True)
@@ -129,6 +129,8 @@ class Start(Result):
 
     def outcome(self) -> Iterator[Block]:
         """Yield what came of the guesses: verdicts, fit, and what to run next."""
+        from idloop.records.inspection.faults.command_sign import BACKWARD_TRAVEL
+
         said = [*self.said(), *self.done.notes]
         yield from [*said, ""] if said else []
         if self.fit is not None:
@@ -150,7 +152,7 @@ class Start(Result):
                 " loop in the drive; if it is a force, a torque, a current or a voltage, give its unit"
             )
         yield from self._again()
-        lost = any(fault.kind == _SIGN_LOST for one in self.inspections for fault in one.faults)
+        lost = any(BACKWARD_TRAVEL in fault.evidence for one in self.inspections for fault in one.faults)
         if lost and (flag := self.log.command_with_sign_of_error):
             yield f"where it had the sign of the control error, run again with {flag} and another --output"
         if lost and (flag := self.log.signed_command):
@@ -174,15 +176,16 @@ class Start(Result):
 
     def _again(self) -> Iterator[str]:
         """Yield the options that mend what the inspection found."""
-        from idloop.records.inspection.faults import copied_motion, late_command, spliced, stuck_sensor
+        from idloop.records.inspection.faults import copied_motion, spliced, stuck_sensor
+        from idloop.records.inspection.faults.fault import LATE
         from idloop.records.inspection.velocity_check import KIND as WRONG_VELOCITY
 
         faults = {fault.kind: fault for one in self.inspections for fault in one.faults}
         options = []
         if {copied_motion.KIND, WRONG_VELOCITY} <= faults.keys() and (flags := self.log.exchanged_command):
             yield f"where the names of command and velocity are exchanged, run again with {flags} and another --output"
-        if late := faults.get(late_command.KIND):
-            options.append(f"--late {late.evidence['lead']:.4g}")
+        late = next((one.evidence[LATE] for one in faults.values() if LATE in one.evidence), 0.0)
+        options += [f"--late {self.log.late + late:.4g}"] if late else []
         cut = [place for kind in (spliced.KIND, stuck_sensor.KIND) if kind in faults for place in faults[kind].places]
         options += filter(None, [self.log.rows_without(cut)])
         if options:
@@ -274,9 +277,10 @@ def start(
     csv : mapping, optional
         ``delimiter``, ``decimal``, ``header``, ``skip_rows``, where they cannot be found.
     rows : sequence of slice
-        Rows of a table, counted from 0, each piece a record of its own; by default all.
+        Rows of a table, or messages of the motion in a bag, counted from 0, each piece a record of its own; by default
+        all.
     late : float
-        Time by which the command of a table was recorded late [s].
+        Time by which the command was recorded late [s].
     joint : str
         Name of the joint.
     fitted : bool
@@ -385,7 +389,8 @@ def _mapping(log: Log, joint: str, csv: Mapping[str, Any] | None) -> Any:
         mapping["parts"] = {run: window for run, (_, window) in log.runs.items()}
     if log.late and "command" in mapping:
         command = mapping["command"]
-        command["time"] = {**command.get("time", mapping["time"]), "offset": -log.late}
+        clock = command.get("time") or mapping.get("time") or {"stamps": "header"}
+        command["time"] = {**clock, "offset": -log.late}
     if csv:
         mapping.setdefault("csv", {}).update(csv)
     return mapping
@@ -511,7 +516,7 @@ def with_causes(done: FirstFit, inspections: Sequence[Inspection], note: str) ->
     notes = (*done.notes, note) if note else done.notes
     # What makes something impossible is the cause before what lowers the accuracy.
     faults = [what(one) for one in sorted((one for some in inspections for one in some.faults), key=_spoils_nothing)]
-    if not (done.incomplete and faults):
+    if not ((done.incomplete or done.unmoved) and faults):
         return replace(done, notes=notes)
     return replace(done, notes=notes, why_not=f"{done.why_not}; or what the inspection names is the cause: {faults[0]}")
 

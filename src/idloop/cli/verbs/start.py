@@ -63,7 +63,8 @@ _PROMPT = "Enter to go on, SIGNAL=COLUMN[=UNIT] to change one (rate=HZ where the
     multiple=True,
     metavar="FROM:TO",
     callback=lambda _context, _option, texts: [_slice(text) for text in texts],
-    help="Rows of a table to use, counted from 0 without TO; each piece is a record of its own. Can be repeated.",
+    help="Rows of a table, or messages of the motion in a bag, counted from 0 without TO; each piece is a record of its"
+    " own. Can be repeated.",
 )
 @click.option("--late", type=float, default=0.0, metavar="S", help="Seconds by which the command was recorded late.")
 @click.option("--no-header", is_flag=True, help="The first line of a text file is data.")

@@ -114,7 +114,22 @@ class Recognition:
             return {name: {"times": {"start": start, "stop": stop}} for name, (start, stop) in windows}
         if len(self.rows) <= 1 and (not self.rows or self.rows[0] == slice(0, self.base.seconds.size)):
             return {"": {}}
-        return {f"run{k}": {"rows": {"start": one.start, "stop": one.stop}} for k, one in enumerate(self.rows, 1)}
+        return {f"run{k}": self._window(one) for k, one in enumerate(self.rows, 1)}
+
+    @property
+    def begin(self) -> float:
+        """Where the record begins on the clock of the table [s]: at the first stamp of any signal that is used."""
+        first = float(self.base.seconds[self.rows[0].start if self.rows else 0])
+        clocks = {self.table.clocks[one.column] for one in self.guesses if one.column in self.table.clocks}
+        return min([first, *(float(self.table.columns[name][0]) for name in clocks)]) if self.sources else first
+
+    def _window(self, rows: slice) -> dict[str, Any]:
+        """Rows of a table; where the columns have stamps of their own, the times of these rows of the motion."""
+        if not self.table.clocks:
+            return {"rows": {"start": rows.start, "stop": rows.stop}}
+        seconds = self.base.seconds - (self.begin if self.sources else 0.0)
+        edges = {"start": rows.start, "stop": rows.stop}
+        return {"times": {name: float(seconds[row]) for name, row in edges.items() if row < seconds.size}}
 
     @property
     def linear(self) -> bool:

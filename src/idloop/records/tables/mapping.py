@@ -91,7 +91,7 @@ class Channel(_Strict):
     file_name : str
         Regular expression whose group is that constant in the name of the file: ``pwm_(\d+)``.
     time : Time
-        Of a table: stamps of this column alone, where the columns have several time bases.
+        Stamps of this signal alone, where the signals have several time bases.
     topic, field : str
         Of a bag: topic and path of the number in its messages (``pos_estimate``, ``data[0]``), or of a
         JointState topic the field, with `source_joint`.
@@ -220,7 +220,7 @@ class Rows(_Strict):
 
 
 class Times(_Strict):
-    """Stamps start <= t < stop [s], as the file counts them."""
+    """Stamps start <= t < stop [s], of a table as the file counts them, of a bag from the first one that is used."""
 
     start: float | None = Field(default=None, allow_inf_nan=False)
     stop: float | None = Field(default=None, allow_inf_nan=False)

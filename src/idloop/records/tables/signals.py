@@ -92,7 +92,7 @@ def signals_from_table(table: Table, mapping: Mapping, signals: Signals) -> list
     for topic, field, channel, time, value in raw:
         own = first if not value.ndim or time is None else time
         stamp = stamps[own]  # type: ignore[index]
-        kept = _within(stamp, signals, held=channel.time is not None and topic not in ("joint_states", CONDITIONS))
+        kept = _within(stamp, signals, held=channel.time is not None and _is_held(topic))
         kept &= ~bad[own]  # type: ignore[index]
         both = (stamp[kept] + shift,) * 2
         values = np.broadcast_to(value, stamp.shape)[kept]
@@ -169,6 +169,18 @@ def _column(table: Table, name: str | int, rows: slice) -> Floats:
     return table.numbers(name, rows)
 
 
+def _is_held(topic: str) -> bool:
+    return topic not in ("joint_states", CONDITIONS)
+
+
+def _moved(stamp: Stamps, time: Time) -> Stamps:
+    """Return the stamps of a clock that began at another time, or ran at another rate, as they should be."""
+    if not stamp.size or not (time.offset or time.stretch != 1.0):
+        return stamp
+    passed = np.round((stamp - stamp[0]) * time.stretch).astype(np.int64)
+    return np.asarray(stamp[0] + passed + round(time.offset * 1e9))
+
+
 def _within(stamp: Stamps, signals: Signals, *, held: bool) -> NDArray[np.bool_]:
     """Which stamps [ns] lie within the times that the mapping selects; of a held signal the last one before, too."""
     start, stop = signals.times.start, signals.times.stop
@@ -202,16 +214,27 @@ def signals_from_bag(source: Path, mapping: Mapping, signals: Signals) -> list[S
                 continue
             names[channel.topic] = resolve_topic(channel.topic, known, source)
         streams = read_streams(bag, set(names.values()))
-    receive = signals.time is not None and signals.time.stamps == "receive"
+    read = {}
+    for channel in (channel for *_, channel in assigned if channel.topic in names):
+        stream, time = streams[names[str(channel.topic)]], channel.time or signals.time or Time(stamps="header")
+        if time.stamps is None:
+            raise InputError(
+                f"mapping {mapping.name}: {source} is a bag, whose messages have stamps of their own: give"
+                " `time: {stamps: header}` or `time: {stamps: receive}`"
+            )
+        stamps = stream.receive_ns if time.stamps == "receive" else stream.stamp_ns, stream.receive_ns
+        read[id(channel)] = stream, tuple(_moved(one, time) for one in stamps)
+    begin = min((int(stamp.min()) for _, (stamp, _) in read.values() if stamp.size), default=0)
     found = []
     for topic, field, channel in assigned:
-        if channel.topic not in names:
+        if id(channel) not in read:
             continue
-        stream = streams[names[channel.topic]]
+        stream, (stamp, receive) = read[id(channel)]
+        kept = _within(stamp - begin, signals, held=_is_held(topic))
         value = _convert(stream.number(channel.source_joint or "", channel.field or ""), None, channel)
-        stamps = stream.receive_ns if receive else stream.stamp_ns, stream.receive_ns
         joint = channel.joint or signals.joint or ""
-        found.append(_make_signal(topic, field, channel, value, stamps, mapping, joint))
+        both = stamp[kept], receive[kept]
+        found.append(_make_signal(topic, field, channel, value[kept], both, mapping, joint))
     if not found:
         raise InputError(f"mapping {mapping.name}: it assigns no topic; add `command:` and `position:` or `velocity:`")
     return found
@@ -304,9 +327,7 @@ def _time(table: Table, time: Time, count: int, rows: slice) -> tuple[Stamps, ND
         with np.errstate(over="ignore"):
             whole = np.round(seconds if time.unit == "ns" else seconds * SECONDS[time.unit] * 1e9)
         stamp = _as_stamps(table, name, whole, first)
-    if stamp.size and (time.offset or time.stretch != 1.0):
-        passed = np.round((stamp - stamp[0]) * time.stretch).astype(np.int64)
-        stamp = stamp[0] + passed + round(time.offset * 1e9)
+    stamp = _moved(stamp, time)
     if stamp.size != count:
         raise InputError(
             f"{table.path}: time column {name!r} has {stamp.size} rows, the others {count}; choose columns"

@@ -47,12 +47,16 @@ def test_a_motion_before_its_command(make_axis):
     assert found.kind == "two_clocks"
     assert found.evidence["offset"] == pytest.approx(-0.12, abs=0.006)
     assert "offset: -0.12" in found.cure
+    assert found.evidence["command_late"] == -found.evidence["offset"]
+    assert f"--late {found.evidence['command_late']:.4g}`" in found.cure
 
 
 def test_a_motion_late_in_joined_files_may_be_a_delay(make_axis):
     (found,) = clocks.check(_axis(make_axis, -0.1))
     assert found.kind == clocks.OFFSET
     assert found.evidence["offset"] == pytest.approx(0.1, abs=0.006)
+    assert f"--late {-found.evidence['offset']:.4g}`" in found.cure
+    assert "command_late" not in found.evidence
     assert clocks.check(_axis(make_axis, -0.1, joined=False)) == [], "a delay"
 
 

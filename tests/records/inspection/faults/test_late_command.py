@@ -14,7 +14,7 @@ RATE = 200.0
 def test_a_command_that_was_recorded_late_is_named(make_axis, samples):
     stamps = make_axis(rate=RATE).input_time + samples / RATE
     (found,) = late_command.check(replace(make_axis(rate=RATE), input_time=stamps))
-    assert found.evidence["lead"] == pytest.approx(samples / RATE, abs=1.01 / RATE)
+    assert found.evidence["command_late"] == pytest.approx(samples / RATE, abs=1.01 / RATE)
     assert "identification" in found.spoils
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.clocks import clock_finding
-from idloop.records.inspection.faults.fault import fault
+from idloop.records.inspection.faults.fault import LATE, fault, late_option
 from idloop.records.inspection.time_axes import TimeAxes, time_axes
 
 OFFSET = "clock_offset"
@@ -67,13 +67,17 @@ def _fault(axis: Axis, found: TimeAxes, what: str) -> Finding:
     keys = [f"stretch: {found.stretch:.6g}"] if found.stretch != 1.0 else []
     keys += [f"offset: {found.offset:.5g}"] if abs(found.offset) > 0.5 * axis.period or not keys else []
     certain = what.startswith("two clocks")
+    shifted = found.stretch == 1.0
+    cure = f"correct the times of the command in the mapping: `time: {{..., {', '.join(keys)}}}`"
+    cure += f", as {late_option(-found.offset)} does" if shifted else ""
     return fault(
         "two_clocks" if certain else OFFSET,
         axis.command_name,
         f"{what}; with times corrected for that, {100 * found.share:.0f} % of the acceleration follow the command, as"
         f" they are {100 * max(found.causal, 0.0):.0f} %",
-        "record both with one clock, or correct the times of the command in the mapping:"
-        f" `time: {{..., {', '.join(keys)}}}`",
-        evidence={"offset": found.offset, "stretch": found.stretch, "share": found.share, "causal": found.causal},
+        f"record both with one clock, or {cure}",
+        evidence={"offset": found.offset, "stretch": found.stretch, "share": found.share, "causal": found.causal}
+        # What may be a delay of the drive is no fault of the stamps.
+        | ({LATE: -found.offset} if shifted and certain else {}),
         spoils=("identification",) if certain else ("delays",),
     )

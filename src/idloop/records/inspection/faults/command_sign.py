@@ -17,6 +17,8 @@ from idloop.records.inspection.response import responses
 
 Floats = NDArray[np.float64]
 
+# Evidence that a command may have lost its sign, or has: share of the travel that goes the other way.
+BACKWARD_TRAVEL = "backward_travel"
 # Correlation of speed and command in both directions, and its standard errors.
 _RELATED, _ERRORS = 0.4, 4.0
 # Share of the travel that goes the other way.
@@ -62,7 +64,7 @@ def check(axis: Axis) -> list[Finding]:
             evidence={
                 "forwards": static[0],
                 "backwards": static[1],
-                "backward_travel": back,
+                BACKWARD_TRAVEL: back,
                 "explained_with_sign": explained,
                 "explained": plain,
             },

@@ -6,7 +6,7 @@ import numpy as np
 
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
-from idloop.records.inspection.faults.command_sign import backward_travel
+from idloop.records.inspection.faults.command_sign import BACKWARD_TRAVEL, backward_travel
 from idloop.records.inspection.faults.fault import fault
 from idloop.records.inspection.motion import white_noise
 from idloop.records.inspection.response import PLAIN, response, responses
@@ -125,7 +125,7 @@ def _slow(axis: Axis) -> list[Finding]:
         found = max(plain, key=lambda one: abs(one.certainty))
     if visible and found.motion_share < _ALL:
         return []
-    name = axis.command_name
+    name, lost = axis.command_name, dict[str, float]()
     if found.motion_share > _SLOW:
         why = (
             f"speed, friction and position explain {100 * found.motion_share:.0f} % of {name}: what is left"
@@ -138,7 +138,8 @@ def _slow(axis: Axis) -> list[Finding]:
             " forces, are larger"
         )
         cure = "command more, record longer, or check that command and motion are of the same joint"
-        if backward_travel(axis):
+        if back := backward_travel(axis):
+            lost = {BACKWARD_TRAVEL: back}
             cure = (
                 f"check that the sign of {name} was recorded, which never changes while the axis goes both ways; {cure}"
             )
@@ -148,7 +149,7 @@ def _slow(axis: Axis) -> list[Finding]:
             name,
             why,
             cure,
-            evidence={"certainty": found.certainty, "motion_share": found.motion_share},
+            evidence={"certainty": found.certainty, "motion_share": found.motion_share, **lost},
             spoils=("inertia",),
         )
     ]

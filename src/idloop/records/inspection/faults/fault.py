@@ -16,6 +16,8 @@ Check = Callable[[Axis], list[Finding]]
 
 # Places of a fault that are listed; the others are counted.
 _PLACES = 200
+# Evidence of how late the stamps of a command are [s], where nothing else is wrong with them.
+LATE = "command_late"
 
 
 def fault(
@@ -48,3 +50,8 @@ def around(time: Floats, rows: NDArray[np.int64]) -> list[tuple[float, float]]:
     """Return the intervals from the sample before to the one after each row [s]."""
     last = time.size - 1
     return [(float(time[max(k - 1, 0)]), float(time[min(k + 1, last)])) for k in rows[:_PLACES].tolist()]
+
+
+def late_option(late: float) -> str:
+    """Return the command that mends a command recorded late by so many seconds."""
+    return f"`idloop start FILE --late {late:.4g}`"

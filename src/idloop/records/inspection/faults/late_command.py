@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
-from idloop.records.inspection.faults.fault import fault
+from idloop.records.inspection.faults.fault import LATE, fault, late_option
 from idloop.records.inspection.response import PLAIN, responses
 
 Floats = NDArray[np.float64]
@@ -66,9 +66,8 @@ def check(axis: Axis) -> list[Finding]:
             name,
             f"the motion comes {1e3 * early:.3g} ms before {name}, which no machine makes: with the command so much"
             f" earlier, {100.0 * (1.0 - part):.0f} % less of the acceleration is left unexplained",
-            f"subtract {early:.4g} s from the stamps of {name} (`idloop start FILE --late {early:.4g}`), or record"
-            " command and motion by one clock",
-            evidence={"lead": early, "left": part, "share": share},
+            f"subtract {early:.4g} s from the stamps of {name} ({late_option(early)}), or record both by one clock",
+            evidence={LATE: early, "left": part, "share": share},
             spoils=("identification",),
         )
     ]
