@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
+from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.spikes import check
 
 
@@ -31,3 +33,15 @@ def test_a_reading_that_comes_back_is_a_bad_one(make_axis):
         bad[1005] += off * (place[1006] - place[1005])
         (found,) = check(replace(axis, position=bad))
         assert (found.kind, found.count) == ("spikes", 1)
+
+
+@pytest.mark.parametrize("fault", [0.0, 2e-3])
+def test_a_mass_that_is_thrown_back_where_play_closes_is_no_bad_reading(fault):
+    """A stage runs to and fro between the flanks of a nut; at the turns its speed changes its sign within a sample."""
+    time = np.arange(3000) / 1000.0
+    phase = np.mod(time, 0.6)
+    place = np.round(np.hypot(phase - 0.30003, 4e-4) * (1.0 + 0.2 * np.sin(3.0 * time)) / 5e-7) * 5e-7
+    place[450] += fault
+    units = {"j.position": "m"}
+    found = check(Axis("j", time, place, None, units=units))
+    assert [one.count for one in found] == ([1] if fault else [])

@@ -13,6 +13,8 @@ _BLOCK = 32
 _FAR, _ALIKE = 7.0, 0.5
 # ... and by this many times the largest bend beside it: a start of a motion bends over several samples.
 _BENDS, _BESIDE = 3.0, 4
+# The slopes on both sides differ by less than this share of it: where play closes, a mass is thrown back.
+_BOUNCE = 1.0
 # Off by so many steps of the signal: fewer are its rounding.
 _STEPS = 4.0
 
@@ -39,9 +41,11 @@ def isolated(value: Floats, resolution: float, usual: NDArray[np.bool_] | None =
     right[:-2] = 2.0 * value[1:-1] - value[2:]
     off_left, off_right = value - left, value - right
     off = np.minimum(np.abs(off_left), np.abs(off_right))
+    kink = np.full(value.size, np.nan)
+    kink[2:-2] = np.abs((value[4:] - value[3:-1]) - (value[1:-3] - value[:-4]))
     with np.errstate(invalid="ignore"):
         far = (off > _FAR * scatter(off_left)) & (off > _STEPS * resolution)
-        far &= off > _BENDS * _bends(value)
+        far &= (off > _BENDS * _bends(value)) & (kink < _BOUNCE * off)
         far &= (np.abs(left - right) < _ALIKE * off) & (off_left * off_right > 0.0)
     if usual is not None:
         far &= usual
