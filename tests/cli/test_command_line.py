@@ -10,6 +10,10 @@ import pytest
 from idloop.cli._command_line import command_line
 
 
+def keep(context: click.Context, parameter: click.Parameter, value: tuple[str, ...]) -> None:
+    context.meta[f"idloop.{parameter.name}"] = value
+
+
 @click.command()
 @click.argument("bags", nargs=-1)
 @click.option("--validate", multiple=True)
@@ -18,6 +22,7 @@ from idloop.cli._command_line import command_line
 @click.option("--undo", count=True)
 @click.option("--force", is_flag=True)
 @click.option("--quiet", is_flag=True, expose_value=False)
+@click.option("--joint", multiple=True, expose_value=False, callback=keep)
 @click.pass_context
 def verb(context: click.Context, **_: object) -> str:
     return command_line(context)
@@ -31,6 +36,7 @@ def verb(context: click.Context, **_: object) -> str:
         ["a folder/bag's", "--level", "0.05"],
         ["one", "--validate", "x", "--validate", "y z", "--limits", "-1.0", "2.5", "--undo"],
         ["one", "--undo", "--undo", "--force", "--quiet"],
+        ["one", "--joint", "axis=elbow", "--joint", "a=b"],
     ),
 )
 def test_it_comes_back_as_it_was_given(words):

@@ -21,7 +21,8 @@ def command_line(context: click.Context, *, without: Collection[str] = (), with_
         name = parameter.name or ""
         if name in without or context.get_parameter_source(name) is not ParameterSource.COMMANDLINE:
             continue
-        value: Any = context.params.get(name)  # None where the verb does not see the option itself: a flag
+        # What the verb does not see itself is kept under the option's name; a flag may be kept nowhere.
+        value: Any = context.params.get(name, context.meta.get(f"idloop.{name}"))
         if isinstance(parameter, click.Argument):
             words += [str(word) for word in (value if isinstance(value, tuple) else (value,))]
         elif isinstance(parameter, click.Option) and (parameter.is_flag or parameter.count):

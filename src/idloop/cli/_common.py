@@ -55,7 +55,7 @@ class BagArgument(click.ParamType[Path]):
 MODEL = ModelArgument()
 BAG = BagArgument()
 _TRUST_EFFECTS = "idloop.trust_effects"
-_JOINTS = "idloop.joints"
+_JOINTS = "idloop.joint"
 
 
 def trust_option(function: Function) -> Function:
