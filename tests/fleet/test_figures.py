@@ -36,13 +36,17 @@ def test_the_joint_that_deviates_most_is_on_top(components):
     assert deviations([])[0] == []
 
 
-def test_a_click_opens_the_report_of_a_joint_that_has_one(components):
-    (plot,) = heat_map(components, {("r5", "j"): "joints/r5.html"})
-    cells = [one.data_source.data for one in plot.renderers]
-    assert {tuple(sorted(set(one["report"]))) for one in cells} == {("",), ("joints/r5.html",)}
+def test_a_click_opens_the_report_of_every_joint(components):
+    (plot,) = heat_map(components, {name: f"joints/k.html?{name[0]} j" for name in NAMES}, {("r5", "j")})
+    cells = plot.renderers[0].data_source.data
+    assert all(
+        report == f"joints/k.html?{joint}" for report, joint in zip(cells["report"], cells["joint"], strict=True)
+    )
+    assert set(cells["joint"]) == {f"{robot} j" for robot, _ in NAMES}
+    framed = {joint for joint, frame in zip(cells["joint"], cells["frame"], strict=True) if frame}
+    assert framed == {"r5 j"}, "the one that was diagnosed"
     (tap,) = [tool for tool in plot.tools if type(tool).__name__ == "TapTool"]
     assert tap.callback.url == "@report"
-    assert tap.renderers[0].data_source.data["joint"] == ["r5 j"] * 6
 
 
 def test_bands_hold_their_share_of_the_joints(components):
@@ -56,6 +60,8 @@ def test_a_joint_that_is_shown_has_its_own_line(components):
     plain, shown = (trend(components[0], names)[0] for names in ([], [("r5", "j"), ("other", "j")]))
     assert len(shown.renderers) == len(plain.renderers) + 3
     assert trend(components[1], [("r5", "j")])
+    (chosen,) = trend(components[0], [], "place")
+    assert chosen.select_one({"name": "place"}).data == {"x": [], "y": [], "low": [], "high": []}
 
 
 def test_every_parameter_has_a_row_on_paper(components):

@@ -8,7 +8,7 @@ import json
 import re
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 WORST = 5  # joints that are diagnosed
 MEMORY = "2GB"
 _BATCH = 8  # recordings of a task, at most
-JOINTS = "joints"
 LOST = "the worker process ended, perhaps at its limit of memory; give more by --memory"
 
 
@@ -70,6 +69,8 @@ class Fleet(Result):
         Parameters that could wear and scatter too much for an alarm.
     diagnoses : tuple of dict
         What the catalogue finds of the worst joints, each with its report.
+    taken : tuple of FleetBag
+        The recordings.
     """
 
     source: str
@@ -87,6 +88,7 @@ class Fleet(Result):
     alarms: tuple[Finding, ...] = ()
     unwatched: tuple[str, ...] = ()
     diagnoses: tuple[dict[str, Any], ...] = ()
+    taken: tuple[FleetBag, ...] = field(default=(), repr=False)
 
     def blocks(self) -> Iterator[Block]:
         """Yield what was done, the kinds, the findings and the diagnoses."""
@@ -129,19 +131,31 @@ class Fleet(Result):
         }
 
     def save(self) -> Path:
-        """Write fleet.json, fleet.html, and units.parquet and findings.parquet for SQL, beside the rows."""
+        """Write fleet.json, fleet.html, the reports of the joints, and units.parquet and findings.parquet for SQL."""
+        from idloop.fleet.joints import addresses, file_stems, joint_files, of_files, render_joints
         from idloop.fleet.page import render_fleet
-        from idloop.fleet.store import write_table
+        from idloop.fleet.store import JOINTS, MODELS, Store, write_table
         from idloop.fleet.words import FINDING_COLUMNS, UNIT_COLUMNS, finding_row, unit_rows
         from idloop.json_values import to_json
         from idloop.output_files import make_folder, write_text
 
-        make_folder(self.folder, parents=True)
+        for one in (JOINTS, MODELS):
+            make_folder(self.folder / one, parents=True)
         document = to_json(self.to_dict())
         write_text(self.folder / "fleet.json", json.dumps(document, indent=2, ensure_ascii=False) + "\n")
         write_table(self.folder / "units.parquet", list(unit_rows(self.components)), UNIT_COLUMNS)
         write_table(self.folder / "findings.parquet", [finding_row(one) for one in self.findings], FINDING_COLUMNS)
-        write_text(self.folder / "fleet.html", render_fleet(document, self.components))
+        models, store = dict(self.settings.kinds), Store(self.folder)
+        of_kind = {kind: self.folder.resolve() / MODELS / f"{stem}.yaml" for kind, stem in file_stems(models).items()}
+        for kind, path in of_kind.items():
+            write_text(path, models[kind].to_yaml())
+        files = joint_files(self.components)
+        for kind in dict.fromkeys(one.kind for one in files):
+            recordings = store.recordings(self.taken, self.settings, kind)
+            for file, own in of_files([one for one in files if one.kind == kind], recordings):
+                page = render_joints(file, document, own, str(of_kind[kind]), models[kind].input.joint)
+                write_text(self.folder / file.path, page)
+        write_text(self.folder / "fleet.html", render_fleet(document, self.components, addresses(files)))
         return self.folder
 
 
@@ -329,6 +343,7 @@ class _Work:
         return Fleet(
             self.source, self.store.folder, self.settings, len(bags), new, joint_days, tuple(failed), components,
             tests.count, tuple(findings), self.level, tuple(periods), alarms, unwatched, tuple(diagnoses),
+            tuple(bags),
         )  # fmt: skip
 
     def _identify(self, bags: Sequence[FleetBag], progress: Progress) -> int:
@@ -374,6 +389,7 @@ class _Work:
     def _diagnose(
         self, bags: Sequence[FleetBag], worst: Sequence[tuple[str, str]], progress: Progress
     ) -> list[dict[str, Any]]:
+        from idloop.fleet.store import JOINTS
         from idloop.output_files import make_folder, write_text
 
         if not worst:
@@ -406,6 +422,7 @@ def diagnose_joint(task: dict[str, Any], settings: Settings) -> tuple[dict[str, 
     from idloop.api.ladder import refine
     from idloop.errors import IdloopError, one_line
     from idloop.fleet.joint_day import joint_records, local_copy
+    from idloop.fleet.store import JOINTS
     from idloop.json_values import to_json
 
     try:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -56,8 +56,12 @@ def deviations(components: Sequence[Components]) -> tuple[list[tuple[str, str]],
     return [names[k] for k in order], days, size[order], parameter[order]
 
 
-def heat_map(components: Sequence[Components], reports: Mapping[tuple[str, str], str]) -> list[figure]:
-    """Draw the joints that deviate most; a click on one with a report opens it."""
+def heat_map(
+    components: Sequence[Components],
+    reports: Mapping[tuple[str, str], str],
+    framed: Collection[tuple[str, str]] = (),
+) -> list[figure]:
+    """Draw the joints that deviate most; a click on one opens its report."""
     from bokeh.models import ColumnDataSource, HoverTool, OpenURL, TapTool
     from bokeh.transform import linear_cmap
 
@@ -77,22 +81,19 @@ def heat_map(components: Sequence[Components], reports: Mapping[tuple[str, str],
     )
     plot.xaxis.major_label_orientation = 1.2
     plot.grid.visible = False
-    colours = linear_cmap("size", _palette(), *_COLOURS)
-    for linked in (False, True):
-        rows, columns = np.nonzero(np.isfinite(size) & np.array([(one in reports) == linked for one in names])[:, None])
-        data: dict[str, Any] = {
-            "date": [dates[k] for k in columns], "joint": [labels[k] for k in rows],
-            "size": np.round(size[rows, columns], 2), "parameter": parameter[rows, columns].tolist(),
-            "report": [reports.get(names[k], "") for k in rows],
-        }  # fmt: skip
-        drawn = plot.rect(
-            "date", "joint", width=1.0, height=0.9, source=ColumnDataSource(data), fill_color=colours,
-            line_color=LIGHT.found if linked else None, nonselection_fill_alpha=1.0,
-        )  # fmt: skip
-        words = [("joint", "@joint"), ("date", "@date"), ("deviation", "@size σ of @parameter")]
-        plot.add_tools(HoverTool(renderers=[drawn], tooltips=[*words, *([("report", "click")] if linked else [])]))
-        if linked:
-            plot.add_tools(TapTool(renderers=[drawn], callback=OpenURL(url="@report")))
+    rows, columns = np.nonzero(np.isfinite(size))
+    data: dict[str, Any] = {
+        "date": [dates[k] for k in columns], "joint": [labels[k] for k in rows],
+        "size": np.round(size[rows, columns], 2), "parameter": parameter[rows, columns].tolist(),
+        "report": [reports[names[k]] for k in rows], "frame": [float(names[k] in framed) for k in rows],
+    }  # fmt: skip
+    plot.rect(
+        "date", "joint", width=1.0, height=0.9, source=ColumnDataSource(data), line_color=LIGHT.found,
+        fill_color=linear_cmap("size", _palette(), *_COLOURS), line_alpha="frame", nonselection_fill_alpha=1.0,
+        nonselection_line_alpha="frame",
+    )  # fmt: skip
+    words = [("joint", "@joint"), ("date", "@date"), ("deviation", "@size σ of @parameter"), ("report", "click")]
+    plot.add_tools(HoverTool(tooltips=words), TapTool(callback=OpenURL(url="@report")))
     return [plot]
 
 
@@ -120,8 +121,13 @@ def label_of(parts: Components) -> tuple[str, str]:
     return ("force error, unseen", "%") if force else (parts.series.parameter, parts.series.unit)
 
 
-def trend(parts: Components, shown: Sequence[tuple[str, str]]) -> list[figure]:
-    """Draw a parameter of a kind over time: bands of the kind, and a line for each joint that is shown."""
+def trend(parts: Components, shown: Sequence[tuple[str, str]], chosen: str = "") -> list[figure]:
+    """Draw a parameter of a kind over time: bands of the kind, and a line for each joint that is shown.
+
+    With `chosen` there is one more line, whose points the page fills in: its source has that name.
+    """
+    from bokeh.models import ColumnDataSource
+
     from idloop.reporting.figures.theme import LIGHT, add_legend, new_figure
 
     series = parts.series
@@ -132,19 +138,22 @@ def trend(parts: Components, shown: Sequence[tuple[str, str]]) -> list[figure]:
     line = plot.line(time, middle, color=LIGHT.measured, line_width=2)
     entries: list[tuple[str, list[Any]]] = [(f"{series.kind}: median, 68 % and 95 % of the joints", [line, *drawn])]
     log = series.parameter == FORCE_ERROR
-    for number, name in enumerate([one for one in shown if one in series.names][:_MOST_LINES]):
+    sources = {"this joint": ColumnDataSource({"x": [], "y": [], "low": [], "high": []}, name=chosen)} if chosen else {}
+    for name in [one for one in shown if one in series.names][:_MOST_LINES]:
         place = series.names.index(name)
         known = np.isfinite(series.value[place])
         y = series.value[place][known]
         y = 100.0 * np.exp(y) if log else y
         reach = np.zeros(len(y)) if log else 1.96 * np.sqrt(series.variance[place][known])
+        sources[" ".join(name)] = ColumnDataSource({"x": time[known], "y": y, "low": y - reach, "high": y + reach})
+    for number, (words, source) in enumerate(sources.items()):
         look = LIGHT.model(number)
         own = [
-            plot.line(time[known], y, line_width=1.6, **look),
-            plot.scatter(time[known], y, color=look["color"], size=4),
+            plot.line("x", "y", source=source, line_width=1.6, **look),
+            plot.scatter("x", "y", source=source, color=look["color"], size=4),
+            plot.segment("x", "low", "x", "high", source=source, color=look["color"], line_width=0.8),
         ]
-        own.append(plot.segment(time[known], y - reach, time[known], y + reach, color=look["color"], line_width=0.8))
-        entries.append((" ".join(name), own))
+        entries.append((words, own))
     add_legend(plot, LIGHT, entries)
     return [plot]
 

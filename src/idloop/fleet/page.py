@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from idloop.fleet.figures import MOST_ROWS, heat_map, trend
 from idloop.fleet.statistics import Components
@@ -15,10 +16,12 @@ from idloop.reporting.terms import capitalised
 TEMPLATE = Path(__file__).parent / "templates" / "fleet.html"
 
 
-def render_fleet(document: Mapping[str, Any], components: Sequence[Components]) -> str:
-    """Write the page of a fleet and its document of schema ``idloop/fleet/1``."""
-    reports = {(one["robot"], one["joint"]): one["report"] for one in document["diagnoses"] if one["report"]}
-    places = {"heat": heat_map(components, reports)} if components else {}
+def render_fleet(
+    document: Mapping[str, Any], components: Sequence[Components], reports: Mapping[tuple[str, str], str]
+) -> str:
+    """Write the page of a fleet and its document of schema ``idloop/fleet/1``; `reports`: address of each joint's."""
+    framed = {(one["robot"], one["joint"]) for one in document["diagnoses"]}
+    places = {"heat": heat_map(components, reports, framed)} if components else {}
     for number, parts in enumerate(components):
         own = [
             (one["robot"], one["joint"])
@@ -40,4 +43,7 @@ def render_fleet(document: Mapping[str, Any], components: Sequence[Components]) 
         trends=[f"{one.series.kind}: {one.series.parameter}" for one in components],
         most=MOST_ROWS,
         capitalised=capitalised,
+        address=lambda name: quote(reports[name], safe="/?"),
+        reports=reports,
+        robots={robot: [one for one in sorted(reports) if one[0] == robot] for robot, _ in sorted(reports)},
     )

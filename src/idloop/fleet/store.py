@@ -6,8 +6,9 @@ import hashlib
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from idloop.fleet.libraries import library
 from idloop.fleet.statistics import Series, series_of
 from idloop.output_files import make_folder, writing
 
-ROWS = "rows"
+ROWS, JOINTS, MODELS = "rows", "joints", "models"
 # Columns, and their types in Parquet.
 COLUMNS = {
     "robot": "string", "joint": "string", "kind": "string", "time": "timestamp", "bag": "string",
@@ -54,6 +55,21 @@ class Done:
             by_job.setdefault(key.rpartition(" ")[2], []).append(key)
         jobs = ((one, settings.job(one)) for one in bags)
         return [(one, tuple(by_job.get(job, ()))) for one, job in jobs if (one.bag, one.stamp, job) not in self.stamps]
+
+
+class Recording(NamedTuple):
+    """What was identified of a joint in one recording: `estimates` are values and standard errors by parameter."""
+
+    robot: str
+    joint: str
+    time: datetime
+    bag: str
+    error_fitted: float | None
+    force_residual: float | None
+    force_unit: str | None
+    seconds: float | None
+    notes: str | None
+    estimates: dict[str, tuple[float, float | None]]
 
 
 class Store:
@@ -142,6 +158,18 @@ class Store:
             kind, parameter, unit, robots, joints, *numbers = row
             days, value, stderr = (np.array(one, dtype=float) for one in numbers)
             yield series_of(kind, parameter, unit, list(zip(robots, joints, strict=True)), days, value, stderr)
+
+    def recordings(self, bags: Sequence[FleetBag], settings: Settings, kind: str) -> Iterator[Recording]:
+        """Yield every recording of every joint of a kind, each joint's in the order of time."""
+        what = """
+            select robot, joint, time, bag, any_value(error_fitted), any_value(force_residual), any_value(force_unit),
+                any_value(seconds), any_value(notes), list(parameter), list(value), list(stderr)
+            from chosen where parameter is not null and kind = ?
+            group by robot, joint, time, bag order by robot, joint, time, bag"""
+        answer = self.chosen(bags, settings, what, [kind])
+        while row := answer.fetchone():
+            *given, names, values, errors = row
+            yield Recording._make([*given, dict(zip(names, zip(values, errors, strict=True), strict=True))])
 
     def counts(self, bags: Sequence[FleetBag], settings: Settings) -> tuple[int, list[dict[str, Any]]]:
         """Joints and recordings that were identified, and rows of what could not be."""

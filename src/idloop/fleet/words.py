@@ -24,6 +24,7 @@ UNIT_COLUMNS = {
     "stderr": "double", "shrunk": "double", "kind_mean": "double", "unit_deviation": "double",
     "day_deviation": "double",
 }  # fmt: skip
+_Z95 = 1.959963984540054
 _MOST = 20  # findings and failures in the text
 _WHAT = {
     "odd": "differs from its kind", "trend": "changes steadily", "step": "changes at once", "day": "single recording",
@@ -138,6 +139,34 @@ def finding_table(findings: Iterable[Mapping[str, Any]]) -> Table:
             p_value_text(one["p_value"]),
         ))  # fmt: skip
     return Table.of(("robot", "joint", "parameter", "finding", "date", "by", "95 % interval", "unit", "p"), rows)
+
+
+def level_table(components: Iterable[Components]) -> Table:
+    """Table of the levels of every joint beside those of its kind; of the force error as percentages."""
+    rows = []
+    for one in unit_rows(components):
+        share = one["parameter"] == FORCE_ERROR
+        ends = np.array(
+            [one["level"], one["shrunk"], one["kind_mean"], *(one["level"] + np.array([-_Z95, _Z95]) * one["stderr"])]
+        )
+        level, shrunk, mean, low, high = (100.0 * np.exp(ends) if share else ends).tolist()
+        away = (one["level"] - one["kind_mean"]) / one["unit_deviation"] if one["unit_deviation"] else np.nan
+        rows.append((
+            one["robot"], one["joint"], one["parameter"], number(level), interval_text(low, high), number(shrunk),
+            number(mean), "%" if share else one["unit"], f"{away:+.1f} σ",
+        ))  # fmt: skip
+    head = (
+        "robot",
+        "joint",
+        "parameter",
+        "level",
+        "95 % interval",
+        "shrunk to its kind",
+        "kind",
+        "unit",
+        "from its kind",
+    )
+    return Table.of(head, rows)
 
 
 def failed_table(document: Mapping[str, Any]) -> Table:

@@ -65,8 +65,12 @@ def figure_items(places: Mapping[str, Sequence[figure]]) -> str:
     items: dict[str, Any] = {}
     for name, figures in places.items():
         items[name] = json_item(column(*figures, sizing_mode="stretch_width"))
-    # A closing tag in a name must not close the script.
-    return json.dumps(items, separators=(",", ":"), ensure_ascii=False, allow_nan=True).replace("</", "<\\/")
+    return json_text(items)
+
+
+def json_text(value: Any) -> str:
+    """JSON that may stand in a script element: a closing tag in a name does not close it."""
+    return json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=True).replace("</", "<\\/")
 
 
 def browser_code() -> str:
