@@ -22,14 +22,22 @@ UNITS, DAYS = 60, 20
 ODD, WORN, STEPPED = range(3), range(3, 6), range(6, 9)
 
 
-def fleet(seed: int, *, planted: bool = False, step: float = 0.0, memory: float = 0.0, missing: float = 0.03) -> Series:
+def fleet(
+    seed: int,
+    *,
+    units: int = UNITS,
+    planted: bool = False,
+    step: float = 0.0,
+    memory: float = 0.0,
+    missing: float = 0.03,
+) -> Series:
     """Units differ by 10 %, days by 3 %, and all units share 2 % from date to date."""
     rng = np.random.default_rng(seed)
-    day = rng.normal(size=(UNITS, DAYS))
+    day = rng.normal(size=(units, DAYS))
     for k in range(1, DAYS):
         day[:, k] = memory * day[:, k - 1] + np.sqrt(1.0 - memory**2) * day[:, k]
-    error = 0.01 * rng.uniform(0.5, 2.0, size=(UNITS, DAYS))
-    y = 1.0 + 0.1 * rng.normal(size=(UNITS, 1)) + 0.03 * day + error * rng.normal(size=day.shape)
+    error = 0.01 * rng.uniform(0.5, 2.0, size=day.shape)
+    y = 1.0 + 0.1 * rng.normal(size=(units, 1)) + 0.03 * day + error * rng.normal(size=day.shape)
     y += 0.02 * rng.normal(size=DAYS)
     if planted:
         y[ODD] += 0.7
@@ -37,7 +45,7 @@ def fleet(seed: int, *, planted: bool = False, step: float = 0.0, memory: float 
         y[STEPPED, DAYS // 2 :] += 0.2
     y[:, DAYS // 2 :] += step
     y[rng.uniform(size=y.shape) < missing] = np.nan
-    names = tuple((f"r{k:02d}", "j") for k in range(UNITS))
+    names = tuple((f"r{k:02d}", "j") for k in range(units))
     return Series("kind", "p", "N", names, np.arange(DAYS) + 20000.0, y, error**2)
 
 
@@ -59,6 +67,8 @@ def unit(finding) -> int:
 
 def test_the_parts_of_the_variance_are_those_of_the_simulation():
     several = [take_apart(fleet(seed)) for seed in range(20)]
+    few = [take_apart(fleet(seed, units=5)) for seed in range(200)]
+    assert np.sqrt(np.mean([one.unit_deviation**2 for one in few])) == pytest.approx(0.1, rel=0.1), "of few units, too"
     for name, true in (("mean", 1.0), ("unit_deviation", 0.1), ("day_deviation", 0.03)):
         values = np.array([getattr(one, name) for one in several])
         error = np.std(values, ddof=1) / np.sqrt(len(values))
@@ -67,10 +77,10 @@ def test_the_parts_of_the_variance_are_those_of_the_simulation():
     assert np.mean(dates) == pytest.approx(0.02, rel=0.15)
 
 
-@pytest.mark.parametrize("memory", [0.0, 0.5])
-def test_a_healthy_fleet_has_findings_as_seldom_as_stated(memory):
-    fleets = 60
-    with_findings = sum(bool(found_in(take_apart(fleet(seed, memory=memory)))) for seed in range(fleets))
+@pytest.mark.parametrize(("units", "memory", "fleets"), [(UNITS, 0.0, 60), (UNITS, 0.5, 60), (5, 0.0, 200)])
+def test_a_healthy_fleet_has_findings_as_seldom_as_stated(units, memory, fleets):
+    several = (fleet(seed, units=units, memory=memory) for seed in range(fleets))
+    with_findings = sum(bool(found_in(take_apart(one))) for one in several)
     # Without anything to find, a rate of false discoveries of 5 % is that of fleets with any finding.
     assert with_findings <= binom.ppf(0.999, fleets, 0.05)
 

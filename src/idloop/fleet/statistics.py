@@ -36,6 +36,7 @@ _SIDE = 2  # recordings on either side of a step
 _LEAST_VARIANCE = 1e-6  # of an error, in squares of the scale
 _TOLERANCE = 1e-6  # of the equation of Paule and Mandel, which is a sum, for each of its terms
 _ROUNDS = 10
+_EFFICIENCY = 0.37  # of the median of absolute deviations: degrees of freedom of a variance from it
 _POLISHES = 4
 _FAR = 0.7  # of the degrees of freedom that fit the middle of the tails: counted, their ends are heavier
 _CLIP = 2.5  # standard deviations from a unit's median beyond which a recording adds no evidence of a change
@@ -178,7 +179,7 @@ class RandomEffect(NamedTuple):
 
 def random_effect(value: Array, variance: Array) -> RandomEffect:
     """Combine estimates whose errors are known, without those that are too far off to be of one normal distribution."""
-    from scipy.special import ndtri
+    from scipy.special import stdtrit
     from scipy.stats import median_abs_deviation
 
     known = np.isfinite(value) & np.isfinite(variance)
@@ -192,9 +193,10 @@ def random_effect(value: Array, variance: Array) -> RandomEffect:
     combine = library("statsmodels.stats.meta_analysis").combine_effects
     # In units of the scale: what is tolerated is a number, and no estimate is exact.
     y, own = (y - median) / scale, np.maximum(own / scale**2, _LEAST_VARIANCE)
-    reach, kept = -float(ndtri(0.5 * LEVEL / len(y))), np.zeros(len(y), dtype=bool)
-    found = RandomEffect(0.0, 0.0, 1.0, 1.0)
+    kept = np.zeros(len(y), dtype=bool)
+    found = RandomEffect(0.0, 0.0, 1.0, _EFFICIENCY * len(y))
     for _ in range(_ROUNDS):
+        reach = -float(stdtrit(found.freedom, 0.5 * LEVEL / len(y)))
         before, kept = kept, np.abs(y - found.mean) <= reach * np.sqrt(own + found.variance)
         if kept.sum() < 2 or (kept == before).all():
             break
