@@ -112,7 +112,8 @@ def test_results_are_written_for_sql_and_for_readers(first):
 def test_what_changed_since_a_date_is_compared(first, bags):
     found = again(first, bags, since="2026-03-02")
     assert {one.kind for one in found.periods if not one.robot} == set(MODELS)
-    assert "change between the periods" in found.summary()
+    assert "change since 2026-03-02 against the days before" in found.summary()
+    assert "nothing to compare since 2027-01-01" in again(first, bags, since="2027-01-01").summary()
 
 
 @pytest.mark.slow

@@ -33,6 +33,18 @@ def test_bad_input_is_one_line(tmp_path, monkeypatch, capsys, words, line):
     assert said.count("\n") == 1
 
 
+def test_a_fleet_of_which_nothing_is_identified_is_no_success(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "bags" / "r1").mkdir(parents=True)
+    (tmp_path / "bags" / "r1" / "2026-03-01.mcap").write_bytes(b"not a bag")
+    words = ["fleet", "bags", "--model", "axis", "--output", "out", "--workers", "0", "--quiet"]
+    assert main.run(words) == 1
+    said = capsys.readouterr()
+    assert "nothing was identified" in said.err
+    assert "2026-03-01.mcap" in said.out
+    assert (tmp_path / "out" / "fleet.html").exists()
+
+
 @pytest.mark.parametrize("name", NEEDED)
 def test_a_missing_extra_is_one_line(tmp_path, monkeypatch, capsys, name):
     (tmp_path / "t.csv").write_text("robot,joint,time,bag\nr,j,2026-03-01,b\n")

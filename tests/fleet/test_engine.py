@@ -13,6 +13,7 @@ import pytest
 from benchmarks import fleet as simulated
 from idloop.fleet.engine import Workers
 from idloop.fleet.store import Store
+from idloop.fleet.words import read_words
 
 COUNT = 8
 
@@ -103,4 +104,4 @@ def test_a_driver_that_is_ended_in_the_middle_goes_on(recordings, plan, tmp_path
     assert {name: after[name] for name in before} == before
     sql = "select count(*), count(distinct (sha256, joint, parameter)), count(distinct sha256) from rows"
     assert store.query(sql).fetchone() == (whole * plan.joints * 4, whole * plan.joints * 4, whole)
-    assert f"{whole - len(before)} of {whole} recordings were identified now" in said
+    assert read_words(whole - len(before), whole) in said

@@ -23,6 +23,10 @@ from idloop.fleet.store import Recording
 NAMES = tuple((f"r{k}", name) for k in range(4) for name in ("a", "b"))
 DAYS = np.arange(6.0) + 20000.0
 START = datetime(1970, 1, 1, tzinfo=timezone.utc) + timedelta(days=20000)
+KIND = {
+    "kind": "kind", "parameter": "p", "unit": "N", "units": 8, "mean": 1.0, "unit_deviation": 0.1,
+    "date_deviation": 0.0, "day_deviation": 0.0, "error": 0.01,
+}  # fmt: skip
 ODD = "</script>"  # a bag with such a name must not end the script that holds it
 
 
@@ -47,7 +51,7 @@ def document():
     found = {"kind": "kind", "parameter": "p", "unit": "N", "day": "2024-10-05", "size": 0.5, "low": 0.4, "high": 0.6}
     return {
         "source": "fleet.csv", "folder": "runs", "version": "1", "settings": "s", "seed": 0, "level": 0.05, "tests": 9,
-        "bags": 24, "joint_days": 48, "periods": [], "alarms": [], "recordings_per_false_alarm": 10_000, "kinds": [],
+        "since": None, "against": None, "new": 24, "bags": 24, "joint_days": 48, "periods": [], "alarms": [], "recordings_per_false_alarm": 10_000, "kinds": [KIND],
         "findings": [{"what": "odd", "robot": "r1", "joint": "b", "p_value": 1e-9, **found}],
         "diagnoses": [{"robot": "r1", "joint": "b", "conclusion": "all is well", "report": "joints/r1-b-0.html"}],
         "failed": [{"robot": "r1", "joint": None, "time": "2024-10-09", "bag": "bags/r1/9", "reason": "cut off"}],

@@ -61,6 +61,8 @@ class Fleet(Result):
         Odd units, changes and odd days, the most certain first.
     level : float
         Rate of false discoveries.
+    since, against : str or None
+        First dates of the periods that are compared.
     periods : tuple of Finding
         What changed between two periods: kinds first, then the units that the rate leaves.
     alarms : tuple of Finding
@@ -84,6 +86,8 @@ class Fleet(Result):
     tests: int
     findings: tuple[Finding, ...]
     level: float
+    since: str | None = None
+    against: str | None = None
     periods: tuple[Finding, ...] = ()
     alarms: tuple[Finding, ...] = ()
     unwatched: tuple[str, ...] = ()
@@ -123,6 +127,8 @@ class Fleet(Result):
             "level": self.level,
             "tests": self.tests,
             "findings": [finding_row(one) for one in self.findings],
+            "since": self.since,
+            "against": self.against,
             "periods": [finding_row(one) for one in self.periods],
             "alarms": [finding_row(one) for one in self.alarms],
             "unwatched": list(self.unwatched),
@@ -300,7 +306,7 @@ def _work(
         raise InputError(f"against {against} is not before since {since}: it begins the earlier period")
     settings = Settings(tuple(models.items()) if isinstance(models, Mapping) else (("*", models),), seed)
     with Workers(workers, memory, cluster) as started:
-        yield _Work(started, str(source), Store(Path(folder)), settings, later, earlier, level, diagnose, progress)
+        yield _Work(started, str(source), Store(Path(folder)), settings, since, against, level, diagnose, progress)
 
 
 @dataclass(frozen=True)
@@ -311,8 +317,8 @@ class _Work:
     source: str
     store: Store
     settings: Settings
-    since: float | None
-    against: float | None
+    since: str | None
+    against: str | None
     level: float
     diagnose: int | str
     progress: Progress
@@ -331,7 +337,8 @@ class _Work:
         findings = tests.found()
         periods: list[Finding] = []
         if self.since is not None:
-            compared = [statistics.between_periods(one.series, self.since, self.against) for one in components]
+            days = _day(self.since), None if self.against is None else _day(self.against)
+            compared = [statistics.between_periods(one.series, *days) for one in components]
             periods = [one for kinds, _ in compared for one in kinds]
             changes = statistics.Hypotheses(self.level)
             for _, units in compared:
@@ -342,8 +349,8 @@ class _Work:
         self.progress(1.0, "")
         return Fleet(
             self.source, self.store.folder, self.settings, len(bags), new, joint_days, tuple(failed), components,
-            tests.count, tuple(findings), self.level, tuple(periods), alarms, unwatched, tuple(diagnoses),
-            tuple(bags),
+            tests.count, tuple(findings), self.level, self.since, self.against, tuple(periods), alarms,
+            unwatched, tuple(diagnoses), tuple(bags),
         )  # fmt: skip
 
     def _identify(self, bags: Sequence[FleetBag], progress: Progress) -> int:

@@ -9,7 +9,16 @@ from urllib.parse import quote
 
 from idloop.fleet.figures import MOST_ROWS, heat_map, trend
 from idloop.fleet.statistics import Components
-from idloop.fleet.words import failed_table, finding_table, headline, kind_table
+from idloop.fleet.words import (
+    alarms_words,
+    failed_table,
+    finding_table,
+    findings_words,
+    headline,
+    kind_table,
+    periods_words,
+    read_words,
+)
 from idloop.reporting.page.sheet import render_sheet
 from idloop.reporting.terms import capitalised
 
@@ -35,6 +44,12 @@ def render_fleet(
         name=document["source"],
         document=document,
         headline=headline(document),
+        words={
+            "read": read_words(document["new"], document["bags"]),
+            "findings": findings_words(document),
+            "periods": periods_words(document) if document["since"] else "",
+            "alarms": alarms_words(document),
+        },
         findings=finding_table(document["findings"]),
         periods=finding_table(document["periods"]),
         alarms=finding_table(document["alarms"]),

@@ -22,7 +22,7 @@ from idloop.cli._common import (
 )
 from idloop.cli._places import OutputFolder
 from idloop.cli._progress import progress, quiet_option
-from idloop.errors import InputError
+from idloop.errors import IdloopError, InputError
 
 if TYPE_CHECKING:
     from idloop.api.fleet import Fleet
@@ -119,6 +119,8 @@ def command(
             with progress(f"fleet {source}", writes=True) as update:
                 found = identify_fleet(source, several, output, progress=update, **options)
             show(found)
+            if not found.components:
+                raise IdloopError(f"{source}: nothing was identified; the reasons are listed and kept in {output}")
     except KeyboardInterrupt:
         kept = f"interrupted: what was finished is kept in {output}; the same command goes on from there"
         raise KeyboardInterrupt(kept) from None
