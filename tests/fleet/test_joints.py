@@ -51,7 +51,9 @@ def document():
     found = {"kind": "kind", "parameter": "p", "unit": "N", "day": "2024-10-05", "size": 0.5, "low": 0.4, "high": 0.6}
     return {
         "source": "fleet.csv", "folder": "runs", "version": "1", "settings": "s", "seed": 0, "level": 0.05, "tests": 9,
-        "since": None, "against": None, "new": 24, "bags": 24, "joint_days": 48, "periods": [], "alarms": [], "recordings_per_false_alarm": 10_000, "kinds": [KIND],
+        "since": None, "against": None, "new": 24, "bags": 24,
+        "joint_days": 48, "periods": [], "alarms": [], "recordings_per_false_alarm": 10_000,
+        "kinds": [KIND],
         "findings": [{"what": "odd", "robot": "r1", "joint": "b", "p_value": 1e-9, **found}],
         "diagnoses": [{"robot": "r1", "joint": "b", "conclusion": "all is well", "report": "joints/r1-b-0.html"}],
         "failed": [{"robot": "r1", "joint": None, "time": "2024-10-09", "bag": "bags/r1/9", "reason": "cut off"}],
