@@ -24,8 +24,6 @@ from idloop.records import Record
 UNEXPLAINED = 0.9
 # The command is reversed where that reduces the unexplained force to less than this part.
 _REVERSED = 0.5
-# Windows that leave out more of the motion than this many times the sensors' noise leave out forces.
-_LEFT_OUT = 3.0
 # Samples at the beginning of the records by which predictions are compared first.
 _FIRST_SAMPLES = 4000
 
@@ -33,8 +31,8 @@ _FIRST_SAMPLES = 4000
 class DecidingView:
     """The force balance of a model beside predictions of the next sample.
 
-    `balance` is None where it cannot decide: some body is not measured, sensor noise dominates, wide windows leave out
-    much of the motion, or the command is reversed. New windows are added to `forms`.
+    `balance` is None where it cannot decide: some body is not measured, sensor noise dominates, or the command
+    is reversed. New windows are added to `forms`.
     """
 
     def __init__(self, model: Model, estimation: EstimationProblem, forms: dict[int, WeakForm]) -> None:
@@ -43,7 +41,6 @@ class DecidingView:
         serves = (
             fit is not None
             and fit.usable
-            and fit.form.left_out <= _LEFT_OUT
             and (fit.relative < UNEXPLAINED or estimation.resolves(_with_largest_inertias(fit)))
             and not _command_is_reversed(fit)
         )

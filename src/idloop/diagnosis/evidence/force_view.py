@@ -511,9 +511,7 @@ def _fitted(parent: WeakFit, promising: _Promising) -> _Fitted | None:
         return None
     if not best.converged:
         best = _refitted(best, form) or best
-    if promising.proposal.effect.friction is not None:
-        best = with_rest_speed(best, RANKING_TOLERANCE)
-    return (promising.proposal,), best
+    return (promising.proposal,), with_rest_speed(best, RANKING_TOLERANCE)
 
 
 def _refitted(fit: WeakFit, form: WeakForm, tolerance: float = RANKING_TOLERANCE) -> WeakFit | None:
@@ -654,5 +652,5 @@ def _pair(parent: WeakFit, pair: tuple[EvaluatedModel[WeakFit], EvaluatedModel[W
     for proposal in proposals(one.fit.model, [wanted.name], common_conditions(parent.form.data)):
         fit = fit_in(form, proposal.model(proposal.inside(values)), parent.shift)
         if fit is not None:
-            return (*one.proposals, proposal), fit
+            return (*one.proposals, proposal), with_rest_speed(fit, RANKING_TOLERANCE)
     return None

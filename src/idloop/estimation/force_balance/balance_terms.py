@@ -36,24 +36,33 @@ _CACHE_BYTES, _FEWEST_CACHED = 32_000_000, 16
 PROBE = 1e-3
 # Indices of the arguments by which a friction or a force depends on other terms: the transmitted torque, the inertia.
 _ARRIVING = _INERTIA = 2
+# Part of a sample time below which a body does not count as turned.
+_LEAST_TURNED = 1e-3
+# Speed of a body that barely moves [m/s or rad/s].
+_BARELY = 1e-9
 _NO_JUMPS = np.zeros(0, dtype=np.int64)
 
 
 @dataclass(frozen=True)
 class Instants:
-    """Motion (m, bodies) of all bodies at m successive instants, and the measured conditions."""
+    """Motion (m, bodies) of all bodies at m successive instants, and the measured conditions.
+
+    ``turned`` (m, bodies) is the part of the sample time in which a body moves the other way.
+    """
 
     time: Array
     position: Array
     velocity: Array
     acceleration: Array
     conditions: Conditions | None
+    turned: Array
 
     def at(self, places: Places) -> Instants:
         """The motion at some instants in any order, as if they were successive."""
         before, time = self.time[places], np.arange(len(places), dtype=float)
         conditions = None if self.conditions is None else self.conditions.sampled(before, time)
-        return Instants(time, self.position[places], self.velocity[places], self.acceleration[places], conditions)
+        position, velocity, acceleration = self.position[places], self.velocity[places], self.acceleration[places]
+        return Instants(time, position, velocity, acceleration, conditions, self.turned[places])
 
 
 @dataclass(frozen=True)
@@ -216,6 +225,18 @@ def _in_windows(first: Places, columns: Places, weights: Array, values: Array) -
     return sums
 
 
+@dataclass(frozen=True)
+class _Turned:
+    """Instants in whose sample time a body moves both ways: at ``places``, the other way by the ``share`` (k,) of it.
+
+    The ``motions`` are those in which it barely moves as it does at the instant, and the other way.
+    """
+
+    places: Places
+    share: Array
+    motions: tuple[Instants, Instants]
+
+
 class MotionInWindows:
     """The measured motion of records, windows over it, and a cache of the forces along it.
 
@@ -255,6 +276,24 @@ class MotionInWindows:
         self._cache: OrderedDict[Any, tuple[Any, int]] = OrderedDict()
         self._size, self._lock = 0, Lock()
         self._most = max(_CACHE_BYTES, _FEWEST_CACHED * 8 * (len(rows) + len(self.near)))
+
+    @cached_property
+    def turned(self) -> list[_Turned]:
+        """Of every body."""
+        found = []
+        for body, share in enumerate(self.whole.turned.T):
+            places = np.flatnonzero(share > _LEAST_TURNED)
+            there = self.whole.at(places)
+            speeds = np.zeros((2, *there.velocity.shape)) + there.velocity
+            speeds[:, :, body] = np.copysign(_BARELY, speeds[:, :, body]) * [[1.0], [-1.0]]
+            found.append(
+                _Turned(places, share[places], (replace(there, velocity=speeds[0]), replace(there, velocity=speeds[1])))
+            )
+        return found
+
+    def pieces(self, *, memory: bool) -> Sequence[Instants]:
+        """The motions one by one for a force with memory, else all at once."""
+        return self.motions if memory else (self.whole,)
 
     def weak(self, values: Array) -> Array:
         """Mean of signals (m,) or (m, k) over every window, shape (rows,) or (rows, k)."""
@@ -343,6 +382,7 @@ def _joined(motions: Sequence[Instants]) -> Instants:
         np.concatenate([motion.velocity for motion in motions]),
         np.concatenate([motion.acceleration for motion in motions]),
         Conditions.joined(conditions) if len(conditions) == len(motions) else None,
+        np.concatenate([motion.turned for motion in motions]),
     )
 
 
@@ -537,11 +577,10 @@ class BalanceTerms:
         return layout, axis
 
     def _balance(
-        self, layout: Any, axis: Any, commands: Sequence[Array] | None = None, *, memory: bool = True
+        self, layout: Any, axis: Any, motions: Sequence[Instants], commands: Sequence[Array] | None = None
     ) -> Array:
-        """Minus all forces of a compiled model at all instants, shape (m, bodies)."""
-        along, found = self.along, []
-        motions = along.motions if memory else (along.whole,)
+        """Minus all forces of a compiled model at the instants of motions, shape (m, bodies)."""
+        found = []
         for index, motion in enumerate(motions):
             own, count = axis, len(motion.time)
             if motion.conditions is not None and layout.wanted:
@@ -567,7 +606,7 @@ class BalanceTerms:
         def made() -> Term:
             strength = {f"{active.name}.{active.effect.parameters[0].name}": numbers[0]} if numbers else {}
             layout, axis = self._alone([active], {**values, **strength})
-            left = self._balance(layout, axis, memory=active.effect.settle is not None)
+            left = self._balance(layout, axis, self.along.pieces(memory=active.effect.settle is not None))
             return self.along.term(-left[:, self._place[active.at]])
 
         hooks = (active.effect.force, active.effect.settle)
@@ -589,7 +628,7 @@ class BalanceTerms:
         def made() -> Term:
             layout, axis = self._alone(several, values, joint)
             memory = any(one.effect.settle is not None for one in several)
-            return along.term(self._balance(layout, axis, memory=memory)[:, joint])
+            return along.term(self._balance(layout, axis, along.pieces(memory=memory))[:, joint])
 
         numbers = tuple((_identity(one.effect), *_numbers(one, values)) for one in several)
         found: Term = along.cached((joint, stiffness, damping, numbers), made)
@@ -607,8 +646,11 @@ class BalanceTerms:
             layout, axis = self._alone(several, {**values, **strength})
             # A force of the same effect is another term.
             none = np.zeros((0, axis.body_hooks.shape[1]), dtype=np.int64)
-            left = self._balance(layout, axis._replace(body_hooks=none), memory=False)
-            moving, near = left[:, body], self.along.near_rest
+            only, near = axis._replace(body_hooks=none), self.along.near_rest
+            moving = self._balance(layout, only, (self.along.whole,))[:, body]
+            turned = self.along.turned[body]
+            here, back = (self._balance(layout, only, (motion,))[:, body] for motion in turned.motions)
+            moving[turned.places] += turned.share * (back - here)
             slow = moving[self.along.near]
             moving[self.along.near] = 0.0
             if near.conditions is not None and layout.wanted:
@@ -663,7 +705,7 @@ class BalanceTerms:
             constants = axis.constants.copy()
             constants[kernel.GAIN] = 1.0
             axis = axis._replace(constants=constants)
-            return lambda command: -self._balance(alone, axis, np.split(command, starts))[:, 0]
+            return lambda command: -self._balance(alone, axis, along.motions, np.split(command, starts))[:, 0]
         if not any(one.effect.command is not None for one in self.inputs):
             return lambda command: command
         layout = lay_out(self.model, values, final=False)
@@ -714,6 +756,13 @@ class WholeBalance(BalanceTerms):
             error = _equation_error(layout, constants, along.whole.at(instants), command + added[instants], rest)
             sides = (len(around.mean), around.jumps, around.late)
             left = np.column_stack([mean_of_sides(column.copy(), *sides) for column in error.T])
+        for body, turned in enumerate(along.turned):
+            if body not in self._dry:
+                continue
+            given = (around.mean + added)[turned.places]
+            here, back = (_equation_error(layout, constants, one, given, -1.0)[:, body] for one in turned.motions)
+            moves = np.abs(along.whole.velocity[turned.places, body]) > rest
+            left[turned.places, body] += moves * turned.share * (back - here)
         inertia = np.array([values[f"{body}.inertia"] for body in self.model.bodies])
         # The acceleration matters for a body at rest, whose friction balances all other forces.
         left = left - inertia * along.whole.acceleration

@@ -37,8 +37,9 @@ _WIDER = 1.4
 _LITTLE_NOISE, LEAST_UNEXPLAINED = 0.1, 0.01
 # Relative difference of two sensors' velocities of one body above which they disagree.
 _DISAGREE = 0.02
-# Narrow windows agree with those wider by this ratio where their values lose at most this log-likelihood there.
-_FAR_WIDER, _AS_LIKELY = 2.5, 3.0
+# Narrow windows agree with those wider by this ratio where they show at least that part of the inertia, or where their
+# values lose at most this log-likelihood there.
+_FAR_WIDER, _LEAST_INERTIA, _AS_LIKELY = 2.5, 0.95, 3.0
 # Least share of the acceleration's power without noise, as the inertia is biased by the rest.
 _RELIABLE = 0.8
 # A fit to prediction errors with so many times the unexplained force of a disturbance takes a force for a disturbance,
@@ -269,7 +270,7 @@ def model_error_dominates(form: WeakForm, theta: Array, shift: float) -> bool:
         left = np.sqrt(np.mean(wide.residual(theta, shift) ** 2, axis=0))
         if np.all(inertia * wide.noise <= _LITTLE_NOISE * left):
             return float(np.max(relative_errors(wide, theta, shift))) >= LEAST_UNEXPLAINED
-        wide = weak_form(form.engine, form.data, _wider(wide.width))
+        wide = wide.in_windows(_wider(wide.width))
     return False
 
 
@@ -292,7 +293,7 @@ def _sensors_agree(form: WeakForm, theta: Array, shift: float) -> bool:
         left = np.sqrt(np.mean(wide.residual(theta, shift) ** 2, axis=0))
         if np.all(inertia * wide.acceleration_disagreement <= MOST_NOISE * left):
             return True
-        wide = weak_form(form.engine, form.data, _wider(wide.width))
+        wide = wide.in_windows(_wider(wide.width))
     return False
 
 
@@ -611,7 +612,12 @@ def _mostly_noise(form: WeakForm, point: Array) -> bool:
 
 def _windows(engine: Engine, data: Sequence[Data], width: int, known: dict[int, WeakForm]) -> WeakForm | None:
     """Windows of a width, of those known where possible; None where there are too few of them."""
-    form = known[width].with_engine(engine) if width in known else weak_form(engine, data, width)
+    if width in known:
+        form: WeakForm | None = known[width].with_engine(engine)
+    elif known:
+        form = next(iter(known.values())).with_engine(engine).in_windows(width)
+    else:
+        form = weak_form(engine, data, width)
     if form is None or form.starts[-1] < FEWEST_ROWS:
         return None
     known.setdefault(width, form)
@@ -630,7 +636,7 @@ def _underestimates_inertia(fit: WeakFit, forms: dict[int, WeakForm], *, noisy: 
         return None
     wider = fit_weak(draft_windows(form.with_rest_speed(fit.form.rest_speed)), fit.theta, tolerance=RANKING_TOLERANCE)
     narrow, wide = (one.form.inertia(one.theta) / one.form.gain(one.theta) for one in (fit, wider))
-    if np.all(narrow >= np.sqrt(_RELIABLE) * wide):
+    if np.all(narrow >= _LEAST_INERTIA * wide):
         return False
     lost = cost_at(wider.form, fit.point) + wider.log_likelihood
     return lost > (_AS_LIKELY if noisy else -log(_RELIABLE) * wider.form.starts[-1])

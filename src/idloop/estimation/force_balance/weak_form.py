@@ -29,21 +29,19 @@ from idloop.estimation.force_balance.balance_terms import (
     windowed,
 )
 from idloop.estimation.force_balance.held_command import CommandAround, HeldCommand
-from idloop.estimation.force_balance.motion import Motion, bridged, measured_motion
+from idloop.estimation.force_balance.motion import Motion, bridged, least_error_motion, measured_motion
 from idloop.estimation.observer.sensor_noise import noise_std
 from idloop.estimation.statistics.student import log_density, scale_of
-from idloop.physics import Engine, kernel
+from idloop.physics import Engine, Model, kernel
 from idloop.physics.conditions import Conditions
 from idloop.physics.effect import INPUT
 
 Array = NDArray[np.float64]
 
-# Samples in the narrowest window: the least that resolves the second derivative of the test function.
-NARROWEST = 7
-# Band of the motion, as a multiple of the inverse width, which is about what a window passes.
-_BAND = 2.0
-# Windows overlap by half, so that all samples have equal weight.
-_OVERLAP = 2
+# Samples in the narrowest window, with the zeros at its ends: the least that resolves the second derivative.
+NARROWEST = 9
+# Windows in the width of one: all samples have equal weight, as shifted cos⁴ add up to a constant.
+_OVERLAP = 3
 # Two sensors of one body disagree when their velocities differ by more than so many times their noise.
 _ABOVE_NOISE = 5.0
 # Number of segments that count as independent.
@@ -63,7 +61,8 @@ class WindowedRecord:
     Attributes
     ----------
     motion : Motion
-        Band-limited; gives each force its arguments.
+        Gives each force its arguments: filtered only as the noise demands, whatever the width. A velocity that is
+        smooth over a window would turn late, and friction with it.
     inertial : array, shape (rows, bodies)
         Weak acceleration of every body, from the unfiltered signals.
     noise : array, shape (bodies,)
@@ -76,8 +75,6 @@ class WindowedRecord:
         Relative rms difference of two sensors' velocities, the largest of all bodies; 0 within their noise.
     acceleration_disagreement : array, shape (bodies,)
         Rms difference of two sensors' weak accelerations; 0 within their noise.
-    left_out : array, shape (2, bodies)
-        Energy of the measured motion outside the band, and of the sensor noise, summed over samples.
     """
 
     motion: Motion
@@ -87,7 +84,6 @@ class WindowedRecord:
     held: HeldCommand
     disagreement: float
     acceleration_disagreement: Array
-    left_out: Array
     conditions: Conditions | None = None
 
     def segments(self, count: int, part: float, width: int) -> list[WindowedRecord]:
@@ -139,36 +135,24 @@ def test_functions(width: int, step: float) -> tuple[Array, Array, Array]:
     Returns
     -------
     value, first, second : array, shape (width,)
-        Weights of sums for the integrals ∫ φ f, ∫ φ̇ f and ∫ φ̈ f, with ∫ φ = 1. The first moment of φ̇ and the second of
-        φ̈ are exact, so that a constant acceleration is reproduced.
+        Weights of sums for the integrals ∫ φ f, ∫ φ̇ f and ∫ φ̈ f, with ∫ φ = 1; φ is 0 at both ends. The derivatives
+        are central differences: summed by parts, the sums are exact for a force that is constant from each sample to
+        the next, as that of a held command is.
     """
-    angle = 0.5 * np.pi * np.linspace(-1.0, 1.0, width + 2)[1:-1]
-    rate = np.pi / ((width + 1) * step)
-    time = (np.arange(width) - 0.5 * (width - 1)) * step
-    value = np.cos(angle) ** 4
-    first = -4.0 * rate * np.cos(angle) ** 3 * np.sin(angle)
-    second = 4.0 * rate**2 * (3.0 * np.cos(angle) ** 2 * np.sin(angle) ** 2 - np.cos(angle) ** 4)
-    value = value / np.sum(value)
-    first = first / -np.sum(first * time)
-    second = second - np.mean(second)
-    second = second / (0.5 * np.sum(second * time**2))
+    value = np.cos(0.5 * np.pi * np.linspace(-1.0, 1.0, width)) ** 4
+    value[[0, -1]] = 0.0
+    value /= np.sum(value)
+    around = np.pad(value, 1)
+    first = (around[2:] - around[:-2]) / (2.0 * step)
+    second = (around[2:] - 2.0 * value + around[:-2]) / step**2
     return value, first, second
 
 
-def windowed_record(engine: Engine, data: Data, width: int) -> WindowedRecord | None:
-    """Motion of one record in windows of ``width`` samples.
-
-    None where some body is not measured, or the record has too few samples.
-    """
-    model = engine.model
-    if engine.layout(None).bodies != len(model.bodies) or len(data.time) < 4 * width:
-        return None
-    motion = measured_motion(model, data, _BAND / (width * data.sample_time))
-    if motion is None:
-        return None
+def windowed_record(model: Model, data: Data, motion: Motion, width: int) -> WindowedRecord:
+    """Motion of one record in windows of ``width`` samples."""
     step = motion.sample_time
     value, first, second = test_functions(width, step)
-    rows = np.arange(0, len(motion.time) - width + 1, max(width // _OVERLAP, 1))
+    rows = np.arange(0, len(motion.time) - width + 1, round((width - 1) / _OVERLAP))
     middle = motion.time[rows] + 0.5 * (width - 1) * step
     rows = rows[~bridged(middle, model, data, 0.5 * width * step)]
     columns, noise, apart = [], [], []
@@ -191,22 +175,8 @@ def windowed_record(engine: Engine, data: Data, width: int) -> WindowedRecord | 
         apart.append(far)
     held = HeldCommand(data.input_time, data.input, float(data.time[-1]))
     return WindowedRecord(
-        motion, np.column_stack(columns), np.array(noise), rows, held, disagreement, np.array(apart), _left_out(motion),
-        data.conditions,
+        motion, np.column_stack(columns), np.array(noise), rows, held, disagreement, np.array(apart), data.conditions
     )  # fmt: skip
-
-
-def _left_out(motion: Motion) -> Array:
-    """Energies (2, bodies) of the measured motion outside a band and of the noise, from the less noisy sensor."""
-    found = []
-    for kept, sensed in zip(zip(motion.position.T, motion.velocity.T, strict=True), motion.measured, strict=True):
-        powers = [
-            (float(np.sum((series - values) ** 2)), noise_std(series) ** 2 * len(series))
-            for series, values in zip(sensed, kept, strict=True)
-            if series is not None
-        ]
-        found.append(min(powers, key=lambda pair: pair[0] / max(pair[1], 1e-300)))
-    return np.transpose(found)
 
 
 def _disagreement(
@@ -257,6 +227,8 @@ class WeakForm:
         Samples in a window.
     rest_speed : float, optional
         Speed below which a body counts as at rest [m/s or rad/s]; by default from the noise of these records.
+    motions : sequence of Motion, optional
+        Of the whole records, where the tracks are segments of them.
 
     Attributes
     ----------
@@ -275,11 +247,13 @@ class WeakForm:
         tracks: Sequence[WindowedRecord],
         width: int,
         rest_speed: float | None = None,
+        motions: Sequence[Motion] | None = None,
     ) -> None:
         if rest_speed is None:
             rest_speed = float(np.median([np.max(track.motion.rest_speed) for track in tracks]))
         self.rest_speed = rest_speed
         self.engine, self.data, self.tracks, self.width = engine, tuple(data), tuple(tracks), width
+        self.motions = tuple(track.motion for track in tracks) if motions is None else tuple(motions)
         self.starts = np.concatenate([[0], np.cumsum([len(track.rows) for track in tracks])])
         self.sample_time = float(np.median([track.motion.sample_time for track in tracks]))
         samples = np.concatenate([[0], np.cumsum([len(track.motion.time) for track in tracks])])
@@ -315,6 +289,10 @@ class WeakForm:
         WeakForm._for(other, engine)
         return other
 
+    def in_windows(self, width: int) -> WeakForm | None:
+        """The same records in windows of another width; None where a record has too few samples."""
+        return weak_form(self.engine, self.data, width, motions=self.motions)
+
     def with_rest_speed(self, rest_speed: float) -> WeakForm:
         """The same windows with another rest speed [m/s or rad/s]."""
         other = copy(self)
@@ -345,7 +323,7 @@ class WeakForm:
                 for track in self.tracks
                 for piece in track.segments(max(round(number * len(track.rows) / total), 1), part, self.width)
             ]
-            self._subsampled[most] = WeakForm(self.engine, self.data, tracks, self.width, self.rest_speed)
+            self._subsampled[most] = WeakForm(self.engine, self.data, tracks, self.width, self.rest_speed, self.motions)
         return self._subsampled[most].with_rest_speed(self.rest_speed).with_engine(self.engine)
 
     def with_reversed_command(self) -> WeakForm:
@@ -509,12 +487,6 @@ class WeakForm:
         """Largest relative difference of two sensors' velocities of one body; 0 within their noise."""
         return max(track.disagreement for track in self.tracks)
 
-    @property
-    def left_out(self) -> float:
-        """Measured motion outside the band of these windows over the sensor noise, the largest of all bodies."""
-        left, noise = np.sum([track.left_out for track in self.tracks], axis=0)
-        return float(np.sqrt(np.max(left / np.maximum(noise, 1e-300))))
-
     @cached_property
     def widest(self) -> int:
         """Samples in the widest windows that resolve the motion: about a period of four times its band."""
@@ -548,7 +520,7 @@ def _instants(track: WindowedRecord) -> Instants:
     time, position, velocity, acceleration = (
         np.ascontiguousarray(part) for part in (motion.time, motion.position, motion.velocity, motion.acceleration)
     )
-    return Instants(time, position, velocity, acceleration, track.conditions)
+    return Instants(time, position, velocity, acceleration, track.conditions, motion.turned)
 
 
 def _deviation(values: Array, weights: Array) -> float:
@@ -558,15 +530,24 @@ def _deviation(values: Array, weights: Array) -> float:
     return float(np.sqrt(np.sum(weights * (values - mean) ** 2) / total))
 
 
-def weak_form(engine: Engine, data: Sequence[Data], width: int, rest_speed: float | None = None) -> WeakForm | None:
+def weak_form(
+    engine: Engine,
+    data: Sequence[Data],
+    width: int,
+    rest_speed: float | None = None,
+    motions: Sequence[Motion] | None = None,
+) -> WeakForm | None:
     """Weak form of some records, with ``width`` samples in a window.
 
-    None where some body is not measured, or a record has too few samples.
+    None where some body is not measured, or a record has too few samples. The motion of every record is found here
+    unless given, as from windows of another width.
     """
-    tracks = []
-    for one in data:
-        track = windowed_record(engine, one, width)
-        if track is None or not len(track.rows):
-            return None
-        tracks.append(track)
-    return WeakForm(engine, data, tracks, width, rest_speed)
+    model = engine.model
+    if engine.layout(None).bodies != len(model.bodies) or any(len(one.time) < 4 * width for one in data):
+        return None
+    found = [least_error_motion(model, one) for one in data] if motions is None else motions
+    known = [motion for motion in found if motion is not None]
+    if len(known) < len(data):
+        return None
+    tracks = [windowed_record(model, one, motion, width) for one, motion in zip(data, known, strict=True)]
+    return WeakForm(engine, data, tracks, width, rest_speed) if all(len(track.rows) for track in tracks) else None
