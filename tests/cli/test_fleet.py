@@ -45,6 +45,15 @@ def test_a_fleet_of_which_nothing_is_identified_is_no_success(tmp_path, monkeypa
     assert (tmp_path / "out" / "fleet.html").exists()
 
 
+def test_a_watch_ends_by_ctrl_c_as_asked(tmp_path, monkeypatch, capsys):
+    def watch(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("idloop.api.fleet.watch_fleet", watch)
+    assert main.run(["fleet", str(tmp_path), "--model", "axis", "--output", str(tmp_path / "out"), "--watch"]) == 0
+    assert f"ended; what was found is in {tmp_path / 'out'}" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("name", NEEDED)
 def test_a_missing_extra_is_one_line(tmp_path, monkeypatch, capsys, name):
     (tmp_path / "t.csv").write_text("robot,joint,time,bag\nr,j,2026-03-01,b\n")

@@ -10,6 +10,7 @@ from idloop.fleet.words import (
     failed_table,
     finding_row,
     finding_table,
+    findings_words,
     fleet_blocks,
     headline,
     kind_table,
@@ -73,6 +74,12 @@ def test_an_empty_period_is_said():
     )
 
 
+def test_a_fleet_without_a_test_says_what_one_takes():
+    assert findings_words(document(tests=0)).startswith("no test yet: ")
+    assert findings_words(document(tests=1)) == "1 test, no finding"
+    assert "at most 5 % is false" in findings_words(document(STEP, tests=20, level=0.05))
+
+
 def test_a_reason_does_not_repeat_the_bag_beside_it():
     reasons = ("/bags/one/one.mcap: cut off", "no bag /bags/one: check the path", "joint a: no model")
     rows = [{"robot": "r", "joint": None, "time": None, "bag": "/bags/one", "reason": one} for one in reasons]
@@ -83,9 +90,9 @@ def test_a_reason_does_not_repeat_the_bag_beside_it():
 def test_what_too_few_joints_share_is_not_stated():
     one = {"kind": "arm", "parameter": "p", "unit": "N", "mean": 2.0, "day_deviation": 0.2, "error": 0.1}
     shares = {"unit_deviation": 0.4, "date_deviation": 0.02}
-    table = kind_table({"kinds": [{**one, **shares, "units": units} for units in (1, 4, 5)]})
+    table = kind_table({"kinds": [{**one, **shares, "units": units, "recordings": 4} for units in (1, 4, 5)]})
     assert [row[5:] for row in table.rows] == [
-        ("-", "-", "10 %", "5 %"), ("20 %", "-", "10 %", "5 %"), ("20 %", "1 %", "10 %", "5 %"),
+        ("-", "-", "10 %", "5 %"), ("20 %", "-", "-", "5 %"), ("20 %", "1 %", "-", "5 %"),
     ]  # fmt: skip
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import sys
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
@@ -181,7 +182,7 @@ def _commands(model: str, joint: str, newest: Recording) -> Iterator[str]:
     if "://" in bag:
         bag = PurePosixPath(bag).name
         copy = f"import fsspec; fs, path = fsspec.url_to_fs({newest.bag!r}); fs.get(path, {bag!r}, recursive=True)"
-        yield shlex.join(["python3", "-c", copy])
+        yield shlex.join([sys.executable, "-c", copy])
     names = [] if joint == newest.joint else ["--joint", f"{joint}={newest.joint}"]
     output = re.sub(r"[^\w.-]+", "_", f"{newest.robot}-{newest.joint}-{str(newest.time)[:10]}")
     words = ["refine", model, bag, *names, "--criterion", "force", "--output", output]

@@ -138,6 +138,8 @@ def read_words(new: int, bags: int) -> str:
 def findings_words(document: Mapping[str, Any]) -> str:
     """What the findings are taken from."""
     tests = _counted(document["tests"], "test", "tests")
+    if not tests:
+        return "no test yet: a change takes four recordings of a joint, a joint that differs four others of its kind"
     if not document["findings"]:
         return f"{tests}, no finding"
     return f"{tests}; of what is listed at most {100.0 * document['level']:g} % is false on average"
@@ -173,7 +175,7 @@ def kind_table(document: Mapping[str, Any]) -> Table:
         parts = ("unit_deviation", "date_deviation", "day_deviation", "error")
         size = 1.0 if log else abs(one["mean"]) or 1.0
         # What too few joints share is not known.
-        known = (one["units"] > 1, one["units"] >= FEWEST_UNITS, True, not log)
+        known = (one["units"] > 1, one["units"] >= FEWEST_UNITS, one["recordings"] > one["units"], not log)
         shares = [f"{100.0 * one[key] / size:.2g} %" if sure else "-" for key, sure in zip(parts, known, strict=True)]
         rows.append((one["kind"], one["parameter"], str(one["units"]), mean, one["unit"].strip("1"), *shares))
     return Table.of(("kind", "parameter", "joints", "mean", "unit", "joints ±", "dates ±", "days ±", "error ±"), rows)

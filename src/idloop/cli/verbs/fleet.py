@@ -122,6 +122,9 @@ def command(
             if not found.components:
                 raise IdloopError(f"{source}: nothing was identified; the reasons are listed and kept in {output}")
     except KeyboardInterrupt:
+        if watch:
+            log(f"ended; what was found is in {output}")
+            return
         kept = f"interrupted: what was finished is kept in {output}; the same command goes on from there"
         raise KeyboardInterrupt(kept) from None
 
