@@ -115,11 +115,12 @@ def record(
     lags: float = 12.0,
     levels: str | None = None,
     scale: float = 1.0,
+    push: float = 0.0,
 ) -> Recorded:
     """Simulate one recording: clean, or with a command that is clipped, or that the drive limits.
 
-    `clip` and `limit` are shares of the command, `slew` is commands per time constant, `speed_limit` a share of the
-    steady speed.
+    `clip`, `limit` and `push` are shares of the command, `slew` is commands per time constant, `speed_limit` a share of
+    the steady speed. A push acts once, for a fifth to the whole of the time constant.
     """
     random = np.random.default_rng(seed)
     machine = machine or MACHINES[int(random.integers(len(MACHINES)))]
@@ -150,6 +151,9 @@ def record(
     speed_noise = top * 10.0 ** random.uniform(-3.0, -1.7)
     with_velocity, smooth, last = bool(random.uniform() < 0.6), 0.0, 0.0
     before = 0.0
+    outside = np.random.default_rng(seed + 5)
+    begin, long = outside.uniform(0.2, 0.8) * duration, outside.uniform(0.2, 1.0) * machine.lag
+    push *= amplitude * float(outside.choice([-1.0, 1.0]))
     for k in range(count):
         p, v = float(plant.position[machine.body]), float(plant.velocity[machine.body])
         true_velocity[k] = v
@@ -171,6 +175,7 @@ def record(
             stiff = 0.3 * machine.inertia * machine.driven * rate
             caps = [(machine.viscous * most + stiff * (most - one)) / machine.gain for one in (v, -v)]
             applied = float(np.clip(applied, -caps[1], caps[0]))
+        applied = applied + (push if begin <= k / rate < begin + long else 0.0)
         plant.step(float(applied), (k + 1) / rate)
     time = np.arange(count) / rate
     axis = Axis(
@@ -427,6 +432,13 @@ def copied_velocity(random: Random, recorded: Recorded) -> Recorded:
     return _with(recorded, command=0.3 * np.concatenate([velocity[:late], velocity[: velocity.size - late]]))
 
 
+def other_machine(random: Random, recorded: Recorded) -> Recorded:
+    """From the middle on the same command accelerates twice as much."""
+    command = recorded.axis.command.copy()
+    command[command.size // 2 :] *= 0.5
+    return _with(recorded, command=command)
+
+
 def clipped_reading(random: Random, recorded: Recorded) -> Recorded:
     """The command is measured by a sensor that cuts it off at 60 %."""
     limit = 0.6 * float(np.max(np.abs(recorded.axis.command)))
@@ -534,6 +546,8 @@ CASES = (
         same,
         {"levels": "slow", "closed": False, "rates": (20.0,), "lags": 1200.0},
     ),
+    Case("one push of half the command", ("outside_force",), same, {"push": 0.5}),
+    Case("twice the gain from the middle on", ("changed_machine",), other_machine, {}),
     Case("two publishers on one topic", ("two_publishers",), two_publishers, {}),
     Case("two levels only", ("two_levels",), same, {"levels": "two levels", "closed": False}),
 )

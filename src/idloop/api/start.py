@@ -176,7 +176,7 @@ class Start(Result):
 
     def _again(self) -> Iterator[str]:
         """Yield the options that mend what the inspection found."""
-        from idloop.records.inspection.faults import copied_motion, spliced, stuck_sensor
+        from idloop.records.inspection.faults import copied_motion, outside_force, spliced, stuck_sensor
         from idloop.records.inspection.faults.fault import LATE
         from idloop.records.inspection.velocity_check import KIND as WRONG_VELOCITY
 
@@ -186,7 +186,8 @@ class Start(Result):
             yield f"where the names of command and velocity are exchanged, run again with {flags} and another --output"
         late = next((one.evidence[LATE] for one in faults.values() if LATE in one.evidence), 0.0)
         options += [f"--late {self.log.late + late:.4g}"] if late else []
-        cut = [place for kind in (spliced.KIND, stuck_sensor.KIND) if kind in faults for place in faults[kind].places]
+        kinds = (spliced.KIND, stuck_sensor.KIND, outside_force.PUSH, outside_force.CHANGED)
+        cut = [place for kind in kinds if kind in faults for place in faults[kind].places]
         options += filter(None, [self.log.rows_without(cut)])
         if options:
             yield f"run again with {' '.join(options)} and another --output"

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from idloop.records.inspection import between
 from idloop.records.inspection.between import between_records
+from idloop.records.inspection.response import response
 
 
 def kinds(**records):
@@ -67,6 +67,6 @@ def test_the_weight_of_an_arm_is_no_other_load(make_axis):
         velocity += rng.normal(0.0, 5e-3, 4000)
         return make_axis(position=position, velocity=velocity, command=command, time=time, input_time=time)
 
-    alone = between.response(arm(1, 4.0), 0.5), between.response(arm(7, 3.2), 0.5)
-    assert between._gains_differ(*((one.gain, one.error) for one in alone))
+    alone = response(arm(1, 4.0), 0.5), response(arm(7, 3.2), 0.5)
+    assert alone[0].gain_of().differs(alone[1].gain_of())
     assert kinds(a=arm(1, 4.0), b=arm(7, 3.2)) == []

@@ -79,6 +79,11 @@ def rate_limited(command: np.ndarray) -> np.ndarray:
     return np.array(found)
 
 
+def pushed(command: np.ndarray) -> np.ndarray:
+    """A force that nobody commands acts for 0.2 s."""
+    return at(command, [*range(1700, 1740)], 1.0)
+
+
 def held(one: Log, old: np.ndarray) -> Log:
     fresh = np.maximum.accumulate(np.where(old, 0, np.arange(COUNT)))
     return replace(one, position=one.position[fresh], velocity=one.velocity[fresh])
@@ -184,6 +189,12 @@ FAULTS = {
     "a drive with a limit": ("not_followed", "steps", lambda _: log(power_limited)),
     "a drive with a rate limit": ("not_followed", "steps", lambda _: log(rate_limited)),
     "a drive with a speed limit": ("not_followed", "steps", lambda _: log(speed_limited)),
+    "a push from outside": ("outside_force", "steps", lambda _: log(pushed)),
+    "another machine from the middle on": (
+        "changed_machine",
+        "steps",
+        lambda x: replace(x, command=np.where(np.arange(COUNT) < COUNT // 2, 1.0, 0.5) * x.command),
+    ),
     "measured, not commanded": (
         "measured_input",
         "steps",

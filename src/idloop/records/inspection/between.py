@@ -10,14 +10,11 @@ from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults import inner_loop
 from idloop.records.inspection.faults.fault import fault
-from idloop.records.inspection.response import Response, regress, response
+from idloop.records.inspection.response import Response, response
 
-# Gains of two records differ by so many standard errors of their difference, and by this share of the larger.
-_ERRORS, _DIFFER = 5.0, 0.25
 # A gain counts where it is that certain, and explains this share of the acceleration.
 _CERTAIN, _SHARE = 8.0, 0.5
 _RATE = 0.05
-_POSITION = 3  # its column beside the command, where it is recorded
 
 
 def between_records(records: Mapping[str, Sequence[Axis]]) -> list[Finding]:
@@ -123,22 +120,6 @@ def _gains(joint: str, axes: Mapping[str, Axis]) -> list[Finding]:
 
 
 def _differ(one: Response, two: Response) -> bool:
-    return _gains_differ((one.gain, one.error), (two.gain, two.error)) and _gains_differ(
-        _beside_position(one), _beside_position(two)
+    return all(
+        one.gain_of(beside_position=there).differs(two.gain_of(beside_position=there)) for there in (False, True)
     )
-
-
-def _gains_differ(one: tuple[float, float], two: tuple[float, float]) -> bool:
-    off = abs(one[0] - two[0])
-    return off > _ERRORS * float(np.hypot(one[1], two[1])) and off > _DIFFER * max(abs(one[0]), abs(two[0]))
-
-
-def _beside_position(one: Response) -> tuple[float, float]:
-    """Gain and its error beside any smooth force over the position, such as the weight of an arm."""
-    if one.others.shape[1] <= _POSITION:
-        return one.gain, one.error
-    place = one.others[:, _POSITION]
-    over = [place**2, place**3, np.sin(place), np.cos(place)]
-    table = np.column_stack([one.command, one.others, *over])[one.known]
-    values, errors, _ = regress(one.acceleration[one.known], table)
-    return float(values[0]), float(errors[0])

@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 from math import factorial
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -31,6 +32,9 @@ PARTS = 12
 # The motion follows the command beyond doubt from this share of the acceleration and these standard errors of the gain
 # on, where less than the last share of the command follows from speed, friction and position.
 _VISIBLE, _BEYOND_DOUBT, _MADE_OF_MOTION = 0.3, 6.0, 0.8
+# Gains differ by so many standard errors of their difference, and by this share of the larger.
+_DIFFERENCE, _DIFFER = 5.0, 0.25
+_POSITION = 3  # its column beside the command, where it is recorded
 # Powers of the test functions (1 - s^2)^p: enough derivatives for the balance, and for that with a resonance.
 PLAIN, _SMOOTH = 3, 6
 
@@ -64,6 +68,25 @@ class Projection:
         """Mean of a derivative of a signal (n,) over each test function, shape (rows,)."""
         windows = np.lib.stride_tricks.sliding_window_view(value, self.width)[:: max(self.width // _OVERLAP, 1)]
         return np.asarray(windows @ self.kernel(derivative))
+
+
+class Gain(NamedTuple):
+    """Acceleration per command, its standard error, and the share of the acceleration that the command explains."""
+
+    value: float
+    error: float
+    share: float
+
+    @property
+    def certainty(self) -> float:
+        """Gain in standard errors."""
+        return self.value / self.error if self.error > 0.0 else 0.0
+
+    def differs(self, other: Gain, least: float = _DIFFER) -> bool:
+        """Whether two gains differ beyond chance, and by at least this share of the larger."""
+        off = abs(self.value - other.value)
+        chance = _DIFFERENCE * float(np.hypot(self.error, other.error))
+        return off > chance and off > least * max(abs(self.value), abs(other.value))
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +123,20 @@ class Response:
     @property
     def certainty(self) -> float:
         """Gain in standard errors."""
-        return self.gain / self.error if self.error > 0.0 else 0.0
+        return Gain(self.gain, self.error, self.share).certainty
+
+    def gain_of(self, rows: NDArray[np.int64] | None = None, *, beside_position: bool = False) -> Gain:
+        """Gain over some rows, all that are known by default.
+
+        Beside any smooth force over the position, such as the weight of an arm, where that is asked for.
+        """
+        place = self.others[:, _POSITION:][:, :1]
+        over = [place**2, place**3, np.sin(place), np.cos(place)] if beside_position and place.size else []
+        which = np.flatnonzero(self.known) if rows is None else rows
+        target, table = self.acceleration[which], np.column_stack([self.command, self.others, *over])[which]
+        values, errors, left = regress(target, table)
+        alone = regress(target, table[:, 1:])[2]
+        return Gain(float(values[0]), float(errors[0]), 1.0 - left / alone if alone > 0.0 else 0.0)
 
 
 def dry(grid: Grid) -> Floats:

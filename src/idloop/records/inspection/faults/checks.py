@@ -20,6 +20,7 @@ from idloop.records.inspection.faults import (
     measured_command,
     missed_pulses,
     not_followed,
+    outside_force,
     publishers,
     quantisation,
     rate_limit,
@@ -80,6 +81,8 @@ _CONFUSES = {
     "sign_lost", "two_clocks", clocks.OFFSET, "two_publishers", copied_motion.KIND, inner_loop.KIND, late_command.KIND,
     stuck_sensor.KIND,
 }  # fmt: skip
+# Faults that leave forces unexplained at some times.
+_UNEXPLAINED = {*_CONFUSES, "spliced", "missed_pulses", "lost_samples", "spikes", "not_followed", clipped_reading.KIND}
 
 
 def inspect_axis(axis: Axis) -> list[Finding]:
@@ -100,6 +103,9 @@ def inspect_axis(axis: Axis) -> list[Finding]:
             found += check(axis)
             if any(one.kind in _CONFUSES for one in found):
                 break
+        # What jumps, or is limited, leaves forces that the command does not explain as well.
+        if not any(one.kind in _UNEXPLAINED for one in found):
+            found += outside_force.check(axis)
         if any(one.kind == clipped_reading.KIND for one in found):
             found = [one for one in found if one.kind != saturation.KIND]
         # A command measured together with the motion contains what is new in it without any loop.
