@@ -3,22 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from idloop.fleet import words
 from idloop.fleet.figures import MOST_ROWS, heat_map, trend
 from idloop.fleet.statistics import Components
-from idloop.fleet.words import (
-    alarms_words,
-    failed_table,
-    finding_table,
-    findings_words,
-    headline,
-    kind_table,
-    periods_words,
-    read_words,
-)
 from idloop.reporting.page.sheet import render_sheet
 from idloop.reporting.terms import capitalised
 
@@ -42,23 +35,12 @@ def render_fleet(
         TEMPLATE,
         places,
         name=document["source"],
+        headline=words.headline(document),
         document=document,
-        headline=headline(document),
-        words={
-            "read": read_words(document["new"], document["bags"]),
-            "findings": findings_words(document),
-            "periods": periods_words(document) if document["since"] else "",
-            "alarms": alarms_words(document),
-        },
-        findings=finding_table(document["findings"]),
-        periods=finding_table(document["periods"]),
-        alarms=finding_table(document["alarms"]),
-        failed=failed_table(document),
-        kinds=kind_table(document),
+        words=words,
         trends=[f"{one.series.kind}: {one.series.parameter}" for one in components],
         most=MOST_ROWS,
         capitalised=capitalised,
         address=lambda name: quote(reports[name], safe="/?"),
-        reports=reports,
-        robots={robot: [one for one in sorted(reports) if one[0] == robot] for robot, _ in sorted(reports)},
+        robots={robot: list(several) for robot, several in groupby(sorted(reports), itemgetter(0))},
     )

@@ -233,9 +233,7 @@ def take_apart(series: Series) -> Components:
         rho = float(np.clip(np.nan_to_num(np.nanmedian(memory)), 0.0, 0.9)) if len(memory) else 0.0
         # Of successive differences with memory: the variance of a mean of many is larger by so much.
         total = (own + day) * (1.0 + rho) / (1.0 - rho) ** 2
-        weight = np.where(np.isfinite(left), 1.0 / np.maximum(total, 1e-300), 0.0)
-        level = np.nansum(weight * np.nan_to_num(left), axis=1) / np.maximum(np.sum(weight, axis=1), 1e-300)
-        error = np.where(np.any(weight > 0.0, axis=1), 1.0 / np.maximum(np.sum(weight, axis=1), 1e-300), np.nan)
+        level, error = _means(left, total)
         count = np.maximum(np.sum(np.isfinite(left), axis=0), 1)
         date_stderr = np.sqrt(np.nanmedian(total, axis=0) * (np.pi / 2.0) / count)
     mean, _, between, unit_freedom = random_effect(level, error)
@@ -244,6 +242,13 @@ def take_apart(series: Series) -> Components:
         series, mean, date, date_stderr, level, np.sqrt(error), shrunk, float(np.sqrt(between)), float(np.sqrt(day)),
         rho, left, total, freedom, unit_freedom,
     )  # fmt: skip
+
+
+def _means(value: Array, variance: Array) -> tuple[Array, Array]:
+    """Weighted mean of each row and its variance; NaN without a value."""
+    weight = np.where(np.isfinite(value), 1.0 / np.maximum(variance, 1e-300), 0.0)
+    total = np.where(weight.any(axis=1), np.sum(weight, axis=1), np.nan)
+    return np.sum(weight * np.nan_to_num(value), axis=1) / total, 1.0 / total
 
 
 def _successive(left: Array, own: Array) -> tuple[Array, Array, Array]:
@@ -452,22 +457,18 @@ def between_periods(series: Series, since: float, against: float | None) -> tupl
     kind, units : list of Finding
         Their tests, whatever their p-values.
     """
-    before = (series.days < since) & (series.days >= (-np.inf if against is None else against))
-    after = series.days >= since
+    begin = -np.inf if against is None else against
+    periods = (series.days < since) & (series.days >= begin), series.days >= since
     step, errors, _ = _successive(series.value, series.variance)
     day, freedom = wander(step, errors)
-    names, sizes, variances = [], [], []
-    for name, y, own in zip(series.names, series.value, series.variance, strict=True):
-        parts = [(y[period & np.isfinite(y)], own[period & np.isfinite(y)] + day) for period in (before, after)]
-        if all(len(value) for value, _ in parts):
-            means = [np.sum(value / v) / np.sum(1.0 / v) for value, v in parts if np.all(v > 0.0)]
-            if len(means) == len(parts):
-                names.append(name)
-                sizes.append(means[1] - means[0])
-                variances.append(sum(1.0 / np.sum(1.0 / v) for _, v in parts))
-    if not names:
+    (before, old), (after, new) = (
+        _means(np.where(period, series.value, np.nan), series.variance + day) for period in periods
+    )
+    known = np.isfinite(after - before) & (old + new > 1e-200)
+    if not known.any():
         return [], []
-    size, variance = np.array(sizes), np.array(variances)
+    size, variance = (after - before)[known], (old + new)[known]
+    names = [name for name, one in zip(series.names, known, strict=True) if one]
     mean, stderr, effect, joints = random_effect(size, variance)
     few = min(freedom, joints) if effect > 0.0 else freedom
     kind = [_finding(series, "period", since, mean, stderr, ("", ""), float(_p(mean, stderr, few)), few)]
