@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import pytest
@@ -51,6 +52,14 @@ def test_a_killed_worker_loses_nothing_and_an_item_that_kills_costs_itself_only(
         assert (tmp_path / "killed").exists()
         (tmp_path / "poison").touch()
         assert everything(workers, tmp_path, 2) == {item: item**2 if item != 5 else -5 for item in range(COUNT)}
+
+
+@pytest.mark.slow
+def test_two_fleets_on_a_machine_do_not_meet():
+    with warnings.catch_warnings(record=True) as said, Workers(1) as one, Workers(1) as other:
+        warnings.simplefilter("always")
+        assert one.count == other.count == 1
+    assert [str(one.message) for one in said if "in use" in str(one.message)] == []
 
 
 @pytest.mark.slow

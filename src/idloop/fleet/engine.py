@@ -73,6 +73,8 @@ class Workers:
                 library("distributed").LocalCluster(
                     n_workers=self._given, threads_per_worker=1, processes=True, memory_limit=self._memory,
                     host="127.0.0.1", dashboard_address=None, silence_logs=logging.CRITICAL,
+                    # Also without a dashboard it listens: at a port of its own, as there may be several fleets here.
+                    scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
                 )
             )  # fmt: skip
 
