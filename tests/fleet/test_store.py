@@ -74,6 +74,21 @@ def test_the_newest_recording_of_a_joint_is_named(tmp_path, settings):
     assert found == {"robot": "r1", "joint": "j", "kind": "k", "bag": "b2", "sha256": "b2"}
 
 
+def test_the_recordings_of_a_kind_come_joint_by_joint_with_their_estimates(tmp_path, settings):
+    store, days = Store(tmp_path), [datetime(2026, 3, day, tzinfo=timezone.utc) for day in (2, 1)]
+    bags = [replace(one, bag=f"{one.bag}{day.day}", time=day) for day in days for one in (TWO, ONE)]
+    for one in bags:
+        more = {"time": one.time, "error_fitted": 0.1, "force_residual": 2.0, "force_unit": "N", "seconds": 10.0}
+        rows = [row(one, settings, one.bag, parameter=name, value=v, **more) for name, v in (("p", 1.0), ("q", 2.0))]
+        store.add(
+            [*rows, row(one, settings, one.bag, parameter="r", value=None), row(one, settings, None, kind="other")]
+        )
+    found = list(store.recordings(bags, settings, "k"))
+    assert [(one.robot, one.bag) for one in found] == [("r1", "one1"), ("r1", "one2"), ("r2", "two1"), ("r2", "two2")]
+    assert {name: one.estimates[name] for one in found for name in one.estimates} == {"p": (1.0, 0.1), "q": (2.0, 0.1)}
+    assert found[0][4:9] == (0.1, 2.0, "N", 10.0, None)
+
+
 def test_a_damaged_file_is_one_line(tmp_path, settings):
     store = Store(tmp_path)
     store.rows.mkdir()

@@ -47,8 +47,8 @@ def joint_files(components: Iterable[Components]) -> list[JointFile]:
     for kind, own in kinds.items():
         names = sorted({name for one in own for name in one.series.names})
         size = max(MOST_RECORDINGS // max(len(one.series.days) for one in own), 1)
-        for number_, first in enumerate(range(0, len(names), size), start=1):
-            path = f"{JOINTS}/{stems[kind]}-{number_}.html"
+        for part, first in enumerate(range(0, len(names), size), start=1):
+            path = f"{JOINTS}/{stems[kind]}-{part}.html"
             found.append(JointFile(kind, path, tuple(names[first : first + size]), tuple(own)))
     return found
 

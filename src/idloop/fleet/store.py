@@ -164,7 +164,7 @@ class Store:
         what = """
             select robot, joint, time, bag, any_value(error_fitted), any_value(force_residual), any_value(force_unit),
                 any_value(seconds), any_value(notes), list(parameter), list(value), list(stderr)
-            from chosen where parameter is not null and kind = ?
+            from chosen where value is not null and kind = ?
             group by robot, joint, time, bag order by robot, joint, time, bag"""
         answer = self.chosen(bags, settings, what, [kind])
         while row := answer.fetchone():
