@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.errors import InputError
-from idloop.fleet.statistics import Components, Finding
+from idloop.fleet.statistics import Components, Finding, finding_of
 from idloop.monitoring import choose_watches
 from idloop.monitoring.run_length import FEWEST_BLOCKS, run_length
 from idloop.monitoring.watch import USUAL_GROWTH
@@ -23,7 +23,6 @@ FALSE_ALARMS = 10_000  # recordings of a joint between two false alarms
 REFERENCE = 7  # recordings of a joint that count as healthy
 _LEAST, _MOST = 3.0, 3.0  # least threshold; highest one over the logarithm of the recordings
 _NODES = 41
-_Z95 = 1.959963984540054
 
 
 def watched(model: Model) -> tuple[str, ...]:
@@ -56,29 +55,14 @@ def wear_alarms(parts: Components, recordings: float = FALSE_ALARMS) -> list[Fin
     if threshold is None:
         return None
     found = []
-    for (robot, joint), row, own in zip(parts.series.names, parts.left, parts.total, strict=True):
+    for name, row, own in zip(parts.series.names, parts.left, parts.total, strict=True):
         seen = np.flatnonzero(np.isfinite(row))
         alarm = _first_alarm(row[seen], own[seen], growth, threshold)
         if alarm is None:
             continue
         onset, size, error = alarm
-        series, day = parts.series, float(parts.series.days[seen[onset]])
-        low, high = size - _Z95 * error, size + _Z95 * error
-        found.append(
-            Finding(
-                "alarm",
-                series.kind,
-                series.parameter,
-                series.unit,
-                robot,
-                joint,
-                day,
-                size,
-                low,
-                high,
-                1.0 / recordings,
-            )
-        )
+        day = float(parts.series.days[seen[onset]])
+        found.append(finding_of(parts.series, "alarm", day, size, error, name, 1.0 / recordings))
     return found
 
 

@@ -318,7 +318,7 @@ class Hypotheses:
             course = np.full(len(y), parts.level[place])
             if len(series.names) >= FEWEST_UNITS:
                 size, stderr = float(parts.level[place] - parts.mean), float(parts.level_stderr[place])
-                odd = partial(_finding, series, "odd", float(days[-1]), size, stderr, name)
+                odd = partial(finding_of, series, "odd", float(days[-1]), size, stderr, name)
                 self._one(float(_p(size, among[place], parts.unit_freedom)), odd)
             if len(y) >= _FEWEST_DAYS:
                 change = best_change(days, y, variance, parts.freedom)
@@ -340,7 +340,7 @@ class Hypotheses:
         self.add(np.array([p_value]), lambda place: finding(p_value))
 
 
-def _finding(
+def finding_of(
     series: Series, what: str, day: float, size: float, stderr: float, name: tuple[str, str], p_value: float,
     freedom: float = np.inf,
 ) -> Finding:  # fmt: skip
@@ -355,13 +355,13 @@ def _finding(
 
 
 def _change(series: Series, change: Change, name: tuple[str, str], p_value: float) -> Finding:
-    return _finding(series, change.what, change.day, change.size, change.stderr, name, p_value)
+    return finding_of(series, change.what, change.day, change.size, change.stderr, name, p_value)
 
 
 def _day(
     series: Series, days: Array, away: Array, error: Array, p: Array, name: tuple[str, str], place: int
 ) -> Finding:
-    return _finding(series, "day", float(days[place]), float(away[place]), float(error[place]), name, float(p[place]))
+    return finding_of(series, "day", float(days[place]), float(away[place]), float(error[place]), name, float(p[place]))
 
 
 def _dates(parts: Components) -> Change | None:
@@ -471,12 +471,12 @@ def between_periods(series: Series, since: float, against: float | None) -> tupl
     names = [name for name, one in zip(series.names, known, strict=True) if one]
     mean, stderr, effect, joints = random_effect(size, variance)
     few = min(freedom, joints) if effect > 0.0 else freedom
-    kind = [_finding(series, "period", since, mean, stderr, ("", ""), float(_p(mean, stderr, few)), few)]
+    kind = [finding_of(series, "period", since, mean, stderr, ("", ""), float(_p(mean, stderr, few)), few)]
     # Where enough joints share the change of their kind, one is of interest that does otherwise.
     what, away = ("beyond", size - mean) if len(size) >= FEWEST_UNITS else ("period", size)
     errors = np.sqrt(variance)
     units = [
-        _finding(series, what, since, one, error, name, p)
+        finding_of(series, what, since, one, error, name, p)
         for name, one, error, p in zip(
             names, away.tolist(), errors.tolist(), _p(away, errors, freedom).tolist(), strict=True
         )
