@@ -13,7 +13,7 @@ import pytest
 import idloop
 from idloop.api.first_fit import FirstFit, judged
 from idloop.api.log import Log, recognise
-from idloop.api.start import begin, more_than_one_axis, with_causes
+from idloop.api.start import begin, forwards_beside_position, more_than_one_axis, with_causes
 from idloop.errors import InputError
 from idloop.records import Finding, make_stream, write_bag
 from idloop.records.tables.importing import import_bag
@@ -766,3 +766,22 @@ def test_a_bag_is_cut_apart_by_the_options_that_are_printed(record, tmp_path):
     assert again.fit.values["axis.inertia"] == pytest.approx(0.01, rel=0.05)
     with pytest.raises(InputError, match="--rows 9000: holds nothing"):
         recognise(bag, rows=[slice(9000, None)])
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_an_axis_on_a_spring_is_not_said_to_be_turned_where_the_command_gives_it_power(sign, tmp_path):
+    """Below its resonance it goes the way of its force, and a model without a spring the other way."""
+    rng, time = np.random.default_rng(1), np.arange(3000) / 100.0
+    force = np.sum([np.sin(turns * time + turns) for turns in (0.7, 1.3, 2.1, 3.1)], axis=0)
+    place, p, v = np.empty(time.size), 0.0, 0.0
+    for k, u in enumerate(force):
+        place[k] = p
+        for _ in range(10):
+            v += 0.001 * (10.0 * u - 0.5 * v - 60.0 * p)
+            p += 0.001 * v
+    log = _write(tmp_path / "log.csv", "t,torque,q", time, sign * force, place + 1e-4 * rng.normal(size=time.size))
+    begun = idloop.start(log, tmp_path / "begun", {"position": "q=rad", "command": "torque=N·m"}, fitted=False)
+    done = FirstFit(begun.model, why_not="turned", reversed=True)
+    found = forwards_beside_position(done, begun.inspections)
+    assert (found.reversed, found.incomplete) == ((False, True) if sign > 0 else (True, False))
+    assert ("a spring or a weight is missing" in found.why_not) == (sign > 0)

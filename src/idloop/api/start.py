@@ -452,6 +452,8 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
         done = first_fit(kind, bags, fitted=fitted, refused=refused, progress=part(progress, 0.4, 0.9))
         if kind.load is not None and fitted and not refused and _is_massless(done, kind.load[0]):
             done = _with_one_body(done, kind, bags, part(progress, 0.9, 1.0))
+    if done.reversed:
+        done = forwards_beside_position(done, inspections)
     if done.unmoved:
         done = more_than_one_axis(done, inspections, log.recognition.joints)
     done = with_causes(done, inspections, f"{joint}.velocity is late and left out of the model" if late else "")
@@ -475,6 +477,32 @@ def _with_one_body(done: FirstFit, kind: FirstModel, bags: Sequence[Path], progr
         return done
     note = f"{kind.load[0]}.position shows no inertia of its own: it is left out, and the model has one body"
     return replace(alone, notes=(*alone.notes, note))
+
+
+def forwards_beside_position(done: FirstFit, inspections: Sequence[Inspection]) -> FirstFit:
+    """Take back that the motion follows minus the command, where it does so for want of a spring or a weight.
+
+    Below its resonance a swinging axis goes the way of its force, and a free one the other way.
+
+    Parameters
+    ----------
+    done : FirstFit
+        Reversed.
+    inspections : sequence of Inspection
+    """
+    from idloop.records.inspection.faults.command_direction import is_forwards
+
+    driven = [axis for one in inspections for axis in one.axes if axis.command_name]
+    if not driven or not all(map(is_forwards, driven)):
+        return done
+    if done.fit is not None:
+        return replace(done, reversed=False)
+    why = (
+        "inertia and viscous friction predict the motion only with the sign of the command turned, but beside a force"
+        " that depends on the position the command accelerates it forwards, and gives it power: a spring or a weight is"
+        " missing; let a diagnosis find it"
+    )
+    return replace(done, why_not=why, reversed=False, incomplete=True)
 
 
 def more_than_one_axis(done: FirstFit, inspections: Sequence[Inspection], joints: Sequence[str]) -> FirstFit:

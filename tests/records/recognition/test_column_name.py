@@ -21,6 +21,7 @@ NAMES = {
     "/joint_states/shoulder/position": (("shoulder", "position"), "", ""),
     "log.y[0]": (("log", "y"), "", "0"),
     "Position actual value [inc]": (("position", "actual", "value"), "counts", ""),
+    "encoder(steps)": (("encoder",), "counts", ""),
     "u [V]": (("u",), "V", ""),
     "current_mA": (("current",), "mA", ""),
     "iq_setpoint": (("iq", "setpoint"), "", ""),

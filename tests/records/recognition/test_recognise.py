@@ -306,6 +306,23 @@ def test_a_velocity_that_is_left_out_still_doubts_the_sample_time(unit):
             assert ("the sample time is wrong by this factor" in doubts) is said
 
 
+def test_a_velocity_that_is_the_travel_in_a_sample_is_said_with_the_formula_that_mends_it():
+    columns = {"t": T, "u": U, "angle [rad]": ANGLE, "speed": 0.005 * SPEED}
+    said = next(one for one in _roles(columns)[1].all_doubts() if "travels in a sample of 0.005 s" in one)
+    formula, unit = said.partition("--velocity '")[2].rstrip("'").split("=")
+    roles, again = _roles(columns, given={"velocity": Given(formula, unit)})
+    assert roles["velocity"] == ("speed / 0.005", "rad/s")
+    left_out = _roles(columns, given={"velocity": Given("none")})[1]
+    for found in (again, left_out):
+        assert not any("slope of the position" in one or "in a sample" in one for one in found.all_doubts())
+
+
+def test_what_a_workspace_holds_beside_a_record_is_none_of_its_columns():
+    settings = {"model.Input voltage": np.arange(36.0), "model.time": np.arange(36.0)}
+    roles, _ = _roles(settings | {"u": U, "angle": ANGLE}, period=0.005)
+    assert roles["command"][0] == "u"
+
+
 def test_what_is_given_counts_before_any_guess():
     columns = {"t": T, "a": ANGLE, "b": 0.5 * ANGLE, "u": U}
     roles, found = _roles(columns, given={"position": Given("a + b", "deg"), "command": Given("u", "mA")})

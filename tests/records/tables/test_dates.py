@@ -40,3 +40,7 @@ def test_what_is_none(text):
 def test_a_column_over_the_change_to_summer_time():
     cells = ["2025-03-30 01:59:59.5+01:00", "2025-03-30 03:00:00.0+02:00"]
     np.testing.assert_array_equal(np.diff(dates_ns(cells)), [SECOND // 2])
+
+
+def test_no_cells_hold_no_dates():
+    assert dates_ns([]) is None

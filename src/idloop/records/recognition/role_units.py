@@ -29,6 +29,7 @@ LINEAR_UNITS = {"m", "cm", "mm", "um", "in", "m/s", "cm/s", "mm/s", "um/s", "m/m
 _IN_HERTZ = re.compile(r"[\[(_ ]hz[\])]?$", re.IGNORECASE)
 _ENCODERS = {"enc", "encoder", "count", "counts", "tick", "ticks", "inc"}
 _FEWEST_COUNTS = 200  # of a turn
+_PER_SAMPLE = 0.02  # part by which the time of a sample may differ from the factor of a difference
 _MOST_LEVELS, _FEW_LEVELS = 8, 5  # of a command in whole amperes or newton metres, and of what follows it
 _MANY_COUNTS = 1000  # whole numbers as large as this are no angle in rad
 # Largest values of a command in counts, and those of them that a duty cycle may have as well.
@@ -315,6 +316,11 @@ def _related(
             chosen["velocity"] = chosen["velocity"].with_doubt(said)
         elif slope is not None and not speed_unit:
             said = _no_unit(slope.value, chosen["position"])
+            if period := _per_sample(slope.value, chosen["position"], base):
+                said = (
+                    f"it is what the position travels in a sample of {period:.4g} s, not in a second: --velocity"
+                    f" '{quoted(speed.column)} / {period:.4g}={chosen['position'].unit}/s'"
+                )
             chosen["velocity"] = chosen["velocity"].with_doubt(said) if said else chosen["velocity"]
         elif slope is not None and counted:
             factor = base_unit(speed.unit, "velocity", speed.column)[1]
@@ -369,7 +375,9 @@ def doubt_of_left_out(
         if one.by_name.role != "velocity" or not one.value.size == value.size == base.seconds.size:
             continue
         slope = slope_of(base.seconds, value, one.value, column.runs)
-        if slope is not None and (said := _no_unit(slope.value, place)):
+        if slope is None or _per_sample(slope.value, place, base):
+            continue
+        if said := _no_unit(slope.value, place):
             return f"{one.name!r} is left out; {said}"
     return ""
 
@@ -383,6 +391,13 @@ def _no_unit(slope: float, place: Guess) -> str:
         f"it is {times:.4g} times the slope of the position, which is no usual unit: its scale or that of the position"
         " is another, or the sample time is wrong by this factor, and with it every time constant"
     )
+
+
+def _per_sample(slope: float, place: Guess, base: TimeBase) -> float:
+    """Time in which a position travels what its velocity says, where that is a sample [s]; 0 elsewhere."""
+    period = float(np.median(np.diff(base.seconds)))
+    times = slope / base_unit(place.unit, "position", "")[1]
+    return period if abs(times / period - 1.0) < _PER_SAMPLE else 0.0
 
 
 def _count_by_slope(place: Guess, speed: Guess, slope: float) -> tuple[Guess, Guess]:

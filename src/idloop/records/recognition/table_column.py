@@ -149,7 +149,7 @@ class TableColumn:
 
 
 def numbers_of(table: Table) -> dict[str, Floats]:
-    """Columns that hold numbers."""
+    """Columns that hold numbers, without those of a table with one clock that are no part of its record."""
     found = {}
     for name in table.columns:
         try:
@@ -159,7 +159,9 @@ def numbers_of(table: Table) -> dict[str, Floats]:
         # What is infinite was not measured; an import says so.
         if np.isfinite(value).sum() > 1:
             found[name] = np.where(np.isfinite(value), value, np.nan)
-    return found
+    # Beside one record a workspace holds the settings of models, matrices and results.
+    longest = 0 if table.clocks else max((value.size for value in found.values()), default=0)
+    return {name: value for name, value in found.items() if 2 * value.size > longest}
 
 
 def runs_of(value: Floats, base: TimeBase) -> tuple[slice, ...]:

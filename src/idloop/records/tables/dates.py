@@ -40,11 +40,11 @@ def date_ns(cell: Any) -> int | None:
 
 
 def dates_ns(cells: Iterable[Any]) -> NDArray[np.int64] | None:
-    """Return dates as nanoseconds since 1970, shape (n,); None where a cell is none."""
+    """Return dates as nanoseconds since 1970, shape (n,); None where a cell is none, or there are no cells."""
     found = []
     for cell in cells:
         one = date_ns(cell)
         if one is None:
             return None
         found.append(one)
-    return np.array(found, dtype=np.int64)
+    return np.array(found, dtype=np.int64) if found else None

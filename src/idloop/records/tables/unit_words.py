@@ -26,7 +26,7 @@ _WORDS: dict[str, str] = {
     " milimetry мм миллиметр миллиметры 毫米",
     "um": "um µm μm micron microns micrometer micrometers micrometre micrometres mikrometer micra мкм 微米",
     "in": "in inch inches pulgada pulgadas pouce pouces zoll pollici",
-    "counts": "counts count cnt cts ticks tick pulse pulses puls impuls impulse impulses impulsy impulsos impulsi"
+    "counts": "counts count cnt cts steps ticks tick pulse pulses puls impuls impulse impulses impulsy impulsos impulsi"
     " impulsions inc incs increment increments inkrement inkremente incrementos incrementi lsb qc имп импульсы 脉冲",
     "V": "v volt volts volte voltio voltios в вольт вольты 伏 伏特",
     "A": "a arms apk amp amps ampere amperes amper ampery amperio amperios а ампер амперы 安 安培",

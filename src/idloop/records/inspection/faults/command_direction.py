@@ -19,9 +19,7 @@ _ERRORS, _SHARE = 6.0, 0.2
 def check(axis: Axis) -> list[Finding]:
     """Estimate the sign of the acceleration that the command gives."""
     found = response(axis, _SHARE)
-    if found is None or axis.grid is None or found.certainty > -_ERRORS:
-        return []
-    if float(np.nanmean(axis.grid.command * axis.grid.speed)) > 0.0:
+    if found is None or found.certainty > -_ERRORS or _power(axis) > 0.0:
         return []
     name, unit = axis.command_name, axis.unit("command")
     motion = axis.unit("position").removesuffix("/s")
@@ -36,3 +34,14 @@ def check(axis: Axis) -> list[Finding]:
             spoils=("identification",),
         )
     ]
+
+
+def is_forwards(axis: Axis) -> bool:
+    """Whether a positive command accelerates an axis forwards beyond doubt, and gives power to the motion."""
+    found = response(axis, _SHARE)
+    return found is not None and found.certainty > _ERRORS and _power(axis) > 0.0
+
+
+def _power(axis: Axis) -> float:
+    """Mean of command times speed."""
+    return 0.0 if axis.grid is None else float(np.nanmean(axis.grid.command * axis.grid.speed))
