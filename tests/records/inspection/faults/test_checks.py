@@ -399,6 +399,12 @@ def test_a_reading_of_the_command_that_is_cut_off_is_told_from_a_command_that_is
     assert "clipped_reading" not in kinds(make_axis(command=cut))
 
 
+def test_a_thrust_that_grows_faster_than_a_command_of_few_levels_is_no_reading_that_is_cut_off(make_axis):
+    levels = np.repeat(np.random.default_rng(3).choice(np.linspace(0.1, 1.5, 14), 60), 50)
+    levels[levels == levels.max()] = 1.5
+    assert "clipped_reading" not in kinds(make_axis(command=levels, drive=lambda u: u * u - 0.7))
+
+
 def test_a_noisy_velocity_of_an_axis_at_rest_shows_no_stuck_sensor(make_axis):
     axis = make_axis(command=np.concatenate([np.zeros(400), np.repeat(np.random.default_rng(2).normal(size=65), 40)]))
     position = np.where(axis.time < 2.0, 0.0, axis.position)

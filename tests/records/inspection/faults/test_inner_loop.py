@@ -70,3 +70,14 @@ def test_a_spring_is_no_loop(make_axis, spring):
             p += 5e-4 * v
     axis = make_axis(count=time.size, command=command)
     assert check(replace(axis, position=position, velocity=velocity, units={})) == []
+
+
+@pytest.mark.parametrize("count", [100, 150])
+def test_a_short_record_shows_a_set_point_that_is_followed_closely(make_axis, count):
+    """A ramp of two seconds, as a servo is tested."""
+    ramp = np.concatenate([np.linspace(0.0, 0.3, count // 2), np.linspace(0.3, 0.0, count - count // 2)])
+    late = np.concatenate([np.zeros(3), ramp[:-3]])
+    units = {"j.position": "rad"}
+    axis = make_axis(count=count, rate=50.0, command=ramp, position=late, velocity=None, units=units)
+    (found,) = check(axis)
+    assert unit_of_set_point(found) == "rad"

@@ -18,6 +18,8 @@ _SHARE, _OWN = 0.02, 0.05
 # What acts at the limit beside the reading: its share of the limit, its standard errors, and the share of the
 # acceleration left without it that it explains.
 _MORE, _ERRORS, _EXPLAINS = 0.05, 3.5, 0.1
+# Distinct values of a command that was measured.
+_LEVELS = 65
 # A dead zone within this part of the limit.
 _DEAD = 0.2
 
@@ -36,7 +38,11 @@ def check(axis: Axis) -> list[Finding]:
     at_limit = np.sum([np.sign(limit) * np.isclose(grid.command, limit, rtol=1e-9) for limit in limits], axis=0)
     at_limit = np.where(np.isfinite(grid.command), at_limit, np.nan)
     fading = np.exp(-np.abs(grid.speed) / max(float(np.nanstd(grid.speed)), 1e-300))
-    beside = (grid.speed * np.abs(grid.speed), dry(grid) * fading, np.clip(grid.command, -_DEAD * size, _DEAD * size))
+    dead = np.clip(grid.command, -_DEAD * size, _DEAD * size)
+    beside = [grid.speed * np.abs(grid.speed), dry(grid) * fading, dead]
+    if np.unique(command).size < _LEVELS:
+        # Of few levels the largest shows a thrust or a torque that grows faster than its command as well.
+        beside.append(grid.command * np.abs(grid.command))
     best: tuple[float, float] | None = None
     for one in responses(axis):
         others = np.column_stack([one.command, one.others, *(one.functions.project(value) for value in beside)])

@@ -17,7 +17,7 @@ _POSITION, _VELOCITY = (
     ("rad", "deg", "rev", "m", "mm", "cm", "counts"),
     ("rad/s", "rpm", "deg/s", "rev/s", "m/s", "mm/s"),
 )
-_LAGS = 24
+_LAGS, _FEWEST = 24, 60  # delays, and samples that they leave
 # In the balance of a position loop the position has this factor, to this accuracy, explains this share of the command
 # beside what moves the axis, and leaves so little of it.
 _FACTOR, _EXACT, _OWN, _WHOLE = 0.02, 0.01, 0.9, 0.98
@@ -129,7 +129,7 @@ def _follows(command: Floats, value: Floats) -> tuple[float, float]:
     for lag in range(_LAGS):
         u, y = command[: command.size - lag], value[lag:]
         known = np.isfinite(u) & np.isfinite(y)
-        if known.sum() < 100:
+        if known.sum() < _FEWEST:
             continue
         u, y = u[known] - np.mean(u[known]), y[known] - np.mean(y[known])
         power, both, motion = float(u @ u), float(u @ y), float(y @ y)
