@@ -123,7 +123,8 @@ def test_a_recording_at_an_address_is_fetched_by_the_command(components, documen
 def test_a_click_on_the_heat_map_opens_the_report_of_the_joint(components, document, recorded, browser, tmp_path):
     (file,) = joint_files(components)
     (tmp_path / "joints").mkdir()
-    (tmp_path / file.path).write_text(page(components, document, recorded), encoding="utf-8")
+    html = page(components, document, recorded)
+    (tmp_path / file.path).write_text(html, encoding="utf-8")
     fleet = tmp_path / "fleet.html"
     fleet.write_text(render_fleet(document, components, addresses([file])), encoding="utf-8")
     context, bad = browser.new_context(offline=True, viewport={"width": 1280, "height": 900}), []
@@ -151,6 +152,11 @@ def test_a_click_on_the_heat_map_opens_the_report_of_the_joint(components, docum
     one.locator("#theme").click()
     one.wait_for_selector("html[data-ready]", timeout=200_000)
     assert max(one.evaluate(drawn)) == 6, "also in the other colours"
+    numbered = html.replace('"r1 b"', '"r#1 b"').replace('["r1","b"', '["r#1","b"')
+    (tmp_path / file.path).write_text(numbered, encoding="utf-8")
+    one.goto((tmp_path / file.path).as_uri() + "?r#1 b")
+    one.wait_for_selector("html[data-ready]", timeout=200_000)
+    assert one.locator("h1").inner_text() == "r#1 b"
     one.goto((tmp_path / file.path).as_uri() + "?nobody")
     one.wait_for_selector("html[data-ready]", timeout=200_000)
     assert "No joint of this name" in one.locator("main").inner_text()
