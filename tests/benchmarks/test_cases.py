@@ -11,6 +11,9 @@ from experiment import experiment, record, start_model, true_model
 from machines import MACHINES, base_model
 from plan import SINGLES
 
+from idloop.estimation.dataset import prepare
+from idloop.estimation.force_balance.weak_fit import fit_by_force
+from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.physics import catalogue
 
 
@@ -82,3 +85,10 @@ def test_no_closed_loop_swings_up_because_the_command_comes_late(cases):
     for case in late:
         drive = record(case, case.training[0], 1, "train0")
         assert np.max(np.abs(drive.input)) < 100.0 * MACHINES[case.machine].command, case.id
+
+
+def test_a_torque_that_wanders_takes_no_inertia_away(cases):
+    case = next(case for case in cases if case.id == "clean/walk/torsion/17")
+    data = experiment(case, suite=11)
+    balance = fit_by_force(CachingEngine(data.start), prepare(data.start, data.training), data.start.theta)
+    assert balance is None or np.all(balance.form.inertia(balance.theta) > 1e-8)

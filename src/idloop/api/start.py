@@ -466,8 +466,9 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
 
 
 def _is_massless(done: FirstFit, load: str) -> bool:
-    """Whether a fit of two bodies finds no inertia of the load, or nothing at all."""
-    return done.fit is None or f"{load}.inertia" in done.fit.result.at_bound
+    """Whether a fit of two bodies finds no inertia of the load that its error does not cover, or nothing at all."""
+    inertia = f"{load}.inertia"
+    return done.fit is None or inertia in done.fit.result.at_bound or not done.fit.intervals[inertia][0] > 0.0
 
 
 def _with_one_body(done: FirstFit, kind: FirstModel, bags: Sequence[Path], progress: Progress) -> FirstFit:

@@ -7,7 +7,7 @@ import pytest
 
 from idloop.estimation import fit
 from idloop.estimation.dataset import prepare
-from idloop.estimation.force_balance.weak_fit import WeakFit, cost_at, fit_by_force, fit_weak
+from idloop.estimation.force_balance.weak_fit import WeakFit, _off_limits, cost_at, fit_by_force, fit_weak
 from idloop.estimation.force_balance.weak_form import weak_form
 from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.physics import Model, load_model
@@ -60,6 +60,19 @@ def turning_often(noise: float, seed: int) -> Record:
     output = output + noise * rng.normal(size=output.shape) * [2e-4, 4e-3]
     names, units = tuple(o.name for o in model.outputs), tuple(o.unit for o in model.outputs)
     return Record("run", time, command, time, output, "axis.effort", model.input.unit, names, units)
+
+
+def test_a_search_leaves_a_limit_from_the_start() -> None:
+    engine = CachingEngine(MACHINE)
+    found = fit_by_force(engine, prepare(MACHINE, [recorded(MACHINE)]), MACHINE.theta)
+    assert found is not None
+    np.testing.assert_array_equal(_off_limits(found, MACHINE.theta), found.theta)
+    place = engine.free.index("axis.inertia")
+    lost = replace(found, point=found.point.copy())
+    lost.point[place] = MACHINE.bounds[0][place]
+    left = _off_limits(lost, MACHINE.theta)
+    assert left[place] == MACHINE.theta[place]
+    np.testing.assert_array_equal(np.delete(left, place), np.delete(found.theta, place))
 
 
 @pytest.mark.parametrize("noise", [0.01, 1.0, 10.0])

@@ -592,13 +592,27 @@ def fit_by_force(
             continue
         skipped = None
         found = with_rest_speed(fit_from_two_starts(form, point) if width == narrowest else fit_weak(form, point))
+        # No body is without inertia: what is left of it was lost in noise.
+        free = found.form.engine.free
+        noisy = noisy or any(name.endswith(".inertia") for name, at in zip(free, _at_limit(found), strict=True) if at)
         if form.reliability >= _RELIABLE and found.resolved:
-            attenuated = _underestimates_inertia(found, forms, noisy=noisy)
+            attenuated = _underestimates_inertia(found, start, forms, noisy=noisy)
             noisy = noisy if attenuated is None else attenuated
             if not noisy and np.all(found.noise_share <= MOST_NOISE):
                 return found
             partly_resolved = partly_resolved or (None if noisy else found)
-        width, point = _wider(width), found.theta
+        width, point = _wider(width), _off_limits(found, start)
+
+
+def _off_limits(fit: WeakFit, start: Array) -> Array:
+    """Values of a fit, and those of the start where they are at a limit: a search there may see no way back."""
+    return np.where(_at_limit(fit), start[: len(fit.theta)], fit.theta)
+
+
+def _at_limit(fit: WeakFit) -> NDArray[np.bool_]:
+    """Which free parameters are at a limit, shape (k,)."""
+    lower, upper = fit.form.engine.model.bounds
+    return np.asarray((fit.theta <= lower) | (fit.theta >= upper))
 
 
 def _mostly_noise(form: WeakForm, point: Array) -> bool:
@@ -624,7 +638,7 @@ def _windows(engine: Engine, data: Sequence[Data], width: int, known: dict[int, 
     return form
 
 
-def _underestimates_inertia(fit: WeakFit, forms: dict[int, WeakForm], *, noisy: bool) -> bool | None:
+def _underestimates_inertia(fit: WeakFit, start: Array, forms: dict[int, WeakForm], *, noisy: bool) -> bool | None:
     """Whether far wider windows, in which noise averages out, show a larger inertia, with which they leave less force.
 
     None where there are too few of them. Noise of unknown colour, as of a jitter of the stamps, is underestimated, and
@@ -634,7 +648,8 @@ def _underestimates_inertia(fit: WeakFit, forms: dict[int, WeakForm], *, noisy: 
     form = _windows(fit.form.engine, fit.form.data, round(_FAR_WIDER * fit.form.width), forms)
     if form is None:
         return None
-    wider = fit_weak(draft_windows(form.with_rest_speed(fit.form.rest_speed)), fit.theta, tolerance=RANKING_TOLERANCE)
+    draft = draft_windows(form.with_rest_speed(fit.form.rest_speed))
+    wider = fit_weak(draft, _off_limits(fit, start), tolerance=RANKING_TOLERANCE)
     narrow, wide = (one.form.inertia(one.theta) / one.form.gain(one.theta) for one in (fit, wider))
     if np.all(narrow >= _LEAST_INERTIA * wide):
         return False
