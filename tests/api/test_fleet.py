@@ -10,6 +10,7 @@ import pytest
 
 import idloop
 from benchmarks import fleet as simulated
+from idloop.api.fleet import _found_and_left
 from idloop.errors import InputError
 from idloop.fleet.bags import FleetBag
 from idloop.fleet.store import Store
@@ -162,3 +163,9 @@ def test_a_watch_takes_what_has_come_to_rest(first, bags, monkeypatch):
 def test_bad_options_are_one_line(bags, tmp_path, options, line):
     with pytest.raises(InputError, match=line):
         idloop.identify_fleet(bags, MODELS, tmp_path, workers=0, **options)
+
+
+def test_a_conclusion_names_what_was_found_before_what_is_left():
+    assert _found_and_left((), "nothing is left") == "nothing is left"
+    found = _found_and_left(("dead_zone@input", "cogging@axis"), "nothing is left")
+    assert found == "missing from the model: dead_zone@input, cogging@axis; beside that, nothing is left"

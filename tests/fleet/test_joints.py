@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shlex
+from dataclasses import replace
 from datetime import datetime, timedelta, timezone
 from urllib.parse import quote
 
@@ -19,6 +20,7 @@ from idloop.fleet.joints import addresses, file_stems, joint_files, of_files, re
 from idloop.fleet.page import render_fleet
 from idloop.fleet.statistics import Series, take_apart
 from idloop.fleet.store import Recording
+from idloop.fleet.words import level_table
 
 NAMES = tuple((f"r{k}", name) for k in range(4) for name in ("a", "b"))
 DAYS = np.arange(6.0) + 20000.0
@@ -110,6 +112,12 @@ def test_a_joint_has_its_rows_points_and_command(components, document, recorded)
         "refine", "runs/models/kind.yaml", f"bags/r1/5{ODD}", "--joint", "axis=b", "--criterion", "force",
         "--output", "r1-b-2024-10-09",
     ]  # fmt: skip
+
+
+def test_joints_that_are_alike_have_no_distance_from_their_kind(components):
+    alike = [replace(one, unit_deviation=0.0) for one in components]
+    assert {row[-1] for row in level_table(alike).rows} == {"-"}
+    assert all(row[-1].endswith("σ") for row in level_table(components).rows)
 
 
 def test_a_recording_at_an_address_is_fetched_by_the_command(components, document, recorded):

@@ -441,9 +441,15 @@ def diagnose_joint(task: dict[str, Any], settings: Settings) -> tuple[dict[str, 
             page = ladder.report(Path(scratch) / "report.html").read_text(encoding="utf-8")
     except IdloopError as error:
         return undiagnosed(task, one_line(str(error)))
-    found = {"added": list(ladder.added), "verdict": ladder.verdict, "conclusion": document["conclusion"],
+    conclusion = _found_and_left(ladder.added, document["conclusion"])
+    found = {"added": list(ladder.added), "verdict": ladder.verdict, "conclusion": conclusion,
              "parameters": document["parameters"], "report": f"{JOINTS}/{task['stem']}.html"}  # fmt: skip
     return to_json({**task, **found}), page
+
+
+def _found_and_left(added: Sequence[str], conclusion: str) -> str:
+    """What a diagnosis found, and its conclusion on the rest."""
+    return f"missing from the model: {', '.join(added)}; beside that, {conclusion}" if added else conclusion
 
 
 def undiagnosed(task: dict[str, Any], reason: str = LOST) -> tuple[dict[str, Any], str]:

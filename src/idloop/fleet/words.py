@@ -204,10 +204,11 @@ def level_table(components: Iterable[Components]) -> Table:
             [one["level"], one["shrunk"], one["kind_mean"], *(one["level"] + np.array([-_Z95, _Z95]) * one["stderr"])]
         )
         level, shrunk, mean, low, high = (100.0 * np.exp(ends) if share else ends).tolist()
-        away = (one["level"] - one["kind_mean"]) / one["unit_deviation"] if one["unit_deviation"] else np.nan
+        apart = one["level"] - one["kind_mean"]
+        away = f"{apart / one['unit_deviation']:+.1f} σ" if one["unit_deviation"] else "-"
         rows.append((
             one["robot"], one["joint"], one["parameter"], number(level), interval_text(low, high), number(shrunk),
-            number(mean), "%" if share else one["unit"], f"{away:+.1f} σ",
+            number(mean), "%" if share else one["unit"], away,
         ))  # fmt: skip
     head = (
         "robot",
