@@ -27,6 +27,7 @@ DAYS = np.arange(6.0) + 20000.0
 START = datetime(1970, 1, 1, tzinfo=timezone.utc) + timedelta(days=20000)
 KIND = {
     "kind": "kind", "parameter": "p", "unit": "N", "units": 8, "recordings": 48, "mean": 1.0, "unit_deviation": 0.1,
+    "dates_of_one_joint": 0,
     "date_deviation": 0.0, "day_deviation": 0.0, "error": 0.01,
 }  # fmt: skip
 ODD = "</script>"  # a bag with such a name must not end the script that holds it
