@@ -669,15 +669,21 @@ def test_a_command_that_was_recorded_late_is_mended_by_the_option_that_is_printe
     assert again.fit.values["axis.inertia"] == pytest.approx(0.01, rel=0.05)
 
 
+def _pieces(said, middle):
+    """The rows of two recordings in one, by the options that are printed; one begins after the other."""
+    printed = re.search(r"run again with --rows (\S+) --rows (\S+) and", said).groups()
+    first, second = (slice(*map(int, one.split(":"))) for one in printed)
+    assert first.start == 0
+    assert first.stop <= middle < second.start + 2
+    return [first, second]
+
+
 def test_recordings_in_one_file_are_cut_apart_by_the_options_that_are_printed(record, tmp_path):
     c = _columns(record)
     place, middle = c["q"] + np.where(c["t"] < 7.5, 0.0, 0.2 * np.ptp(c["q"])), c["t"].size // 2
     log = _write(tmp_path / "log.csv", "t_s,torque_Nm,angle_rad", c["t"], c["u"], place)
     said = idloop.start(log, tmp_path / "begun", fitted=False).summary()
-    (first, second) = re.search(r"run again with --rows (\S+) --rows (\S+) and", said).groups()
-    pieces = [slice(*map(int, one.split(":"))) for one in (first, second)]
-    assert pieces[0].start == 0
-    assert pieces[0].stop <= middle < pieces[1].start + 2
+    pieces = _pieces(said, middle)
     again = idloop.start(log, tmp_path / "again", rows=pieces)
     assert [bag.name for bag in again.bags] == ["log_run1", "log_run2"]
     assert [one.grade for one in again.inspections] == ["usable", "usable"]
@@ -755,10 +761,7 @@ def test_a_bag_is_cut_apart_by_the_options_that_are_printed(record, tmp_path):
     place, middle = c["q"] + np.where(c["t"] < 7.5, 0.0, 0.2 * np.ptp(c["q"])), c["t"].size // 2
     bag = _foreign_bag(tmp_path / "bag", record, c["u"], place)
     said = idloop.start(bag, tmp_path / "begun", fitted=False).summary()
-    (first, second) = re.search(r"run again with --rows (\S+) --rows (\S+) and", said).groups()
-    pieces = [slice(*map(int, one.split(":"))) for one in (first, second)]
-    assert pieces[0].start == 0
-    assert pieces[0].stop <= middle < pieces[1].start + 2
+    pieces = _pieces(said, middle)
     again = idloop.start(bag, tmp_path / "again", rows=pieces)
     assert [one.name for one in again.bags] == ["bag_run1", "bag_run2"]
     assert [one.grade for one in again.inspections] == ["usable", "usable"]

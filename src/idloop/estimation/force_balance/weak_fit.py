@@ -39,7 +39,7 @@ _LITTLE_NOISE, LEAST_UNEXPLAINED = 0.1, 0.01
 _DISAGREE = 0.02
 # Narrow windows agree with those wider by this ratio where they show at least that part of the inertia, or where their
 # values lose at most this log-likelihood there.
-_FAR_WIDER, _LEAST_INERTIA, _AS_LIKELY = 2.5, 0.95, 3.0
+_FAR_WIDER, _SAME_INERTIA, _AS_LIKELY = 2.5, 0.95, 3.0
 # Least share of the acceleration's power without noise, as the inertia is biased by the rest.
 _RELIABLE = 0.8
 # A fit to prediction errors with so many times the unexplained force of a disturbance takes a force for a disturbance,
@@ -592,7 +592,7 @@ def fit_by_force(
             continue
         skipped = None
         found = with_rest_speed(fit_from_two_starts(form, point) if width == narrowest else fit_weak(form, point))
-        # No body is without inertia: what is left of it was lost in noise.
+        # No body is without inertia: where a fit finds none, noise has hidden it.
         free = found.form.engine.free
         noisy = noisy or any(name.endswith(".inertia") for name, at in zip(free, _at_limit(found), strict=True) if at)
         if form.reliability >= _RELIABLE and found.resolved:
@@ -651,7 +651,7 @@ def _underestimates_inertia(fit: WeakFit, start: Array, forms: dict[int, WeakFor
     draft = draft_windows(form.with_rest_speed(fit.form.rest_speed))
     wider = fit_weak(draft, _off_limits(fit, start), tolerance=RANKING_TOLERANCE)
     narrow, wide = (one.form.inertia(one.theta) / one.form.gain(one.theta) for one in (fit, wider))
-    if np.all(narrow >= _LEAST_INERTIA * wide):
+    if np.all(narrow >= _SAME_INERTIA * wide):
         return False
     lost = cost_at(wider.form, fit.point) + wider.log_likelihood
     return lost > (_AS_LIKELY if noisy else -log(_RELIABLE) * wider.form.starts[-1])

@@ -40,7 +40,7 @@ Array = NDArray[np.float64]
 
 # Samples in the narrowest window, with the zeros at its ends: the least that resolves the second derivative.
 NARROWEST = 9
-# Windows in the width of one: all samples have equal weight, as shifted cos⁴ add up to a constant.
+# Windows that begin within the width of one: shifted cos⁴ then add up to a constant, and all samples have equal weight.
 _OVERLAP = 3
 # Two sensors of one body disagree when their velocities differ by more than so many times their noise.
 _ABOVE_NOISE = 5.0
