@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import binom
@@ -112,6 +114,33 @@ def test_a_change_is_named_with_its_date_and_size():
 def test_a_change_of_all_is_that_of_the_kind_and_of_no_unit():
     several = found_in(take_apart(fleet(2, step=0.2)))
     assert [(one.what, one.robot, one.day) for one in several if one.what != "day"] == [("step", "", 20000 + DAYS // 2)]
+
+
+@pytest.mark.parametrize(("units", "alone"), [(1, False), (3, False), (3, True), (5, True)])
+def test_a_change_of_one_joint_is_found_also_where_few_or_no_others_have_recordings(units, alone):
+    fleets = 20
+    named = of_kind = of_joint = 0
+    for seed in range(fleets):
+        series = fleet(400 + seed, units=units, missing=0.0)
+        series.value[0, DAYS // 2 :] += 0.4
+        series.value[1:, DAYS // 2 :] = np.nan if alone else series.value[1:, DAYS // 2 :]
+        several = found_in(take_apart(series))
+        named += ("r00", "step", 20000.0 + DAYS // 2) in {(one.robot, one.what, one.day) for one in several}
+        kind, joints = between_periods(series, 20000.0 + DAYS // 2, None)
+        of_kind += len(kind)
+        of_joint += (joints[0].robot, joints[0].low < 0.4 < joints[0].high) == ("r00", True)
+    assert named >= 0.95 * fleets
+    assert of_kind == (0 if alone or units == 1 else fleets), "what one joint does is told of that joint"
+    assert units == 5 or of_joint >= binom.ppf(0.001, fleets, 0.9)
+
+
+def test_a_date_that_few_joints_share_may_do_what_other_dates_do():
+    series = fleet(6, missing=0.0)
+    series.value[1:, DAYS // 2 :] = np.nan
+    dates = 0.3 * np.random.default_rng(6).normal(size=DAYS)
+    parts = take_apart(replace(series, value=series.value + dates))
+    assert np.median(parts.total[0, DAYS // 2 :]) > 0.5 * np.var(dates[: DAYS // 2])
+    assert np.median(parts.total[0, : DAYS // 2]) < 0.1 * np.var(dates)
 
 
 def test_a_single_recording_off_its_course_is_named():

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from idloop.fleet.joint_day import FORCE_ERROR
-from idloop.fleet.statistics import Finding, Series, take_apart
+from idloop.fleet.statistics import Finding
 from idloop.fleet.words import (
-    component_row,
     failed_table,
     finding_row,
     finding_table,
@@ -30,7 +28,7 @@ KIND = Finding("trend", "arm", "p", "N", "", "", 20513.0, 0.25, 0.2, 0.3, 1e-6)
 def document(*findings, failed=0, **more):
     rows = [finding_row(one) for one in findings]
     units = (("arm", 2), ("arm", 3), ("hand", 1))
-    kinds = [{"kind": kind, "units": count, "dates_of_one_joint": 0} for kind, count in units]
+    kinds = [{"kind": kind, "units": count} for kind, count in units]
     return {
         "findings": rows, "failed": [{}] * failed, "bags": 10, "kinds": kinds, "since": None, "against": None,
         "periods": [], **more,
@@ -111,18 +109,3 @@ def test_a_finding_has_its_date_size_and_interval():
     assert table.rows[0] == ("r1", "j", "p", "changes at once", "2026-03-01", "+0.25", "0.2 .. 0.3", "N", "< 0.001")
     assert table.rows[1][5:8] == ("+150", "100 .. 200", "%")
     assert table.rows[2][:2] == ("all of arm", "-")
-
-
-def test_dates_of_one_joint_are_said():
-    kinds = [{"kind": "arm", "units": 3, "dates_of_one_joint": 4}]
-    said = "4 dates have recordings of one joint of a kind only: a change there counts as that of the date"
-    assert findings_words(document(tests=1, kinds=kinds)) == f"1 test, no finding; {said}"
-    assert findings_words(document(STEP, tests=20, level=0.05, kinds=kinds)).endswith(said)
-
-
-def test_dates_of_one_joint_are_counted():
-    values = np.full((3, 8), 1.0) + 0.01 * np.arange(24).reshape(3, 8)
-    values[1:, 5:] = np.nan
-    names = (("r1", "j"), ("r2", "j"), ("r3", "j"))
-    series = Series("arm", "p", "N", names, np.arange(8.0), values, np.where(np.isfinite(values), 1e-4, np.nan))
-    assert component_row(take_apart(series))["dates_of_one_joint"] == 3

@@ -38,6 +38,9 @@ _TOLERANCE = 1e-6  # of the equation of Paule and Mandel, which is a sum, for ea
 _ROUNDS = 10
 _EFFICIENCY = 0.37  # of the median of absolute deviations: degrees of freedom of a variance from it
 _POLISHES = 4
+_OF_CHANGE = 3  # parameters of a change: level, size and place
+_FEWEST_OF_MEMORY = 12  # recordings: fewer have no memory that differs from none
+_MOST_MEMORY = 0.9
 _FAR = 0.7  # of the degrees of freedom that fit the middle of the tails: counted, their ends are heavier
 _CLIP = 2.5  # standard deviations from a unit's median beyond which a recording adds no evidence of a change
 _FEWEST_TAILS, _MOST_TAILS = 200, 20_000  # recordings from which tails are estimated
@@ -78,7 +81,7 @@ class Components:
     mean : float
         Of the kind.
     date, date_stderr : array, shape (d,)
-        Effect of each date; 0 where fewer than five units share it.
+        Effect of each date; 0 where fewer than five units share it: then it adds to the variance, as others do.
     level, level_stderr, shrunk : array, shape (units,)
         Mean of each unit without the dates, its standard error, and its best prediction.
     unit_deviation, day_deviation : float
@@ -228,11 +231,11 @@ def take_apart(series: Series) -> Components:
             date = np.where(shared, np.nanmedian(y - level[:, None], axis=0), 0.0)
             date = date - np.median(date[shared]) if shared.any() else date
         left = y - date
-        step, errors, memory = _successive(left, own)
-        day, freedom = wander(step, errors)
-        rho = float(np.clip(np.nan_to_num(np.nanmedian(memory)), 0.0, 0.9)) if len(memory) else 0.0
-        # Of successive differences with memory: the variance of a mean of many is larger by so much.
-        total = (own + day) * (1.0 + rho) / (1.0 - rho) ** 2
+        # What a date does that too few share cannot be told: it may be what other dates do.
+        own = own + np.where(shared, 0.0, np.var(date[shared])) if shared.any() else own
+        day, freedom = wander(*_successive(left, own))
+        rho = _memory(series.days, left, own + day, freedom)
+        total = (own + day) * _inflation(rho)
         level, error = _means(left, total)
         count = np.maximum(np.sum(np.isfinite(left), axis=0), 1)
         date_stderr = np.sqrt(np.nanmedian(total, axis=0) * (np.pi / 2.0) / count)
@@ -251,20 +254,54 @@ def _means(value: Array, variance: Array) -> tuple[Array, Array]:
     return np.sum(weight * np.nan_to_num(value), axis=1) / total, 1.0 / total
 
 
-def _successive(left: Array, own: Array) -> tuple[Array, Array, Array]:
-    """Differences of each unit's successive recordings, the variances of their errors, and each unit's memory."""
-    steps, errors, memory = [np.zeros(0)], [np.zeros(0)], []
-    for row, variance in zip(left, own, strict=True):
-        known = np.isfinite(row)
-        y, v = row[known], variance[known]
-        steps.append(np.diff(y))
-        errors.append(v[1:] + v[:-1])
-        if len(y) >= 2 * _FEWEST_DAYS:
-            centred = y - np.mean(y)
-            power = float(centred @ centred)
-            # The correlation of a short series about its own mean is too small by one over its length.
-            memory.append(float(centred[1:] @ centred[:-1]) / power + 1.0 / len(y) if power > 0.0 else 0.0)
-    return np.concatenate(steps), np.concatenate(errors), np.array(memory)
+def _successive(left: Array, own: Array) -> tuple[Array, Array]:
+    """Differences of each unit's successive recordings, and the variances of their errors."""
+    known = [np.isfinite(row) for row in left]
+    steps = [np.diff(row[seen]) for row, seen in zip(left, known, strict=True)]
+    errors = [row[seen][1:] + row[seen][:-1] for row, seen in zip(own, known, strict=True)]
+    return np.concatenate([np.zeros(0), *steps]), np.concatenate([np.zeros(0), *errors])
+
+
+def _memory(days: Array, left: Array, variance: Array, freedom: float) -> float:
+    """Correlation of a unit's successive recordings: the median of those about each unit's own course.
+
+    The course is the mean of the unit, or its change where it has one: of few units, the change of one would count as
+    the memory of all, and would hide itself.
+    """
+    steady, changed, several = [], [], []
+    for row, error in zip(left, variance, strict=True):
+        seen = np.isfinite(row)
+        if seen.sum() >= 2 * _FEWEST_DAYS:
+            y = days[seen], row[seen], error[seen]
+            several.append(y)
+            steady.append(_correlation(y[1] - np.mean(y[1]), 1))
+            changed.append(_correlation(y[1] - best_change(*y, freedom).course, _OF_CHANGE))
+    if sum(len(y) for _, y, _ in several) < _FEWEST_OF_MEMORY:
+        return 0.0
+    wider = _inflation(_median_memory(changed))
+    level = LEVEL / len(several)
+    change = [best_change(at, y, wider * error, freedom).p_value < level for at, y, error in several]
+    return _median_memory(np.where(change, changed, steady))
+
+
+def _correlation(away: Array, parameters: int) -> float:
+    """Correlation of successive deviations from a course with so many fitted parameters.
+
+    It is too small by (p + 2 (p + 1) rho) / n: known of a mean (Kendall, Biometrika 41, 1954), counted for three
+    parameters.
+    """
+    power, count = float(away @ away), len(away)
+    found = float(away[1:] @ away[:-1]) / power if power > 0.0 else 0.0
+    return found + (parameters + 2.0 * (parameters + 1.0) * found) / count
+
+
+def _median_memory(several: Sequence[float] | Array) -> float:
+    return float(np.clip(np.median(several), 0.0, _MOST_MEMORY))
+
+
+def _inflation(memory: float) -> float:
+    """Variance of a mean of many recordings over that which their successive differences have."""
+    return (1.0 + memory) / (1.0 - memory) ** 2
 
 
 class Hypotheses:
@@ -444,8 +481,8 @@ def _p(away: Array | float, error: Array | float, freedom: float) -> Array:
 def between_periods(series: Series, since: float, against: float | None) -> tuple[list[Finding], list[Finding]]:
     """Change of a kind and of its units from the days of ``[against, since)`` to those from ``since`` on.
 
-    Each unit is compared with itself. The change of the kind is the mean of its units' changes under a random effect;
-    of five units and more the change of each is that beyond this mean.
+    Each unit is compared with itself. The change of the kind is the mean of its units' changes under a random effect,
+    which takes two units; of five units and more the change of each is that beyond this mean.
 
     Parameters
     ----------
@@ -455,12 +492,11 @@ def between_periods(series: Series, since: float, against: float | None) -> tupl
     Returns
     -------
     kind, units : list of Finding
-        Their tests, whatever their p-values.
+        Their tests, whatever their p-values; none of a kind of which one unit alone has both periods.
     """
     begin = -np.inf if against is None else against
     periods = (series.days < since) & (series.days >= begin), series.days >= since
-    step, errors, _ = _successive(series.value, series.variance)
-    day, freedom = wander(step, errors)
+    day, freedom = wander(*_successive(series.value, series.variance))
     (before, old), (after, new) = (
         _means(np.where(period, series.value, np.nan), series.variance + day) for period in periods
     )
@@ -471,7 +507,8 @@ def between_periods(series: Series, since: float, against: float | None) -> tupl
     names = [name for name, one in zip(series.names, known, strict=True) if one]
     mean, stderr, effect, joints = random_effect(size, variance)
     few = min(freedom, joints) if effect > 0.0 else freedom
-    kind = [finding_of(series, "period", since, mean, stderr, ("", ""), float(_p(mean, stderr, few)), few)]
+    whole = finding_of(series, "period", since, mean, stderr, ("", ""), float(_p(mean, stderr, few)), few)
+    kind = [whole] if len(size) > 1 else []
     # Where enough joints share the change of their kind, one is of interest that does otherwise.
     what, away = ("beyond", size - mean) if len(size) >= FEWEST_UNITS else ("period", size)
     errors = np.sqrt(variance)

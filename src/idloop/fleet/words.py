@@ -47,13 +47,11 @@ def component_row(parts: Components) -> dict[str, Any]:
     """Row of a parameter of a kind; of the force error in its logarithm."""
     series = parts.series
     error = np.sqrt(np.nanmedian(series.variance))
-    joints = np.isfinite(series.value).sum(axis=0)
     return {
         "kind": series.kind, "parameter": series.parameter, "unit": series.unit, "units": len(series.names),
         "recordings": int(np.isfinite(series.value).sum()), "mean": parts.mean,
         "unit_deviation": parts.unit_deviation, "date_deviation": float(np.std(parts.date)),
         "day_deviation": parts.day_deviation, "error": float(error), "memory": parts.memory,
-        "dates_of_one_joint": int(np.sum(joints == 1)) if len(series.names) > 1 else 0,
     }  # fmt: skip
 
 
@@ -142,14 +140,9 @@ def findings_words(document: Mapping[str, Any]) -> str:
     tests = _counted(document["tests"], "test", "tests")
     if not tests:
         return "no test yet: a change takes four recordings of a joint, a joint that differs four others of its kind"
-    alone = max((one["dates_of_one_joint"] for one in document["kinds"]), default=0)
-    dates = _counted(alone, "date has", "dates have")
-    hint = (
-        f"; {dates} recordings of one joint of a kind only: a change there counts as that of the date" if dates else ""
-    )
     if not document["findings"]:
-        return f"{tests}, no finding{hint}"
-    return f"{tests}; of what is listed at most {100.0 * document['level']:g} % is false on average{hint}"
+        return f"{tests}, no finding"
+    return f"{tests}; of what is listed at most {100.0 * document['level']:g} % is false on average"
 
 
 def periods_words(document: Mapping[str, Any]) -> str:
