@@ -114,6 +114,7 @@ def test_what_changed_since_a_date_is_compared(first, bags):
     found = again(first, bags, since="2026-03-02")
     assert {one.kind for one in found.periods if not one.robot} == set(MODELS)
     assert "change since 2026-03-02 against the days before" in found.summary()
+    assert all(one.q_value <= found.level for one in found.periods if one.robot)
     assert "nothing to compare since 2027-01-01" in again(first, bags, since="2027-01-01").summary()
 
 

@@ -45,6 +45,8 @@ def test_a_click_opens_the_report_of_every_joint(components):
     assert set(cells["joint"]) == {f"{robot} j" for robot, _ in NAMES}
     framed = {joint for joint, frame in zip(cells["joint"], cells["frame"], strict=True) if frame}
     assert framed == {"r5 j"}, "the one that was diagnosed"
+    (scale,) = plot.above
+    assert scale.color_mapper is plot.renderers[0].glyph.fill_color.transform, "the colours have a legend"
     (tap,) = [tool for tool in plot.tools if type(tool).__name__ == "TapTool"]
     assert tap.callback.url == "@report"
 

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from idloop.fleet.joint_day import FORCE_ERROR
-from idloop.fleet.statistics import Finding
+from idloop.fleet.statistics import RELATIVE, Finding, Series, take_apart
 from idloop.fleet.words import (
+    component_row,
     failed_table,
     finding_row,
     finding_table,
@@ -14,13 +18,16 @@ from idloop.fleet.words import (
     fleet_blocks,
     headline,
     kind_table,
+    kind_text,
+    level_table,
     periods_words,
     read_words,
+    unit_rows,
 )
 from idloop.reporting.text.blocks import as_text
 
 STEP = Finding("step", "arm", "p", "N", "r1", "j", 20513.0, 0.25, 0.2, 0.3, 1e-6)
-DAY = Finding("day", "arm", FORCE_ERROR, "1", "r2", "j", 20514.0, 1.5, 1.0, 2.0, 0.01)
+DAY = Finding("day", "arm", FORCE_ERROR, RELATIVE, "r2", "j", 20514.0, 1.5, 1.0, 2.0, 0.01)
 FAILED = "2 recordings or joints could not be identified"
 KIND = Finding("trend", "arm", "p", "N", "", "", 20513.0, 0.25, 0.2, 0.3, 1e-6)
 
@@ -31,7 +38,7 @@ def document(*findings, failed=0, **more):
     kinds = [{"kind": kind, "units": count} for kind, count in units]
     return {
         "findings": rows, "failed": [{}] * failed, "bags": 10, "kinds": kinds, "since": None, "against": None,
-        "periods": [], **more,
+        "periods": [], "level": 0.05, **more,
     }  # fmt: skip
 
 
@@ -82,10 +89,21 @@ def test_a_fleet_without_a_test_says_what_one_takes():
 
 
 def test_a_reason_does_not_repeat_the_bag_beside_it():
-    reasons = ("/bags/one/one.mcap: cut off", "no bag /bags/one: check the path", "joint a: no model")
+    reasons = ("/bags/one/one.mcap: cut off", "/bags/one: there is no bag, check the path", "joint a: no model")
     rows = [{"robot": "r", "joint": None, "time": None, "bag": "/bags/one", "reason": one} for one in reasons]
     table = failed_table({"failed": rows})
-    assert [row[-1] for row in table.rows] == ["cut off", *reasons[1:]]
+    assert [row[-1] for row in table.rows] == ["cut off", "there is no bag, check the path", reasons[2]]
+
+
+def test_a_reason_of_many_recordings_is_one_row():
+    rows = [
+        {"robot": f"r{k}", "joint": None, "time": None, "bag": f"/bags/r{k}", "reason": f"/bags/r{k}: no model fits"}
+        for k in range(30)
+    ]
+    cut = {"robot": "r1", "joint": None, "time": None, "bag": "/bags/r1", "reason": "/bags/r1/a.mcap: cut off"}
+    table = failed_table({"failed": [*rows, cut]})
+    assert table.rows == (("30 robots", "-", "-", "30 bags", "no model fits"), ("r1", "-", "-", "/bags/r1", "cut off"))
+    assert len(failed_table({"failed": [*rows, cut]}, merged=False).rows) == 31
 
 
 def test_what_too_few_joints_share_is_not_stated():
@@ -105,7 +123,49 @@ def test_nothing_identified_has_no_empty_tables():
 
 
 def test_a_finding_has_its_date_size_and_interval():
-    table = finding_table([finding_row(one) for one in (STEP, DAY, KIND)])
-    assert table.rows[0] == ("r1", "j", "p", "changes at once", "2026-03-01", "+0.25", "0.2 .. 0.3", "N", "< 0.001")
-    assert table.rows[1][5:8] == ("+150", "100 .. 200", "%")
+    table = finding_table(document(STEP, DAY, KIND), "findings")
+    assert table.rows[0] == (
+        "r1",
+        "j",
+        "p",
+        "step: changes at once",
+        "2026-03-01",
+        "+0.25",
+        "0.2 .. 0.3",
+        "N",
+        "< 0.001",
+    )
+    assert table.rows[1][5:8] == ("+150", "100 .. 200", "%, relative")
     assert table.rows[2][:2] == ("all of arm", "-")
+
+
+def test_the_pattern_of_all_joints_has_words_for_a_name():
+    assert [kind_text("*", several) for several in (["*", "*"], ["arm", "*"])] == ["all joints", "other joints"]
+    assert kind_text("arm", ["arm"]) == "arm"
+    alone = document(replace(KIND, kind="*"), kinds=[{"kind": "*", "units": 3}])
+    assert finding_table(alone, "findings").rows[0][0] == "all joints"
+
+
+def test_what_changed_since_a_date_is_in_the_headline():
+    joint = replace(STEP, what="beyond", q_value=0.01)
+    several = {"periods": [finding_row(one) for one in (KIND, joint)], "since": "2026-03-01"}
+    assert headline(document(**several)) == "4 joints in 10 recordings: 1 joint has changed since 2026-03-01"
+    several["periods"][0]["q_value"] = 0.01
+    whole = "1 joint has changed since 2026-03-01; 1 kind has changed as a whole since 2026-03-01"
+    assert headline(document(STEP, **several)) == f"4 joints in 10 recordings: 1 joint differs or changes; {whole}"
+
+
+def test_every_number_of_a_joint_is_in_the_unit_of_its_parameter():
+    names = tuple((f"r{k}", "j") for k in range(6))
+    share = np.exp(np.log(0.1) + 0.2 * np.random.default_rng(0).normal(size=(6, 1)) + np.zeros((6, 4)))
+    series = Series("arm", FORCE_ERROR, "1", names, np.arange(4.0), np.log(share), np.zeros((6, 4)))
+    parts = take_apart(series)
+    rows = list(unit_rows([parts]))
+    assert [one["level"] for one in rows] == pytest.approx(share[:, 0])
+    assert rows[0]["kind_mean"] == pytest.approx(0.1, rel=0.3)
+    assert rows[0]["unit_deviation"] == pytest.approx(rows[0]["kind_mean"] * parts.unit_deviation)
+    kind = component_row(parts)
+    assert (kind["mean"], kind["unit"]) == (rows[0]["kind_mean"], "1")
+    (row,) = kind_table({"kinds": [kind]}).rows
+    assert (float(row[3]), row[4], row[-1]) == (pytest.approx(100.0 * kind["mean"], rel=1e-3), "%", "-")
+    assert level_table([parts]).rows[0][3:8:4] == (f"{100.0 * share[0, 0]:.4g}", "%")

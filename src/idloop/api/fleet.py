@@ -339,11 +339,14 @@ class _Work:
         if self.since is not None:
             days = _day(self.since), None if self.against is None else _day(self.against)
             compared = [statistics.between_periods(one.series, *days) for one in components]
-            periods = [one for kinds, _ in compared for one in kinds]
+            both = [one for kinds, units in compared for one in (*kinds, *units)]
             changes = statistics.Hypotheses(self.level)
-            for _, units in compared:
-                changes.add(np.array([one.p_value for one in units]), units.__getitem__)
-            periods += changes.found()
+            changes.add(np.array([one.p_value for one in both]), both.__getitem__)
+            found = changes.found()
+            kinds = {(one.kind, one.parameter): one for one in found if not one.robot}
+            # The change of a kind is listed whether the rate leaves it or not.
+            kinds |= {key: one for one in both if not one.robot and (key := (one.kind, one.parameter)) not in kinds}
+            periods = [*kinds.values(), *(one for one in found if one.robot)]
         alarms, unwatched = self._alarms(components)
         diagnoses = self._diagnose(bags, self._worst(components, findings), part(self.progress, 0.92, 1.0))
         self.progress(1.0, "")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from idloop.fleet.joint_day import FORCE_ERROR
 from idloop.fleet.statistics import Components
-from idloop.fleet.words import day_text
+from idloop.fleet.words import day_text, display, kind_text
 
 if TYPE_CHECKING:
     from bokeh.plotting import figure
@@ -24,6 +24,7 @@ _MOST_LINES = 5
 _BANDS = ((2.5, 97.5), (16.0, 84.0))
 _COLOURS = (1.5, 6.0)  # standard deviations of the palest colour and of the strongest one
 _DAY = 86_400_000.0  # [ms]
+_AXES = {FORCE_ERROR: "force error, unseen"}
 
 
 def deviations(components: Sequence[Components]) -> tuple[list[tuple[str, str]], Array, Array, NDArray[np.str_]]:
@@ -63,9 +64,10 @@ def heat_map(
 ) -> list[figure]:
     """Draw the joints that deviate most; a click on one opens its report."""
     from bokeh.models import ColumnDataSource, HoverTool, OpenURL, TapTool
+    from bokeh.models.annotations import ColorBar
     from bokeh.transform import linear_cmap
 
-    from idloop.reporting.figures.theme import LIGHT, new_figure
+    from idloop.reporting.figures.theme import FONT, LIGHT, new_figure
 
     names, days, size, parameter = deviations(components)
     names, size, parameter = names[:MOST_ROWS], size[:MOST_ROWS], parameter[:MOST_ROWS]
@@ -74,7 +76,7 @@ def heat_map(
         LIGHT,
         ("", None),
         ("", None),
-        height=90 + 14 * len(labels),
+        height=150 + 14 * len(labels),
         x_range=dates,
         y_range=labels[::-1],
         min_border_left=140,
@@ -87,13 +89,21 @@ def heat_map(
         "size": np.round(size[rows, columns], 2), "parameter": parameter[rows, columns].tolist(),
         "report": [reports[names[k]] for k in rows], "frame": [float(names[k] in framed) for k in rows],
     }  # fmt: skip
+    fill = linear_cmap("size", _palette(), *_COLOURS)
     plot.rect(
         "date", "joint", width=1.0, height=0.9, source=ColumnDataSource(data), line_color=LIGHT.found,
-        fill_color=linear_cmap("size", _palette(), *_COLOURS), line_alpha="frame", nonselection_fill_alpha=1.0,
+        fill_color=fill, line_alpha="frame", nonselection_fill_alpha=1.0,
         nonselection_line_alpha="frame",
     )  # fmt: skip
-    words = [("joint", "@joint"), ("date", "@date"), ("deviation", "@size σ of @parameter"), ("report", "click")]
-    plot.add_tools(HoverTool(tooltips=words), TapTool(callback=OpenURL(url="@report")))
+    words = {"font": FONT, "font_size": "11px", "font_style": "normal", "color": LIGHT.muted}
+    look: dict[str, Any] = {
+        f"{part}_text_{key}": one for part in ("title", "major_label") for key, one in words.items()
+    }
+    title = "deviation from the kind, in standard deviations; the ends of the scale include what is beyond them"
+    bar = ColorBar(color_mapper=fill["transform"], title=title, height=8, background_fill_color=LIGHT.surface, **look)
+    plot.add_layout(bar, "above")
+    tips = [("joint", "@joint"), ("date", "@date"), ("deviation", "@size σ of @parameter"), ("report", "click")]
+    plot.add_tools(HoverTool(tooltips=tips), TapTool(callback=OpenURL(url="@report")))
     return [plot]
 
 
@@ -108,17 +118,19 @@ def bands(parts: Components) -> tuple[Array, list[tuple[Array, Array]]]:
     """Median of a kind's units by date, and the bands that hold 95 % and 68 % of them, as percentiles, (d,) each."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
-        value = parts.series.value
-        if parts.series.parameter == FORCE_ERROR:
-            value = 100.0 * np.exp(value)
+        value = display(*_named(parts))[0] * parts.series.natural(parts.series.value)
         ends = [tuple(np.nanpercentile(value, pair, axis=0)) for pair in _BANDS]
         return np.nanmedian(value, axis=0), [(low, high) for low, high in ends]
 
 
 def label_of(parts: Components) -> tuple[str, str]:
     """Name and unit of an axis."""
-    force = parts.series.parameter == FORCE_ERROR
-    return ("force error, unseen", "%") if force else (parts.series.parameter, parts.series.unit)
+    name, unit = _named(parts)
+    return _AXES.get(name, name), display(name, unit)[1]
+
+
+def _named(parts: Components) -> tuple[str, str]:
+    return parts.series.parameter, parts.series.unit
 
 
 def trend(parts: Components, shown: Sequence[tuple[str, str]], chosen: str = "") -> list[figure]:
@@ -136,15 +148,14 @@ def trend(parts: Components, shown: Sequence[tuple[str, str]], chosen: str = "")
     plot = new_figure(LIGHT, ("", None), label_of(parts), height=240, x_axis_type="datetime")
     drawn = [plot.varea(time, low, high, fill_color=LIGHT.band, fill_alpha=0.25) for low, high in ends]
     line = plot.line(time, middle, color=LIGHT.measured, line_width=2)
-    entries: list[tuple[str, list[Any]]] = [(f"{series.kind}: median, 68 % and 95 % of the joints", [line, *drawn])]
-    log = series.parameter == FORCE_ERROR
+    entries: list[tuple[str, list[Any]]] = [("median, 68 % and 95 % of the joints", [line, *drawn])]
+    factor, _ = display(*_named(parts))
     sources = {"this joint": ColumnDataSource({"x": [], "y": [], "low": [], "high": []}, name=chosen)} if chosen else {}
     for name in [one for one in shown if one in series.names][:_MOST_LINES]:
         place = series.names.index(name)
         known = np.isfinite(series.value[place])
-        y = series.value[place][known]
-        y = 100.0 * np.exp(y) if log else y
-        reach = np.zeros(len(y)) if log else 1.96 * np.sqrt(series.variance[place][known])
+        y = factor * series.natural(series.value[place][known])
+        reach = 1.96 * factor * np.sqrt(series.variance[place][known])
         sources[" ".join(name)] = ColumnDataSource({"x": time[known], "y": y, "low": y - reach, "high": y + reach})
     for number, (words, source) in enumerate(sources.items()):
         look = LIGHT.model(number)
@@ -164,6 +175,7 @@ def plot_fleet(components: Sequence[Components]) -> Figure:
 
     from idloop import drawing
 
+    kinds = [one.series.kind for one in components]
     with drawing.styled():
         figure = Figure(figsize=(9.0, 2.0 * max(len(components), 1) + 0.5), layout="constrained")
         rows = figure.subplots(max(len(components), 1), 1, squeeze=False)
@@ -173,6 +185,7 @@ def plot_fleet(components: Sequence[Components]) -> Figure:
             for low, high in ends:
                 axis.fill_between(time, low, high, color="0.6", alpha=0.25, linewidth=0.0)
             axis.plot(time, middle, color=drawing.MEASURED, linewidth=1.4)
-            axis.set_title(f"{parts.series.kind}: {len(parts.series.names)} joints", fontsize="small", loc="left")
+            kind = kind_text(parts.series.kind, kinds)
+            axis.set_title(f"{kind}: {len(parts.series.names)} joints", fontsize="small", loc="left")
             axis.set_ylabel(drawing.label(*label_of(parts)))
     return figure

@@ -92,7 +92,7 @@ def identify_bag(bag: FleetBag, settings: Settings, done: Collection[str] = ()) 
     try:
         with local_copy(bag.bag) as path:
             if not path.exists():
-                return failed_rows(bag, settings, f"no bag {bag.bag}: check the path")
+                return failed_rows(bag, settings, f"{bag.bag}: there is no bag, check the path")
             common["sha256"] = checksum(path)["sha256"]
             if key_of(common) in done:
                 return None

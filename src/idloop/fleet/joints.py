@@ -16,10 +16,9 @@ import numpy as np
 from idloop.called_as import program
 from idloop.drawing import label
 from idloop.fleet.figures import label_of, trend
-from idloop.fleet.joint_day import FORCE_ERROR
 from idloop.fleet.statistics import Components
 from idloop.fleet.store import JOINTS, Recording
-from idloop.fleet.words import failed_table, finding_table, level_table
+from idloop.fleet.words import display, failed_table, finding_table, kind_text, level_table
 from idloop.reporting.page.sheet import json_text, render_sheet
 from idloop.reporting.text.blocks import Table, number
 
@@ -98,14 +97,15 @@ def render_joints(
     for one in recordings:
         by_joint[one.robot, one.joint].append(one)
     robots = {robot for robot, _ in file.names}
+    kind = kind_text(file.kind, [one["kind"] for one in document["kinds"]])
     tables = {
-        "findings": finding_table(document["findings"]), "alarms": finding_table(document["alarms"]),
+        "findings": finding_table(document, "findings"), "alarms": finding_table(document, "alarms"),
         "diagnoses": _diagnosis_table(document), "levels": level_table(file.components),
-        "recordings": _recording_table(by_joint, file.components), "failed": failed_table(document),
+        "recordings": _recording_table(by_joint, file.components), "failed": failed_table(document, merged=False),
     }  # fmt: skip
     joints = {
         " ".join(name): {
-            "name": list(name), "headline": _headline(file.kind, several),
+            "name": list(name), "headline": _headline(kind, several),
             "command": "\n".join(_commands(model, joint, several[-1])) if several else "",
             "curves": {f"trend-{place}": _curve(several, one) for place, one in enumerate(parameters)},
         }
@@ -116,7 +116,7 @@ def render_joints(
         TEMPLATE,
         {f"trend-{place}": trend(one, [], f"trend-{place}") for place, one in enumerate(file.components)},
         name=document["source"],
-        headline=f"joints of {file.kind}",
+        headline=f"reports of {kind}",
         tables={key: Table(one.header, ()) for key, one in tables.items()},
         trends=[label_of(one)[0] for one in file.components],
         joints=Markup(json_text({"joints": joints, "rows": rows})),  # noqa: S704
@@ -125,7 +125,7 @@ def render_joints(
 
 def _headline(kind: str, several: Sequence[Recording]) -> str:
     days = sorted({str(one.time)[:10] for one in several})
-    return f"Kind {kind}; {len(several)} recordings from {days[0]} to {days[-1]}" if several else f"Kind {kind}"
+    return f"Compared with {kind}; {len(several)} recordings from {days[0]} to {days[-1]}" if several else ""
 
 
 def _diagnosis_table(document: Mapping[str, Any]) -> Table:
@@ -157,14 +157,16 @@ def _recording_table(
 
 def _estimate(one: Recording, parameter: str) -> str:
     value, stderr = one.estimates.get(parameter, (None, None))
-    if parameter == FORCE_ERROR and value is not None:
-        return number(100.0 * value, 3)
-    return number(value) if stderr is None else f"{number(value)} ± {number(_Z95 * stderr, 2)}"
+    if value is None:
+        return "-"
+    factor, _ = display(parameter, "")
+    shown = number(factor * value)
+    return shown if stderr is None else f"{shown} ± {number(_Z95 * factor * stderr, 2)}"
 
 
 def _curve(several: Sequence[Recording], parameter: str) -> dict[str, list[float]]:
     """Points of a parameter over time with the ends of their 95 % intervals."""
-    size = 100.0 if parameter == FORCE_ERROR else 1.0
+    size, _ = display(parameter, "")
     curve: dict[str, list[float]] = {"x": [], "y": [], "low": [], "high": []}
     for one in several:
         if parameter in one.estimates:

@@ -23,6 +23,7 @@ def render_fleet(
 ) -> str:
     """Write the page of a fleet and its document of schema ``idloop/fleet/1``; `reports`: address of each joint's."""
     framed = {(one["robot"], one["joint"]) for one in document["diagnoses"]}
+    kinds = [one.series.kind for one in components]
     places = {"heat": heat_map(components, reports, framed)} if components else {}
     for number, parts in enumerate(components):
         own = [
@@ -38,7 +39,7 @@ def render_fleet(
         headline=words.headline(document),
         document=document,
         words=words,
-        trends=[f"{one.series.kind}: {one.series.parameter}" for one in components],
+        trends=[f"{words.kind_text(one.series.kind, kinds)}: {one.series.parameter}" for one in components],
         most=MOST_ROWS,
         capitalised=capitalised,
         address=lambda name: quote(reports[name], safe="/?"),

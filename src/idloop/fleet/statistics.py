@@ -30,6 +30,7 @@ from idloop.fleet.libraries import library
 Array = NDArray[np.float64]
 
 LEVEL = 0.05
+RELATIVE = "relative"  # in the place of a unit: a share of what is differed from
 FEWEST_UNITS = 5  # that share the effect of a date, or among which one can be odd
 _FEWEST_DAYS = 4  # of a trend or a step
 _SIDE = 2  # recordings on either side of a step
@@ -53,13 +54,13 @@ class Series:
     Attributes
     ----------
     kind, parameter, unit : str
-        The last is the physical unit.
+        The last is the physical unit; `natural` gives values in it.
     names : tuple of (str, str)
         Robot and joint of each row.
     days : array, shape (d,)
         Dates [days since 1970].
     value, variance : array, shape (units, d)
-        Estimates, and the squares of their standard errors; NaN where there is none.
+        Estimates, of the force error as logarithms, and the squares of their standard errors; NaN where there is none.
     """
 
     kind: str
@@ -69,6 +70,14 @@ class Series:
     days: Array
     value: Array
     variance: Array
+
+    def natural(self, value: Array | float) -> Array:
+        """Value in the unit of the parameter."""
+        return np.exp(value) if self.parameter == FORCE_ERROR else np.asarray(value)
+
+    def slope(self, value: Array | float) -> Array:
+        """What a small change of a value is in the unit of the parameter."""
+        return self.natural(value) if self.parameter == FORCE_ERROR else np.ones(np.shape(value))
 
 
 @dataclass(frozen=True)
@@ -125,7 +134,7 @@ class Finding:
     day : float
         First day of a step, the recording of a day, or the last one [days since 1970].
     size, low, high : float
-        Deviation or change with its 95 % interval; of the force error as a share.
+        Deviation or change with its 95 % interval; of the force error relative to what it differs from.
     p_value, q_value : float
         The second is the rate of false discoveries at which it is found.
     """
@@ -381,14 +390,15 @@ def finding_of(
     series: Series, what: str, day: float, size: float, stderr: float, name: tuple[str, str], p_value: float,
     freedom: float = np.inf,
 ) -> Finding:  # fmt: skip
-    """Finding with its size and interval; those of a logarithm as shares."""
+    """Finding with its size and interval; those of a logarithm are relative."""
     from scipy.special import stdtrit
 
     reach = float(stdtrit(freedom, 0.975)) * stderr
     ends = np.array([size, size - reach, size + reach])
-    size, low, high = (np.expm1(ends) if series.parameter == FORCE_ERROR else ends).tolist()
-    robot, joint = name
-    return Finding(what, series.kind, series.parameter, series.unit, robot, joint, day, size, low, high, p_value)
+    relative = series.parameter == FORCE_ERROR
+    size, low, high = (np.expm1(ends) if relative else ends).tolist()
+    unit = RELATIVE if relative else series.unit
+    return Finding(what, series.kind, series.parameter, unit, *name, day, size, low, high, p_value)
 
 
 def _change(series: Series, change: Change, name: tuple[str, str], p_value: float) -> Finding:

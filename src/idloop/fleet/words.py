@@ -12,7 +12,7 @@ import numpy as np
 from idloop.estimation.statistics.interval_text import interval_text
 from idloop.fleet.alarms import REFERENCE
 from idloop.fleet.joint_day import FORCE_ERROR
-from idloop.fleet.statistics import FEWEST_UNITS, Components, Finding
+from idloop.fleet.statistics import FEWEST_UNITS, RELATIVE, Components, Finding
 from idloop.p_values import p_value_text
 from idloop.reporting.text.blocks import Block, Table, number
 
@@ -23,13 +23,18 @@ FINDING_COLUMNS = {
 UNIT_COLUMNS = {
     "robot": "string", "joint": "string", "kind": "string", "parameter": "string", "unit": "string", "level": "double",
     "stderr": "double", "shrunk": "double", "kind_mean": "double", "unit_deviation": "double",
-    "day_deviation": "double",
+    "day_deviation": "double", "from_kind": "double",
 }  # fmt: skip
+KIND_WORDS = (
+    "mean over the joints of a kind; standard deviations of joints, dates that all joints share, single days, and of "
+    "the error of a fit; -: too few joints or recordings, or no error is stated"
+)
 _Z95 = 1.959963984540054
 _MOST = 20  # findings and failures in the text
 _WHAT = {
-    "odd": "differs from its kind", "trend": "changes steadily", "step": "changes at once", "day": "single recording",
-    "period": "since the date", "beyond": "since the date, beyond its kind", "alarm": "has grown since",
+    "odd": "odd: differs from its kind", "trend": "trend: changes steadily", "step": "step: changes at once",
+    "day": "day: single recording", "period": "since the date", "beyond": "since the date, beyond its kind",
+    "alarm": "alarm: has grown since",
 }  # fmt: skip
 
 
@@ -44,27 +49,36 @@ def finding_row(found: Finding) -> dict[str, Any]:
 
 
 def component_row(parts: Components) -> dict[str, Any]:
-    """Row of a parameter of a kind; of the force error in its logarithm."""
+    """Row of a parameter of a kind, in the unit of the parameter."""
     series = parts.series
+    slope = float(series.slope(parts.mean))
     error = np.sqrt(np.nanmedian(series.variance))
     return {
         "kind": series.kind, "parameter": series.parameter, "unit": series.unit, "units": len(series.names),
-        "recordings": int(np.isfinite(series.value).sum()), "mean": parts.mean,
-        "unit_deviation": parts.unit_deviation, "date_deviation": float(np.std(parts.date)),
-        "day_deviation": parts.day_deviation, "error": float(error), "memory": parts.memory,
+        "recordings": int(np.isfinite(series.value).sum()), "mean": float(series.natural(parts.mean)),
+        "unit_deviation": slope * parts.unit_deviation, "date_deviation": slope * float(np.std(parts.date)),
+        "day_deviation": slope * parts.day_deviation, "error": slope * float(error), "memory": parts.memory,
     }  # fmt: skip
 
 
 def unit_rows(components: Iterable[Components]) -> Iterator[dict[str, Any]]:
-    """Yield a row for each parameter of each unit."""
+    """Yield a row for each parameter of each unit, in the unit of the parameter.
+
+    Only the distance from the kind is in standard deviations of units; None where units are alike.
+    """
     for parts in components:
         series = parts.series
+        mean, slope = float(series.natural(parts.mean)), float(series.slope(parts.mean))
+        level, shrunk = series.natural(parts.level), series.natural(parts.shrunk)
+        stderr = series.slope(parts.level) * parts.level_stderr
+        between = parts.unit_deviation
         for place, (robot, joint) in enumerate(series.names):
             yield {
                 "robot": robot, "joint": joint, "kind": series.kind, "parameter": series.parameter,
-                "unit": series.unit, "level": float(parts.level[place]), "stderr": float(parts.level_stderr[place]),
-                "shrunk": float(parts.shrunk[place]), "kind_mean": parts.mean,
-                "unit_deviation": parts.unit_deviation, "day_deviation": parts.day_deviation,
+                "unit": series.unit, "level": float(level[place]), "stderr": float(stderr[place]),
+                "shrunk": float(shrunk[place]), "kind_mean": mean,
+                "unit_deviation": slope * between, "day_deviation": slope * parts.day_deviation,
+                "from_kind": float(parts.level[place] - parts.mean) / between if between else None,
             }  # fmt: skip
 
 
@@ -82,23 +96,23 @@ def fleet_blocks(document: Mapping[str, Any]) -> Iterator[Block]:
     if document["failed"]:
         yield ""
         yield "not identified"
-        yield from _first(failed_table(document), "rows", "fleet.json")
+        yield from _first(failed_table(document), "reasons", "fleet.json")
 
 
 def _compared(document: Mapping[str, Any]) -> Iterator[Block]:
     yield ""
-    yield "mean over the joints of a kind; standard deviations of joints, dates, single days, and of the error of a fit"
+    yield KIND_WORDS
     yield kind_table(document)
     yield ""
     yield findings_words(document)
-    yield from _first(finding_table(document["findings"]), "findings", "findings.parquet")
+    yield from _first(finding_table(document, "findings"), "findings", "findings.parquet")
     if document["since"]:
         yield ""
         yield periods_words(document)
-        yield from _first(finding_table(document["periods"]), "changes", "fleet.json")
+        yield from _first(finding_table(document, "periods"), "changes", "fleet.json")
     yield ""
     yield alarms_words(document)
-    yield from _first(finding_table(document["alarms"]), "alarms", "fleet.json")
+    yield from _first(finding_table(document, "alarms"), "alarms", "fleet.json")
     yield from (f"{one}: recordings scatter too much for an alarm" for one in document["unwatched"])
 
 
@@ -109,14 +123,23 @@ def headline(document: Mapping[str, Any]) -> str:
     units = {(one["robot"], one["joint"]) for one in document["findings"] if one["robot"] and one["what"] != "day"}
     kinds = {one["kind"] for one in document["findings"] if not one["robot"]}
     days = sum(one["what"] == "day" for one in document["findings"])
-    failed = len(document["failed"])
+    since = [one for one in document["periods"] if one["q_value"] <= document["level"]]
+    later, later_kinds = (
+        {(one["robot"], one["joint"]) for one in since if one["robot"]},
+        {one["kind"] for one in since if not one["robot"]},
+    )
+    date, failed = document["since"], len(document["failed"])
     parts = [
         _counted(len(units), "joint differs or changes", "joints differ or change"),
         _counted(len(kinds), "kind changes as a whole", "kinds change as a whole"),
         _counted(
             days, "single recording is off the course of its joint", "single recordings are off their joint's course"
         ),
-        "" if document["findings"] else "nothing differs or changes",
+        _counted(len(later), f"joint has changed since {date}", f"joints have changed since {date}"),
+        _counted(
+            len(later_kinds), f"kind has changed as a whole since {date}", f"kinds have changed as a whole since {date}"
+        ),
+        "" if document["findings"] or since else "nothing differs or changes",
         _counted(failed, "recording or joint could not be identified", "recordings or joints could not be identified"),
     ]
     found = "; ".join(filter(None, parts))
@@ -166,71 +189,85 @@ def _counted(count: int, one: str, several: str) -> str:
     return f"{count} {one if count == 1 else several}" if count else ""
 
 
+def kind_text(kind: str, kinds: Iterable[str]) -> str:
+    """Words for a kind among others: the pattern of all joints is no name."""
+    if kind != "*":
+        return kind
+    return "other joints" if len(set(kinds)) > 1 else "all joints"
+
+
+def display(parameter: str, unit: str) -> tuple[float, str]:
+    """Factor and unit with which a parameter is shown: an error of the force in percent."""
+    return (100.0, "%") if parameter == FORCE_ERROR else (1.0, unit)
+
+
 def kind_table(document: Mapping[str, Any]) -> Table:
     """Table of the kinds: mean, and what belongs to unit, date, day and error."""
     rows = []
+    kinds = [one["kind"] for one in document["kinds"]]
     for one in document["kinds"]:
-        log = one["parameter"] == FORCE_ERROR
-        mean = f"{100.0 * np.exp(one['mean']):.3g} %" if log else number(one["mean"])
+        factor, unit = display(one["parameter"], one["unit"].strip("1"))
         parts = ("unit_deviation", "date_deviation", "day_deviation", "error")
-        size = 1.0 if log else abs(one["mean"]) or 1.0
-        # What too few joints share is not known.
-        known = (one["units"] > 1, one["units"] >= FEWEST_UNITS, one["recordings"] > one["units"], not log)
+        size = abs(one["mean"]) or 1.0
+        # What too few joints or recordings have, and an error that no fit states.
+        known = (one["units"] > 1, one["units"] >= FEWEST_UNITS, one["recordings"] > one["units"], one["error"] > 0.0)
         shares = [f"{100.0 * one[key] / size:.2g} %" if sure else "-" for key, sure in zip(parts, known, strict=True)]
-        rows.append((one["kind"], one["parameter"], str(one["units"]), mean, one["unit"].strip("1"), *shares))
+        head = (kind_text(one["kind"], kinds), one["parameter"], str(one["units"]), number(factor * one["mean"]), unit)
+        rows.append((*head, *shares))
     return Table.of(("kind", "parameter", "joints", "mean", "unit", "joints ±", "dates ±", "days ±", "error ±"), rows)
 
 
-def finding_table(findings: Iterable[Mapping[str, Any]]) -> Table:
-    """Table of findings."""
+def finding_table(document: Mapping[str, Any], which: str) -> Table:
+    """Table of the findings that the document has under a name."""
     rows = []
-    for one in findings:
-        share = one["parameter"] == FORCE_ERROR
-        size, low, high = (100.0 * one[key] if share else one[key] for key in ("size", "low", "high"))
+    kinds = [one["kind"] for one in document["kinds"]]
+    for one in document[which]:
+        relative = one["unit"] == RELATIVE
+        size, low, high = (100.0 * one[key] if relative else one[key] for key in ("size", "low", "high"))
+        whole = kind_text(one["kind"], kinds)
         rows.append((
-            one["robot"] or f"all of {one['kind']}", one["joint"] or "-", one["parameter"], _WHAT[one["what"]],
-            one["day"], f"{size:+.3g}", interval_text(low, high), "%" if share else one["unit"],
-            p_value_text(one["p_value"]),
+            one["robot"] or (f"all of {whole}" if whole == one["kind"] else whole), one["joint"] or "-",
+            one["parameter"], _WHAT[one["what"]], one["day"], f"{size:+.3g}", interval_text(low, high),
+            "%, relative" if relative else one["unit"], p_value_text(one["p_value"]),
         ))  # fmt: skip
     return Table.of(("robot", "joint", "parameter", "finding", "date", "by", "95 % interval", "unit", "p"), rows)
 
 
 def level_table(components: Iterable[Components]) -> Table:
-    """Table of the levels of every joint beside those of its kind; of the force error as percentages."""
+    """Table of the levels of every joint beside those of its kind."""
     rows = []
     for one in unit_rows(components):
-        share = one["parameter"] == FORCE_ERROR
-        ends = np.array(
-            [one["level"], one["shrunk"], one["kind_mean"], *(one["level"] + np.array([-_Z95, _Z95]) * one["stderr"])]
-        )
-        level, shrunk, mean, low, high = (100.0 * np.exp(ends) if share else ends).tolist()
-        apart = one["level"] - one["kind_mean"]
-        away = f"{apart / one['unit_deviation']:+.1f} σ" if one["unit_deviation"] else "-"
+        factor, unit = display(one["parameter"], one["unit"])
+        level, shrunk, mean, reach = (factor * one[key] for key in ("level", "shrunk", "kind_mean", "stderr"))
+        reach *= _Z95
         rows.append((
-            one["robot"], one["joint"], one["parameter"], number(level), interval_text(low, high), number(shrunk),
-            number(mean), "%" if share else one["unit"], away,
+            one["robot"], one["joint"], one["parameter"], number(level), interval_text(level - reach, level + reach),
+            number(shrunk), number(mean), unit, "-" if one["from_kind"] is None else f"{one['from_kind']:+.1f} σ",
         ))  # fmt: skip
-    head = (
-        "robot",
-        "joint",
-        "parameter",
-        "level",
-        "95 % interval",
-        "shrunk to its kind",
-        "kind",
-        "unit",
-        "from its kind",
-    )
-    return Table.of(head, rows)
+    shown = ("level", "95 % interval", "shrunk to its kind", "kind", "unit", "from its kind")
+    return Table.of(("robot", "joint", "parameter", *shown), rows)
 
 
-def failed_table(document: Mapping[str, Any]) -> Table:
-    """Table of what could not be identified."""
+def failed_table(document: Mapping[str, Any], *, merged: bool = True) -> Table:
+    """Table of what could not be identified, each reason once if it is `merged`."""
+    head = ("robot", "joint", "date", "bag", "reason")
     rows = [
         (one["robot"], one["joint"] or "-", str(one["time"] or "-")[:10], one["bag"], _reason(one))
         for one in document["failed"]
     ]
-    return Table.of(("robot", "joint", "date", "bag", "reason"), rows)
+    if not merged:
+        return Table.of(head, rows)
+    groups: dict[str, list[tuple[str, ...]]] = {}
+    for row in rows:
+        groups.setdefault(row[-1], []).append(row)
+    columns = (zip(head, zip(*several, strict=True), strict=True) for several in groups.values())
+    return Table.of(head, ([_one_or_several(name, values) for name, values in one] for one in columns))
+
+
+def _one_or_several(name: str, values: Iterable[str]) -> str:
+    """The value that all rows have, or how many there are."""
+    first, *others = dict.fromkeys(values)
+    return f"{1 + len(others)} {name}s" if others else first
 
 
 def _reason(one: Mapping[str, Any]) -> str:
