@@ -230,6 +230,36 @@ def test_a_foreign_bag(tmp_path, write_messages, joint_state, typestore):
         import_bag(source, tmp_path / "doubled", parse_mapping(doubled, "robot.yaml"))
 
 
+def test_signals_stamped_where_measured_beside_those_on_arrival(tmp_path, write_messages, joint_state, typestore):
+    number = typestore.types["std_msgs/msg/Float64"]
+    period, stamps = 5 * 10**6, np.arange(1, 400) * 5 * 10**6
+    delay = np.random.default_rng(0).integers(10**5, 8 * 10**6, stamps.size)
+    states = [
+        (int(t + late), joint_state(int(t), ["a"], [1e-9 * t]))
+        for t, late in zip(stamps, np.sort(stamps + delay) - stamps, strict=True)
+    ]
+    current = [(int(t) + period // 3, number(2e-9 * t)) for t in stamps]
+    source = write_messages(
+        tmp_path / "robot",
+        [("/joint_states", "sensor_msgs/msg/JointState", states), ("/current", "std_msgs/msg/Float64", current)],
+    )
+    effort = {"topic": "current", "field": "data", "unit": "A"}
+    content = {
+        "schema": "idloop/mapping/1",
+        "name": "robot",
+        "joint": "a",
+        "command": effort,
+        "position": {"topic": "joint_states", "source_joint": "a", "unit": "rad"},
+        "effort": effort,
+    }
+    done = import_bag(source, tmp_path / "bag", parse_mapping(content, "robot.yaml"))
+    assert not [one.text for one in done.findings if "lost" in one.text or "set back" in one.text]
+    stream = read_streams(tmp_path / "bag")["/joint_states"]
+    assert (np.diff(stream.stamp_ns) > 0).all()
+    position, known = stream.position[:, 0], ~np.isnan(stream.position[:, 0])
+    np.testing.assert_allclose(position[known], 1e-9 * stamps)
+
+
 @pytest.mark.parametrize(("column", "read"), [(3, True), ("v", True), (4, False), ("w", False)])
 def test_an_optional_column_is_read_where_the_file_has_it(tmp_path, column, read):
     source = _csv(tmp_path, t=[0, 1, 2], u=[1, 2, 3], y=[4, 5, 6], v=[7, 8, 9])

@@ -68,19 +68,22 @@ def missing_values(
     # Before its first value a command is unknown, not held.
     if command and lost[-1] >= lost.size:
         text += "; the command before is assumed to hold there: correct the log if the drive received another one"
-    share = _lost_share(np.flatnonzero(~np.isnan(value)))
+    known = np.flatnonzero(~np.isnan(value))
+    # Rows between those of a sensor may be of another one: where a reading is lost, the stamps have a hole as well.
+    share = min(_lost_share(known), _lost_share(np.sort(stamp_ns[known])))
     if not command and share > _MANY_LOST:
         text += f": {100.0 * share:.2g} % of its readings are lost"
     level: Literal["note", "warning"] = "warning" if command or share > _MANY_LOST else "note"
     return [Finding("not_measured", text, int(lost.size), where, level)]
 
 
-def _lost_share(rows: NDArray[np.int64]) -> float:
-    """Share of the readings between the first and the last that are lost; a sensor slower than the log loses none."""
-    if rows.size < 3:
+def _lost_share(places: NDArray[np.int64]) -> float:
+    """Share of the readings that are lost, by their rows or stamps; a sensor slower than the log loses none."""
+    steps = np.diff(places)
+    steps = steps[steps > 0]
+    if steps.size < 2:
         return 0.0
-    steps = np.diff(rows)
     # Where every third is lost, half of the steps are longer.
     usual = float(np.percentile(steps, 25.0, method="lower"))
     lost = float(np.sum(np.maximum(np.round(steps / usual) - 1.0, 0.0)))
-    return lost / (lost + rows.size)
+    return lost / (lost + places.size)

@@ -27,6 +27,7 @@ from idloop.records.tables.table_files import read_table
 from idloop.spelling import listed
 
 Floats = NDArray[np.float64]
+Stamps = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -194,20 +195,41 @@ def _streams(signals: list[Signal]) -> list[JointStream]:
             stamp, receive = own[0].stamp_ns, own[0].receive_ns
             columns = [signal.value for signal in own]
         else:
-            every = np.concatenate([signal.stamp_ns for signal in own])
-            stamp, first = np.unique(every, return_index=True)
-            receive = np.concatenate([signal.receive_ns for signal in own])[first]
-            columns = []
-            for signal in own:
-                column = np.full(stamp.size, np.nan)
-                column[np.searchsorted(stamp, signal.stamp_ns)] = signal.value
-                columns.append(column)
+            stamp, receive, columns = _merged(own)
         known = ~np.isnan(np.column_stack(columns)).all(axis=1)
         joints: dict[str, dict[str, Floats]] = {}
         for signal, column in zip(own, columns, strict=True):
             joints.setdefault(signal.joint, {})[signal.field] = column[known]
         streams.append(make_stream(topic, stamp[known], joints, receive[known]))
     return streams
+
+
+def _merged(signals: list[Signal]) -> tuple[Stamps, Stamps, list[Floats]]:
+    """Merge signals with stamps of their own, run by run of the clock; NaN where one was not measured.
+
+    A row is received no sooner than those before it: a signal that was stamped where it was measured arrives later than
+    one beside it whose stamps are its arrival.
+    """
+    runs = [np.split(np.arange(one.stamp_ns.size), stamp_statistics(one.stamp_ns).resets) for one in signals]
+    if len({len(parts) for parts in runs}) > 1:
+        text = ", ".join(f"{one.name}: {len(parts)}" for one, parts in zip(signals, runs, strict=True))
+        raise InputError(
+            f"the clock was set back a different number of times in signals of one topic (runs {text}); record one run"
+            " per bag"
+        )
+    merged = []
+    for parts in zip(*runs, strict=True):
+        stamp, first = np.unique(
+            np.concatenate([one.stamp_ns[rows] for one, rows in zip(signals, parts, strict=True)]), return_index=True
+        )
+        receive = np.concatenate([one.receive_ns[rows] for one, rows in zip(signals, parts, strict=True)])[first]
+        columns = np.full((len(signals), stamp.size), np.nan)
+        for column, one, rows in zip(columns, signals, parts, strict=True):
+            column[np.searchsorted(stamp, one.stamp_ns[rows])] = one.value[rows]
+        merged.append((stamp, receive, columns))
+    stamps, receives, tables = zip(*merged, strict=True)
+    received = np.maximum.accumulate(np.concatenate(receives))
+    return np.concatenate(stamps), received, list(np.concatenate(tables, axis=1))
 
 
 def _value_findings(signals: list[Signal]) -> list[Finding]:
