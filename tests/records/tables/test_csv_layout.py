@@ -293,3 +293,26 @@ def test_names_and_units_may_stand_in_comments(tmp_path):
     # Below a comment that names the columns a row of units keeps its place.
     path.write_text("# t,u,q\ns,V,V\n0.1,0.5,2.0\n0.2,0.25,3.0\n")
     assert read_csv(path, {}).units == {"t": "s", "u": "V", "q": "V"}
+
+
+@pytest.mark.parametrize("sign", [",", "\t", " "])
+def test_words_before_the_numbers_of_a_row_name_them(tmp_path, sign):
+    rows = [("t", 3400 + k, "PWM:", 20 * k, "q", 0.5 * k, 1.5 * k) for k in range(5)]
+    table = _read(tmp_path, "opened at 12:39\n" + "".join(sign.join(map(str, row)) + "\n" for row in rows))
+    assert list(table.columns) == ["t", "PWM", "q[0]", "q[1]"]
+    np.testing.assert_array_equal(table.columns["q[1]"], [0, 1.5, 3, 4.5, 6])
+    # One word, or two that are alike, are no names.
+    for row in ("INFO,{},{}\n", "{},V,{},V,{}\n"):
+        table = _read(tmp_path, "".join(row.format(k, 2 * k, 3 * k) for k in range(5)))
+        assert not {"V", "INFO"} & table.columns.keys()
+
+
+@pytest.mark.parametrize("end", [";", ""])
+def test_a_matrix_in_brackets_below_names_of_several_words(tmp_path, end):
+    rows = [f"{k:6d} {0.022 * k:8.3f} {-0.5 * k:8.4f}" for k in range(4)]
+    text = " Sample   Time     Control Effort\r\n\r\n[" + f"{end}\r\n ".join(rows)
+    table = _read(tmp_path, f"{text}]\n", skip_text=True)
+    assert list(table.columns) == ["Sample", "Time", "Control Effort"]
+    np.testing.assert_array_equal(table.columns["Sample"], range(4))
+    np.testing.assert_array_equal(table.columns["Control Effort"], [0, -0.5, -1, -1.5])
+    assert not table.notes

@@ -44,6 +44,7 @@ _FIRST_LINES = 400
 # A delimiter that Excel writes into the first line.
 _SEP = re.compile(r'"?sep=(.)"?\s*', re.IGNORECASE)
 _TERMINATOR = ";"
+_LINE_OF_MATRIX = re.compile(r"\s*(?:[\[(]+([^\[\]()]*)|([^\[\]()]*?)[\])]+\s*[;,]?\s*)")
 _LIST = re.compile(r"\s*[\[(]([^\[\]()]*[^\s\[\]()][^\[\]()]*)[\])]\s*")
 _UNITS = re.compile(r"\bunits?\b", re.IGNORECASE)
 # Cells that are converted at once, and bytes of a file that are decoded at once.
@@ -133,8 +134,9 @@ def _read(path: Path, stream: TextIO, options: dict[str, Any], found: CsvTable, 
         delimiter, first = match[1], first[1:]
     # Where the user says how many lines to skip, the table begins there.
     layout = find_layout(first, delimiter=delimiter, header=options.get("header"))
-    if layout.delimiter != _TERMINATOR and all(map(_is_terminated, first[layout.first :])):
-        # Each line is a statement of its own, as a microcontroller prints it.
+    ended = first[layout.first :]
+    if layout.delimiter != _TERMINATOR and all(map(_is_terminated, ended[:-1] or ended)):
+        # Each line is a statement of its own, as a microcontroller prints it, or the row of a matrix.
         first, data = [_unterminated(line) for line in first], map(_unterminated, data)
         layout = find_layout(first, delimiter=layout.delimiter, header=options.get("header"))
     if above is not None:
@@ -175,6 +177,7 @@ def _read(path: Path, stream: TextIO, options: dict[str, Any], found: CsvTable, 
     # A delimiter at the end of every line makes a column of nothing.
     width = max(1, min(width, max(_used_width([names]), table.used_width)))
     table.check_lengths(width, layout.delimiter)
+    nameless = not names
     names = [cell.strip() or str(index) for index, cell in enumerate(names)] or list(map(str, range(width)))
     names = names[:width]
     own_names = layout.own_names or names
@@ -201,6 +204,8 @@ def _read(path: Path, stream: TextIO, options: dict[str, Any], found: CsvTable, 
     else:
         columns = [[_numbers_or_texts(part) if isinstance(part, list) else part for part in parts] for parts in columns]
     found.columns = {name: _joined(parts) for name, parts in zip(names, columns, strict=True)}
+    if nameless:
+        found.columns = _named_in_rows(found.columns)
     _note_layout(found, replace(layout, units=units), [*names, *layout.names[len(names) :]])
     if taken := {name: unit for name, unit in in_cells.items() if unit}:
         found.units |= taken
@@ -214,6 +219,33 @@ def _read(path: Path, stream: TextIO, options: dict[str, Any], found: CsvTable, 
             found.clocks = own
             cut_at_ends(found.columns, own)
     return found
+
+
+def _named_in_rows(columns: dict[str, Any]) -> dict[str, Any]:
+    """Columns named by the words that stand before them in every row, as in ``t,0.1,pwm,20,q,1.5,1.6``."""
+    groups: list[tuple[str, list[Any]]] = []
+    above: dict[str, Any] = {}
+    for name, column in columns.items():
+        if word := _same_word(column):
+            groups.append((word, []))
+        elif groups:
+            groups[-1][1].append(column)
+        else:
+            above[name] = column
+    if len(groups) < 2 or repeated(word for word, _ in groups) or not all(several for _, several in groups):
+        return columns
+    return above | {
+        f"{word}[{place}]" if len(several) > 1 else word: column
+        for word, several in groups
+        for place, column in enumerate(several)
+    }
+
+
+def _same_word(column: Any) -> str:
+    """Word that all cells of a column hold; empty where they differ, or where it is no word."""
+    words = set(map(str.strip, column)) if isinstance(column, list) else set()
+    word = words.pop().rstrip(" :=") if len(words) == 1 else ""
+    return word if word[:1].isalpha() else ""
 
 
 def _without_copies(names: Sequence[str], columns: Sequence[list[Part]]) -> list[int]:
@@ -335,9 +367,16 @@ def _data_lines(stream: Iterable[str], comment: list[str]) -> Iterator[str]:
             comment.extend([] if begun else [line])
         elif line.strip():
             begun = True
-            # A list, as Python prints it.
-            inside = _LIST.fullmatch(line)
-            yield f"{inside[1]}\n" if inside else line
+            # A list, as Python prints it, or the first or last row of a matrix in brackets.
+            inside = _LIST.fullmatch(line) or _in_matrix(line)
+            yield f"{inside[inside.lastindex or 1]}\n" if inside else line
+
+
+def _in_matrix(line: str) -> re.Match[str] | None:
+    """Numbers that the brackets around a matrix open or close with."""
+    found = _LINE_OF_MATRIX.fullmatch(line)
+    cells = re.findall(r"[^\s,;]+", found[found.lastindex or 0]) if found else []
+    return found if cells and all(map(is_number, cells)) else None
 
 
 def _numbers_or_texts(cells: Sequence[str]) -> Part:

@@ -33,6 +33,8 @@ WITH_UNIT = re.compile(
 )
 # A name in a line whose cells are separated by white space, with the unit behind it.
 _NAME = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?")
+# Between names of several words in such a line.
+_APART = re.compile(r"\t|\s{2,}")
 # How a date or a time of day is written stands for its unit: hh:mm:ss,ms and TT.MM.JJJJ.
 _PATTERN = re.compile(r"[hmsdytjna]{1,4}(?:[.:,/\- ]+[hmsfdytjna]{1,4})+", re.IGNORECASE)
 _UNIT_CELL = re.compile(r"\[.*\]|\(.*\)|<.*>|-|[%°µΩa-zA-Z²³·/*^.0-9]{1,8}")
@@ -215,7 +217,8 @@ def _header_rows(lines: Sequence[str], rows: Sequence[Row], first: int, width: i
     for k in range(first - 1, -1, -1):
         row = rows[k]
         if delimiter == " " and len(row) != width:
-            row = _NAME.findall(lines[k])
+            apart = _APART.split(lines[k].strip())
+            row = apart if len(apart) == width else _NAME.findall(lines[k])
         cells = [cell.strip() for cell in row]
         # What holds for all rows may stand beyond the last of their columns, with its name above.
         beyond = sum(map(bool, cells[width:]))
