@@ -31,6 +31,11 @@ def square(item: int, folder: str) -> int:
     return item**2
 
 
+def deaf(_: int) -> bool:
+    """Whether this process gets no Ctrl-C."""
+    return signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+
+
 def everything(workers: Workers, folder: Path, size: int) -> dict[int, int]:
     ended = list(workers.map(square, range(COUNT), str(folder), size=size, lost=lambda one: -one))
     pairs = [pair for batch, results in ended for pair in zip(batch, results, strict=True)]
@@ -52,6 +57,9 @@ def test_a_killed_worker_loses_nothing_and_an_item_that_kills_costs_itself_only(
         assert (tmp_path / "killed").exists()
         (tmp_path / "poison").touch()
         assert everything(workers, tmp_path, 2) == {item: item**2 if item != 5 else -5 for item in range(COUNT)}
+        ended = workers.map(deaf, range(COUNT), size=1, lost=lambda one: False)
+        assert all(one for _, (one,) in ended), "Ctrl-C is for this process, also of workers that replace others"
+    assert not deaf(0)
 
 
 @pytest.mark.slow
@@ -82,8 +90,9 @@ def start(recordings: Path, folder: Path) -> subprocess.Popen[str]:
     models = ["--model", f"j0={folder}/base.yaml", f"j1={folder}/wrist.yaml"]
     words = ["fleet", str(recordings), *models, "--output", str(folder / "out"), "--workers", "1", "--diagnose", "0"]
     return subprocess.Popen(
-        [sys.executable, "-m", "idloop", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
+        [sys.executable, "-m", "idloop", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        start_new_session=True,
+    )  # fmt: skip
 
 
 def finish(recordings: Path, folder: Path) -> tuple[str, Store]:
@@ -100,7 +109,10 @@ def test_a_driver_that_is_ended_in_the_middle_goes_on(recordings, plan, tmp_path
     rows = tmp_path / "out" / "rows"
     while not list(rows.glob("*.parquet")):
         assert run.poll() is None, run.communicate()
-    run.send_signal(how)
+    if how == signal.SIGINT:
+        os.killpg(run.pid, how)  # as a terminal does: to the workers as well
+    else:
+        run.send_signal(how)
     _, wrong = run.communicate()
     if how == signal.SIGINT:
         assert run.returncode == 130

@@ -5,7 +5,9 @@ from __future__ import annotations
 import contextlib
 import gc
 import logging
+import signal
 from collections.abc import Callable, Iterator, Sequence
+from multiprocessing import resource_tracker
 from typing import Any, TypeVar
 
 from idloop.errors import InputError
@@ -68,11 +70,17 @@ class Workers:
 
         # A batch that loses two workers is suspect, and goes on item by item. Nobody looks at the profiles of workers.
         settings = {"distributed.scheduler.allowed-failures": 1, "distributed.worker.profile.enabled": False}
+        distributed = library("distributed")
+        runner = distributed.utils.LoopRunner(asynchronous=False)
+        resource_tracker.ensure_running()  # the thread that starts it gets Ctrl-C again
+        with _without_ctrl_c():
+            runner.start()  # its thread starts the workers, also those that replace others
+        self._open.callback(runner.stop)
         with dask.config.set(settings):
             return self._open.enter_context(
-                library("distributed").LocalCluster(
-                    n_workers=self._given, threads_per_worker=1, processes=True, memory_limit=self._memory,
-                    host="127.0.0.1", dashboard_address=None, silence_logs=logging.CRITICAL,
+                distributed.LocalCluster(
+                    loop=runner.loop, n_workers=self._given, threads_per_worker=1, processes=True,
+                    memory_limit=self._memory, host="127.0.0.1", dashboard_address=None, silence_logs=logging.CRITICAL,
                     # Also without a dashboard it listens: at a port of its own, as there may be several fleets here.
                     scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
                 )
@@ -121,6 +129,19 @@ class Workers:
                     yield batch, [lost(batch[0])]
                 else:
                     waiting += [[one] for one in reversed(batch)]
+
+
+@contextlib.contextmanager
+def _without_ctrl_c() -> Iterator[None]:
+    """Threads that are started here, and the processes that they start, get no Ctrl-C: who uses them ends them."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def each(function: Callable[..., R], batch: Sequence[T], *shared: Any) -> list[R]:
