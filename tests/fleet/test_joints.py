@@ -114,10 +114,9 @@ def test_a_joint_has_its_rows_points_and_command(components, document, recorded)
     ]  # fmt: skip
 
 
-def test_joints_that_are_alike_have_no_distance_from_their_kind(components):
-    alike = [replace(one, unit_deviation=0.0) for one in components]
-    assert {row[-1] for row in level_table(alike).rows} == {"-"}
-    assert all(row[-1].endswith("σ") for row in level_table(components).rows)
+def test_joints_that_are_alike_are_as_far_from_their_kind_as_their_errors(components):
+    alike = [replace(one, unit_deviation=0.0, level=one.mean + 2.0 * one.level_stderr) for one in components]
+    assert {row[-1] for row in level_table(alike).rows} == {"+2.0 σ"}
 
 
 def test_a_recording_at_an_address_is_fetched_by_the_command(components, document, recorded):

@@ -158,6 +158,14 @@ def test_a_shrunken_level_is_nearer_to_its_kind_the_less_is_known():
     assert 0.5 < kept[0] < kept[1] < 1.0
 
 
+def test_an_odd_unit_keeps_its_level_but_for_its_error():
+    series = fleet(4, missing=0.0)
+    series.value[1:] -= np.mean(series.value[1:], axis=1, keepdims=True)  # the others are alike
+    parts = take_apart(series)
+    assert parts.unit_deviation < 0.01
+    assert abs(parts.shrunk[0] - parts.level[0]) <= parts.level_stderr[0] * (1.0 + 1e-9)
+
+
 def test_periods_are_compared_unit_by_unit():
     held, fleets = 0, 40
     for seed in range(fleets):

@@ -5,7 +5,8 @@ units of the kind share, a unit's own deviation, a deviation of the single recor
 states. Effects of dates are medians (median polish, Tukey, Exploratory Data Analysis, 1977). Units and days are random
 effects under known errors (Paule and Mandel, J. Res. NBS 87, 1982, by statsmodels), estimated without what is too far
 off for a normal distribution, so that odd units do not hide themselves. A unit's own value is shrunk towards its kind
-by its share of the variance.
+by its share of the variance, and by one standard error at most: an odd unit is not of the distribution (Efron and
+Morris, J. American Statistical Association 67, 1972).
 
 Tested are each unit (is it odd among its kind?), each unit over time (a trend or a step, against its kind), each kind
 over time, and each recording (does it leave the course of its unit, by the tails that recordings have?). All p-values
@@ -249,7 +250,8 @@ def take_apart(series: Series) -> Components:
         count = np.maximum(np.sum(np.isfinite(left), axis=0), 1)
         date_stderr = np.sqrt(np.nanmedian(total, axis=0) * (np.pi / 2.0) / count)
     mean, _, between, unit_freedom = random_effect(level, error)
-    shrunk = mean + (level - mean) * between / np.maximum(between + error, 1e-300)
+    towards = (mean - level) * error / np.maximum(between + error, 1e-300)
+    shrunk = level + np.clip(towards, -np.sqrt(error), np.sqrt(error))
     return Components(
         series, mean, date, date_stderr, level, np.sqrt(error), shrunk, float(np.sqrt(between)), float(np.sqrt(day)),
         rho, left, total, freedom, unit_freedom,

@@ -64,21 +64,21 @@ def component_row(parts: Components) -> dict[str, Any]:
 def unit_rows(components: Iterable[Components]) -> Iterator[dict[str, Any]]:
     """Yield a row for each parameter of each unit, in the unit of the parameter.
 
-    Only the distance from the kind is in standard deviations of units; None where units are alike.
+    Only the distance from the kind is in standard deviations, of units and of the error of the level.
     """
     for parts in components:
         series = parts.series
         mean, slope = float(series.natural(parts.mean)), float(series.slope(parts.mean))
         level, shrunk = series.natural(parts.level), series.natural(parts.shrunk)
         stderr = series.slope(parts.level) * parts.level_stderr
-        between = parts.unit_deviation
+        away = (parts.level - parts.mean) / np.maximum(np.hypot(parts.unit_deviation, parts.level_stderr), 1e-300)
         for place, (robot, joint) in enumerate(series.names):
             yield {
                 "robot": robot, "joint": joint, "kind": series.kind, "parameter": series.parameter,
                 "unit": series.unit, "level": float(level[place]), "stderr": float(stderr[place]),
                 "shrunk": float(shrunk[place]), "kind_mean": mean,
-                "unit_deviation": slope * between, "day_deviation": slope * parts.day_deviation,
-                "from_kind": float(parts.level[place] - parts.mean) / between if between else None,
+                "unit_deviation": slope * parts.unit_deviation, "day_deviation": slope * parts.day_deviation,
+                "from_kind": float(away[place]),
             }  # fmt: skip
 
 
@@ -242,7 +242,7 @@ def level_table(components: Iterable[Components]) -> Table:
         reach *= _Z95
         rows.append((
             one["robot"], one["joint"], one["parameter"], number(level), interval_text(level - reach, level + reach),
-            number(shrunk), number(mean), unit, "-" if one["from_kind"] is None else f"{one['from_kind']:+.1f} σ",
+            number(shrunk), number(mean), unit, f"{one['from_kind']:+.1f} σ",
         ))  # fmt: skip
     shown = ("level", "95 % interval", "shrunk to its kind", "kind", "unit", "from its kind")
     return Table.of(("robot", "joint", "parameter", *shown), rows)
