@@ -690,6 +690,16 @@ def test_recordings_in_one_file_are_cut_apart_by_the_options_that_are_printed(re
     assert again.fit.values["axis.inertia"] == pytest.approx(0.01, rel=0.05)
 
 
+def test_all_times_in_which_a_sensor_stood_still_are_left_out(record, tmp_path):
+    c = _columns(record)
+    place, speed, quarter = c["q"].copy(), np.gradient(c["q"], c["t"]), c["t"].size // 4
+    for signal, start in ((place, quarter), (speed, 3 * quarter)):
+        signal[start : start + 150] = signal[start]
+    log = _write(tmp_path / "log.csv", "t_s,torque_Nm,angle_rad,speed_rad_s", c["t"], c["u"], place, speed)
+    said = idloop.start(log, tmp_path / "begun", fitted=False).summary()
+    assert re.search(r"run again with --rows 0:\d+ --rows \d+:\d+ --rows \d+:\d+ and", said), said
+
+
 def test_exchanged_columns_of_command_and_velocity_are_said_with_the_options_that_mend_it(record, tmp_path):
     c = _columns(record)
     log = _write(tmp_path / "log.csv", "t_s,torque_Nm,angle_rad,speed_rad_s", c["t"], c["w"], c["q"], c["u"])

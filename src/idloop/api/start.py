@@ -180,14 +180,15 @@ class Start(Result):
         from idloop.records.inspection.faults.fault import LATE
         from idloop.records.inspection.velocity_check import KIND as WRONG_VELOCITY
 
-        faults = {fault.kind: fault for one in self.inspections for fault in one.faults}
+        every = [fault for one in self.inspections for fault in one.faults]
+        faults = {fault.kind: fault for fault in every}
         options = []
         if {copied_motion.KIND, WRONG_VELOCITY} <= faults.keys() and (flags := self.log.exchanged_command):
             yield f"where the names of command and velocity are exchanged, run again with {flags} and another --output"
         late = next((one.evidence[LATE] for one in faults.values() if LATE in one.evidence), 0.0)
         options += [f"--late {self.log.late + late:.4g}"] if late else []
         kinds = (spliced.KIND, stuck_sensor.KIND, outside_force.PUSH, outside_force.CHANGED)
-        cut = [place for kind in kinds if kind in faults for place in faults[kind].places]
+        cut = [place for fault in every if fault.kind in kinds for place in fault.places]
         options += filter(None, [self.log.rows_without(cut)])
         if options:
             yield f"run again with {' '.join(options)} and another --output"

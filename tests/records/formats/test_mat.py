@@ -101,3 +101,20 @@ def test_cells_of_texts_and_empty_variables(tmp_path):
     table = read_table(tmp_path / "log.mat")
     assert table.raw("names") == ["one", "three"]
     assert {"u", "parts[0]", "parts[1]"} <= set(table.columns)
+
+
+@pytest.mark.parametrize("version", ("5", "7.3"))
+def test_texts_beside_a_matrix_name_its_columns(tmp_path, version):
+    path, matrix = tmp_path / "log.mat", np.column_stack([T, U, -U])
+    names = ["time", "current", "angle"]
+    content = {"data": matrix, "log": {"y": matrix[:, :2].T, "x": U, "labels": ["u", "x"]}, "column_name": names}
+    if version == "5":
+        cells = {"column_name": np.array(names, dtype=object), "log": content["log"] | {"labels": np.array(["u", "x"])}}
+        savemat(path, content | cells)
+    else:
+        mat_hdf5(path, content)
+    table = read_table(path)
+    assert {"time", "current", "angle", "log.u", "log.y.x", "log.x"} == set(table.columns)
+    np.testing.assert_array_equal(table.numbers("angle"), -U)
+    np.testing.assert_array_equal(table.numbers("log.y.x"), U)
+    assert "time" not in table.clocks

@@ -262,7 +262,9 @@ def test_across_the_field_the_torque_is_made(across, along):
     assert not any("could be meant" in one for one in found.all_doubts())
 
 
-@pytest.mark.parametrize("name", ["Following Error (rad)", "tracking error [deg]", "pos_deviation_rad", "Position lag"])
+@pytest.mark.parametrize(
+    "name", ["Following Error (rad)", "tracking error [deg]", "pos_deviation_rad", "Position lag", "Droop pulses"]
+)
 def test_an_error_is_no_position(name):
     columns = {"t": T, "u": U, name: 0.01 * ANGLE}
     assert _roles({**columns, "angle": ANGLE})[0]["position"][0] == "angle"
@@ -443,6 +445,23 @@ def test_a_current_in_a_loop_is_measured_unless_its_name_says_that_it_was_comman
     assert (roles["command"][0], roles["effort"][0]) == ("voltage", column)
     _, found = _roles({f"{column} setpoint": U, **loop})
     assert not found.of("command").measured
+
+
+def test_a_sensor_of_forces_is_no_command_beside_the_current_of_the_motor():
+    columns = {"t": T, "/ft wrench.force.x": -U, "/ft wrench.torque.z": U, "angle": ANGLE}
+    assert _roles(columns | {"current": 2 * U})[0]["command"][0] == "current"
+    loop = _roles(columns | {"current": 2 * U, "target angle": ANGLE + 0.1})[0]
+    assert loop["command"][0] == "current"
+    assert _roles(columns)[0]["command"][0] == "/ft wrench.force.x"
+
+
+@pytest.mark.parametrize("computed", ["tau_rigid", "tau_model", "predicted torque"])
+def test_what_a_model_gave_is_taken_only_where_nothing_was_measured(computed):
+    columns = {"t": T, computed: U + 0.1, "tau_friction": 0.1 + 0 * U, "q": ANGLE, "qd": SPEED}
+    assert _roles(columns | {"tau_measured": U})[0]["command"][0] == "tau_measured"
+    roles = _roles(columns | {"tau_measured": U, "tau_cmd": U})[0]
+    assert (roles["command"][0], roles["effort"][0]) == ("tau_cmd", "tau_measured")
+    assert _roles(columns)[0]["command"][0] == computed
 
 
 def test_a_current_that_may_be_measured_is_marked():

@@ -100,10 +100,8 @@ class _Flattener:
         if array.ndim == 1:
             table.columns[full] = array
             return [(full, name)]
-        if array.ndim > 2 or min(array.shape) > MOST_COLUMNS:
+        if (tall := _tall(array)) is None:
             return []
-        # The longer axis is that of the samples.
-        tall = array if array.shape[0] >= array.shape[1] else array.T
         table.columns |= {f"{full}[{index}]": tall[:, index] for index in range(tall.shape[1])}
         return [(f"{full}[{index}]", name) for index in range(tall.shape[1])]
 
@@ -154,7 +152,42 @@ def _named(tree: Mapping[str, Any]) -> Mapping[str, Any]:
             if len(several) == 1 and "signals[0]" in found:
                 found = {"signals": found["signals[0]"]}
             return {"time": tree["time"], **found, **{k: v for k, v in tree.items() if k not in ("time", "signals")}}
-    return {key: _by_name(value) for key, value in tree.items()}
+    return _with_names({key: _by_name(value) for key, value in tree.items()})
+
+
+def _with_names(tree: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Name the columns of a matrix by a list of as many texts beside it."""
+    lists = {key: words for key, value in tree.items() if len(words := _words(value)) > 1}
+    found: dict[str, Any] = {}
+    used = set()
+    for key, value in tree.items():
+        matrix = _tall(value) if isinstance(value, np.ndarray) and value.dtype.kind in "biuf" else None
+        fitting = [one for one, words in lists.items() if matrix is not None and len(words) == matrix.shape[1]]
+        if matrix is None or len(fitting) != 1:
+            found[key] = value
+            continue
+        used.add(fitting[0])
+        for name, column in zip(lists[fitting[0]], matrix.T, strict=True):
+            found[name if name not in tree and name not in found else f"{key}.{name}"] = column
+    return {key: value for key, value in found.items() if key not in used}
+
+
+def _words(value: Any) -> list[str]:
+    """Names in a list, a cell array or the rows of an array of characters; none where it is anything else."""
+    if not isinstance(value, list | tuple | np.ndarray) or (isinstance(value, np.ndarray) and value.ndim != 1):
+        return []
+    if not 0 < len(value) <= MOST_COLUMNS or not isinstance(value[0], str):
+        return []
+    words = [one.strip() if isinstance(one, str) else "" for one in value]
+    return words if all(words) and len(set(words)) == len(words) else []
+
+
+def _tall(value: np.ndarray[Any, Any]) -> np.ndarray[Any, Any] | None:
+    """A matrix with a row for each sample, along its longer axis; None where it is no matrix."""
+    matrix = np.squeeze(value)
+    if matrix.ndim != 2 or min(matrix.shape) > MOST_COLUMNS:
+        return None
+    return matrix if matrix.shape[0] >= matrix.shape[1] else matrix.T
 
 
 def _by_name(value: Any) -> Any:

@@ -38,6 +38,7 @@ _COUNTERS = frozenset({
 })  # fmt: skip
 # What a device says of itself; a structure around it does not change that.
 FLAGS = frozenset({"state", "status", "flag", "flags", "mode", "fault"})
+_COMPONENTS = ("x", "y", "z", "w")
 _NO_COUNTERS = frozenset({"data", "number", "no"})  # by themselves
 # A German compound: its last noun is the quantity, set-point or measured are said before or behind it.
 _COMPOUND = re.compile(
@@ -115,7 +116,8 @@ def parse_column_name(name: str, unit: str = "") -> ColumnName:
     path = re.split(r"[/.]", text.strip("/. "))
     # A state with an index is one of several, as of the joints.
     alone = _counts(path[-1]) or (path[-1].strip().lower() in FLAGS and not index)
-    text = path[-1] if alone else " ".join(path[-2:])
+    # Of a vector the last word is the component: wrench.force.x.
+    text = path[-1] if alone else " ".join(path[-3 if path[-1] in _COMPONENTS else -2 :])
     words = [word for word in _WORD.findall(text) if word]
     if text.rstrip().endswith("*"):
         words.append("setpoint")  # as i_q* in the literature on drives

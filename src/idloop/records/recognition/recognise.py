@@ -40,6 +40,7 @@ from idloop.records.recognition.roles import (
     FIELD_WORDS,
     IN_OR_OUT,
     RoleByName,
+    is_computed,
     may_be_measured,
     may_be_supply,
     role_by_name,
@@ -278,6 +279,7 @@ def _by_names(
         columns[name] = replace(one, by_name=RoleByName("other", 0.0, "")) if further else one
     _input_and_output(columns)
     _currents(columns)
+    _computed(columns)
     _of_known_drive(columns, sources)
     columns = {name: one.with_sign() for name, one in columns.items()}
     _supplies(columns)
@@ -400,6 +402,15 @@ def _currents(columns: dict[str, TableColumn]) -> None:
     for one in columns.values():
         if one.by_name.role == "command" and may_be_measured(one.parsed):
             columns[one.name] = replace(one, by_name=replace(one.by_name, role="effort"))
+
+
+def _computed(columns: dict[str, TableColumn]) -> None:
+    """Take what a model gave for no signal of the axis, where the same was measured or commanded."""
+    for roles in (("command", "effort"), *((role,) for role in MOTION)):
+        alike = [one for one in columns.values() if one.by_name.role in roles]
+        if any(one.moves and not is_computed(one.parsed) for one in alike):
+            computed = (one for one in alike if is_computed(one.parsed))
+            columns |= {one.name: replace(one, by_name=RoleByName("other", 0.0, "")) for one in computed}
 
 
 def _supplies(columns: dict[str, TableColumn]) -> None:

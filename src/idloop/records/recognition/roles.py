@@ -44,7 +44,8 @@ _RATES = {"dot", "rate", "derivative"}
 # Names that are no signal of an axis whatever else they say, without a unit, and by themselves.
 _NEVER = {
     "error", "errors", "err", "deviation", "lag", "residual", "fehler", "abweichung", "regelabweichung",
-    "schleppfehler", "schleppabstand", "pe", "enable", "enabled", "kp", "ki", "kd",
+    "schleppfehler", "schleppabstand", "pe", "droop", "diff", "difference", "differenz", "erreur", "errore",
+    "enable", "enabled", "kp", "ki", "kd",
 }  # fmt: skip
 _WITHOUT_UNIT = {"acc", "accel", "acceleration", "accelerations", "qdd", "ddq"}
 _OTHER = FLAGS | {
@@ -90,6 +91,13 @@ _COMMANDS = {
 CURRENTS = {"current", "i", "iq", "strom", "corriente", "courant", "corrente", "cur", "curr", "amps"}
 TORQUES = {"torque", "tau", "effort", "efforts", "moment", "drehmoment", "trq"}
 _FORCE_NAMES = TORQUES | {"force", "kraft"}
+# A sensor beside the drive, which feels what acts from outside as well.
+_FORCE_SENSORS = {"wrench", "loadcell", "dynamometer"}
+# A part of a force, or the whole of it, by a model.
+_COMPUTED = {
+    "rigid", "model", "modelled", "modeled", "predicted", "prediction", "pred", "simulated", "sim", "theoretical",
+    "friction", "gravity", "coriolis", "centrifugal",
+}  # fmt: skip
 _AT_MOTOR = {"motor", "rotor", "drive"}
 _AT_LOAD = {"load", "link", "arm", "output", "joint", "stage", "abtrieb"}
 _COORDINATES = {"q", "x", "y", "z", "theta", "phi", "alpha", "beta"}
@@ -155,6 +163,8 @@ def role_by_name(name: ColumnName) -> RoleByName:
         drawn = "input" in words and bool(unit in ("A", "mA") or words & CURRENTS)
         acts = words - {"input"} - CURRENTS if drawn else words
         order = next((k for k, some in enumerate(_ORDER) if acts & some), len(_ORDER) - (not drawn))
+        if words & _FORCE_SENSORS and not wanted:
+            return RoleByName("effort", 0.5, _because(words & _FORCE_SENSORS, unit))
         if measured and not wanted:
             return RoleByName("effort", 1.0 + (len(_ORDER) - order) / 10, _because(measured, unit))
         wanted = wanted | words & FEED_FORWARD
@@ -199,6 +209,12 @@ def is_called_command(name: ColumnName) -> bool:
 def says_no_command(name: ColumnName) -> bool:
     """Whether no word says that it was commanded, and what it names is measured as often as not: a current, a load."""
     return may_be_measured(name) or ("load" in name.words and not set(name.words) & (WANTED | _ORDER[0] | _ORDER[1]))
+
+
+def is_computed(name: ColumnName) -> bool:
+    """Whether a name says that a model gave the values: ``tau_rigid``, ``predicted torque``."""
+    words = set(name.words)
+    return bool(words & _COMPUTED) and not words & (WANTED | MEASURED | FEED_FORWARD)
 
 
 def is_feed_forward(name: ColumnName) -> bool:
