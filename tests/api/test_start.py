@@ -223,6 +223,20 @@ def test_a_turned_command_is_answered_with_the_option_that_turns_it(record, tmp_
     assert min(again.fit.values.values()) > 0.0
 
 
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_the_command_of_one_drive_is_turned_in_all_its_records_or_in_none(record, tmp_path, sign):
+    """Beside a turned record a short one shows no sign; one that goes the way of its command contradicts."""
+    c, count = _columns(record), 90 if sign < 0 else None
+    logs = [
+        _write(tmp_path / "long.csv", "t,motor,q", c["t"], -c["u"], c["q"]),
+        _write(tmp_path / "other.csv", "t,motor,q", *(x[:count] for x in (c["t"], sign * c["u"], c["q"]))),
+    ]
+    begun = idloop.start(logs, tmp_path / "begun", {"command": "motor=N·m"})
+    assert begun.not_fitted.startswith("long: a positive axis.effort accelerates axis backwards")
+    assert ("leave long out" in begun.not_fitted) == (sign > 0)
+    assert ("run again with --command '-motor=N·m'" in begun.summary()) == (sign < 0)
+
+
 def test_what_is_interrupted_leaves_nothing_in_the_way(record, tmp_path):
     log = _fitted(tmp_path / "log.csv", "t,torque,q", record)
 

@@ -582,6 +582,7 @@ class _Apart:
 
 def _apart(bags: Sequence[Path], inspections: Sequence[Inspection], between: Sequence[Finding]) -> _Apart | None:
     """Return why a fit of all records together would mean nothing; None where it may mean something."""
+    from idloop.records.inspection.faults.command_direction import is_forwards
     from idloop.records.inspection.faults.inner_loop import KIND as SET_POINT
     from idloop.records.inspection.grade import EVERYTHING, what
 
@@ -595,6 +596,12 @@ def _apart(bags: Sequence[Path], inspections: Sequence[Inspection], between: Seq
         faults = spoiling[names[0]]
         sound = tuple(bag for bag in bags if bag.name not in names)
         turned = any(fault.kind == _TURNED for fault in faults)
+        # Of one drive the command is turned in all records or in none.
+        axes = [axis for one in inspections for axis in one.axes if axis.command_name and one.path.name not in names]
+        if turned and any(map(is_forwards, axes)):
+            turned = False
+        elif turned:
+            sound = ()
         return _Apart(f"{names[0]}: {what(faults[0])}{left_out(bags, sound)}", (sound,) if sound else (), turned)
     apart = [one for one in between if one.spoils]
     if apart:

@@ -104,6 +104,21 @@ def test_a_turned_command(make_axis):
     assert found.evidence["gain"] == pytest.approx(-50.0, rel=0.1)
 
 
+@pytest.mark.parametrize("measured", ["position", "velocity"])
+@pytest.mark.parametrize("load", [0.0, 1.0])
+def test_a_command_against_a_motion_of_one_direction_is_turned_unless_a_load_drives_it(make_axis, load, measured):
+    """Slow steps, at the end with the drive off, show no inertia; a weight that is lowered moves so as well."""
+    levels = np.random.default_rng(2).uniform(0.2, 0.9, 12)
+    command = np.repeat(np.append(levels, np.full(12, load)), 1000)
+    axis = make_axis(count=command.size, command=command, drive=lambda u: u - load)
+    rare = {name: getattr(axis, name)[::60] for name in ("time", "input_time", "position", "velocity")}
+    unknown = dict.fromkeys({"position", "velocity"} - {measured})
+    sent = command if load else -np.repeat(np.tile(levels, 2), 1000)
+    axis = replace(axis, **(rare | unknown), command=sent[::60])
+    assert np.nanmean(axis.grid.command * axis.grid.speed) < 0.0
+    assert ("turned_command" in kinds(axis)) == (load == 0.0)
+
+
 def test_simulated_time_beside_receive_time(make_axis):
     axis = make_axis()
     receive = 1_700_000_000_000_000_000 + (1e9 * axis.time).astype(np.int64)
