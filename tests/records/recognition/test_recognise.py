@@ -423,6 +423,14 @@ def test_a_name_in_a_formula_that_needs_backquotes_is_shown_with_them(formula):
     assert _roles(columns, given={"command": Given(right, "V")})[0]["command"] == (right, "V")
 
 
+def test_a_number_that_is_the_name_of_a_column_needs_backquotes_in_a_formula():
+    columns = {"1": T, "3": U, "5": SPEED}
+    with pytest.raises(InputError, match=re.escape("stands in backquotes: --command '`3` / 255.3=-'")):
+        _roles(columns, given={"command": Given("3 / 255.3", "-")})
+    given = {"time": Given("1", "s"), "velocity": Given("5", "rad/s"), "command": Given("`3` / 255.3", "-")}
+    assert _roles(columns, given=given)[0]["command"] == ("`3` / 255.3", "-")
+
+
 def test_a_log_without_a_command_lists_its_columns_but_the_time():
     with pytest.raises(InputError, match="name one of angle, temperature, a with"):
         _roles({"t": T, "angle": ANGLE, "temperature": 20.0 + 0.0 * T, "a": 0.0 * T}, given={})

@@ -119,13 +119,16 @@ def checked_formula(table: Table, role: str, said: Given, numbers: Iterable[str]
         It is none, or names what is no column of numbers.
     """
     names = list(numbers)
-    if (text := in_backquotes(said.column, names)) != said.column:
+    text = in_backquotes(said.column, names)
+    if text == said.column and not Expression(text).columns:
+        text = in_backquotes(text, names, numbers=True)
+    if text != said.column:
         right = f"{text}={said.unit}" if said.unit else text
         raise InputError(
             f"{table.path}: in a formula the name of a column that is no plain word stands in backquotes:"
             f" --{role} '{right}'"
         )
-    formula = Expression(said.column)
+    formula = Expression(text)
     missing = next((name for name in formula.columns if name not in names), None)
     if missing is not None or not formula.columns:
         raise InputError(

@@ -46,21 +46,24 @@ _LONGEST = 1000
 _PLACE = "column_{}_"
 
 
-def in_backquotes(text: str, names: Iterable[str]) -> str:
+def in_backquotes(text: str, names: Iterable[str], *, numbers: bool = False) -> str:
     """Return a formula with backquotes around those of the names that need them and have none.
+
+    Names that are numbers may be meant as such; where no other column is named they are not.
 
     Examples
     --------
     >>> in_backquotes("2 * 0/1023 + `a b`", ["0/1023", "a b", "u"])
     '2 * `0/1023` + `a b`'
     """
-    needed = [one for one in names if one and not is_number(one) and not one.replace(".", "").isidentifier()]
+    needed = [one for one in names if one and is_number(one) == numbers and not one.replace(".", "").isidentifier()]
     if not needed:
         return text
-    # The longest counts; no letter or digit may go on with it.
+    # The longest counts; no letter or digit may go on with it, nor decimals with a number.
     any_name = "|".join(re.escape(one) for one in sorted(needed, key=len, reverse=True))
+    before, behind = (r"(?<![\w.])", r"(?![\w.])") if numbers else (r"(?<!\w)", r"(?!\w)")
     pieces = re.split(r"(`[^`]*`)", text)
-    pieces[::2] = [re.sub(rf"(?<!\w)(?:{any_name})(?!\w)", r"`\g<0>`", piece) for piece in pieces[::2]]
+    pieces[::2] = [re.sub(rf"{before}(?:{any_name}){behind}", r"`\g<0>`", piece) for piece in pieces[::2]]
     return "".join(pieces)
 
 
