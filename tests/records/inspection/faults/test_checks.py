@@ -15,6 +15,7 @@ from idloop.records.bags.publishers import find_publishers
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults import not_followed
 from idloop.records.inspection.faults.checks import inspect_axis
+from idloop.records.inspection.faults.command_sign import backward_travel
 
 
 def kinds(axis: Axis) -> list[str]:
@@ -96,6 +97,28 @@ def test_a_load_that_comes_back_by_itself_keeps_its_sign(make_axis):
         drive=lambda u: u - 1.0, command=np.repeat(np.abs(np.random.default_rng(1).normal(1, 1, 75)), 40)
     )
     assert "sign_lost" not in kinds(lifted)
+
+
+@pytest.mark.parametrize("lost", [True, False])
+def test_a_load_that_is_moved_both_ways_has_two_levels_and_no_lost_sign(make_axis, lost):
+    """A loop of the speed lifts and lowers a weight; another one without a weight lost the sign of its command."""
+    rng, state, weight = np.random.default_rng(4), [0.0], 0.0 if lost else 0.8
+    wanted = np.repeat(np.tile([1.0, 0.0, -1.0, 0.0], 15), 50)
+    speed, rows = 0.0, []
+    for target in wanted:
+        state[0] += 0.05 * (target - speed)
+        command = 0.3 * (target - speed) + state[0] + weight
+        rows.append((speed, command))
+        for _ in range(4):
+            speed += 0.00125 * (50.0 * (command - weight) - 5.0 * speed - 4.0 * np.tanh(speed / 0.01))
+    speed, command = np.array(rows).T
+    axis = replace(
+        make_axis(count=speed.size),
+        position=None,
+        velocity=speed + 2e-3 * rng.normal(size=speed.size),
+        command=np.abs(command + 2e-3 * rng.normal(size=speed.size)),
+    )
+    assert (backward_travel(axis) > 0.0) == lost
 
 
 def test_a_turned_command(make_axis):

@@ -1,8 +1,9 @@
 """A command that lost its sign: never negative, although it drives the axis both ways.
 
-Under a load or a spring an axis goes back where the command is small. Where the sign was lost, it goes back the faster
-the larger the command is; and where the inertia counts, the force that the motion needs has the size of the command
-with either sign.
+A load that is larger than friction keeps the sign of the command: it has another level in each direction, and goes
+through no zero between them. Under a smaller one, or a spring, an axis goes back where the command is small. Where the
+sign was lost, it goes back the faster the larger the command is; and where the inertia counts, the force that the motion
+needs has the size of the command with either sign.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ BACKWARD_TRAVEL = "backward_travel"
 _RELATED, _ERRORS = 0.4, 4.0
 # Share of the travel that goes the other way.
 _BACK = 0.1
+# A load: the least command in the median, and the difference of its levels in what each of them varies by.
+_LEAST, _APART = 0.3, 1.0
 _WINDOWS, _FEWEST, _PARTS = (3, 9, 27, 81), 12, 8
 # Acceleration left by a command with a free sign: at most the first share, and the second of what the command leaves
 # that is shifted in time, or that is taken as it is.
@@ -74,17 +77,31 @@ def check(axis: Axis) -> list[Finding]:
 
 
 def backward_travel(axis: Axis) -> float:
-    """Share of the travel that goes the other way although the command never changes its sign; 0 where it does."""
+    """Share of the travel that goes the other way although the command never changes its sign.
+
+    0 where it does, and where a load keeps it.
+    """
     grid = axis.grid
     if grid is None or axis.command.size < 2:
         return 0.0
     known = axis.command[np.isfinite(axis.command)]
     low, high = float(known.min()), float(known.max())
-    speed = grid.speed[np.isfinite(grid.command) & np.isfinite(grid.speed)]
-    if low == high or low * high < 0.0 or speed.size < 200:
+    good = np.isfinite(grid.command) & np.isfinite(grid.speed)
+    size, speed = np.abs(grid.command[good]), grid.speed[good]
+    if low == high or low * high < 0.0 or speed.size < 200 or _holds_load(size, speed, grid.noise):
         return 0.0
     travel = np.array([np.sum(speed[speed > 0.0]), -np.sum(speed[speed < 0.0])])
     return float(travel.min() / travel.sum()) if travel.min() >= _BACK * travel.max() > 0.0 else 0.0
+
+
+def _holds_load(size: Floats, speed: Floats, noise: float) -> bool:
+    """Whether a command is never near zero, and has another level when the axis goes back."""
+    rest = max(3.0 * noise, 0.05 * float(np.max(np.abs(speed))))
+    levels = [size[rows] for rows in (speed > rest, speed < -rest)]
+    if min(one.size for one in levels) < _FEWEST or np.quantile(size, 0.01) <= _LEAST * np.median(size):
+        return False
+    varies = float(np.hypot(*map(np.std, levels)) / 2.0**0.5)
+    return abs(float(levels[0].mean() - levels[1].mean())) > _APART * varies
 
 
 def _both_ways(size: Floats, speed: Floats, width: int, noise: float) -> tuple[float, float]:
