@@ -2,8 +2,8 @@
 
 A load that is larger than friction keeps the sign of the command: it has another level in each direction, and goes
 through no zero between them. Under a smaller one, or a spring, an axis goes back where the command is small. Where the
-sign was lost, it goes back the faster the larger the command is; and where the inertia counts, the force that the motion
-needs has the size of the command with either sign.
+sign was lost, it goes back the faster the larger the command is; and where the inertia counts, the force that the
+motion needs has the size of the command with either sign.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ def _holds_load(size: Floats, speed: Floats, noise: float) -> bool:
     levels = [size[rows] for rows in (speed > rest, speed < -rest)]
     if min(one.size for one in levels) < _FEWEST or np.quantile(size, 0.01) <= _LEAST * np.median(size):
         return False
-    varies = float(np.hypot(*map(np.std, levels)) / 2.0**0.5)
+    varies = float(np.sqrt(np.mean([np.var(one) for one in levels])))
     return abs(float(levels[0].mean() - levels[1].mean())) > _APART * varies
 
 
