@@ -18,6 +18,7 @@ from idloop.physics.model_file import from_text
 
 pytest.importorskip("distributed")
 pytest.importorskip("duckdb")
+parquet = pytest.importorskip("pyarrow.parquet")
 
 MODELS = {"j0": from_text(simulated.KINDS["base"], None), "j1": from_text(simulated.KINDS["wrist"], None)}
 BAGS, JOINTS = 4, 2
@@ -106,6 +107,10 @@ def test_results_are_written_for_sql_and_for_readers(first):
     for place in ("heat", "trend-0", f"trend-{len(first.components) - 1}"):
         assert f'data-place="{place}"' in page
     assert first.plot().axes[0].get_title(loc="left").startswith("j0: 2 joints")
+    for table in ("units", "findings"):
+        rows = parquet.read_table(first.folder / f"{table}.parquet").to_pylist()
+        made_by = {(one["settings"], one["version"], one["seed"]) for one in rows}
+        assert made_by <= {(first.settings.digest, idloop.__version__, 0)}
     columns = Store(first.folder).query("select count(*), count(distinct sha256) from rows").fetchone()
     assert columns == (BAGS * JOINTS * 4, BAGS)
 

@@ -141,7 +141,7 @@ class Fleet(Result):
         from idloop.fleet.joints import addresses, file_stems, joint_files, of_files, render_joints
         from idloop.fleet.page import render_fleet
         from idloop.fleet.store import JOINTS, MODELS, Store, write_table
-        from idloop.fleet.words import FINDING_COLUMNS, UNIT_COLUMNS, finding_row, unit_rows
+        from idloop.fleet.words import FINDING_COLUMNS, UNIT_COLUMNS, unit_rows
         from idloop.json_values import to_json
         from idloop.output_files import make_folder, write_text
 
@@ -149,8 +149,13 @@ class Fleet(Result):
             make_folder(self.folder / one, parents=True)
         document = to_json(self.to_dict())
         write_text(self.folder / "fleet.json", json.dumps(document, indent=2, ensure_ascii=False) + "\n")
-        write_table(self.folder / "units.parquet", list(unit_rows(self.components)), UNIT_COLUMNS)
-        write_table(self.folder / "findings.parquet", [finding_row(one) for one in self.findings], FINDING_COLUMNS)
+        tables = {
+            "units": (unit_rows(self.components), UNIT_COLUMNS),
+            "findings": (document["findings"], FINDING_COLUMNS),
+        }
+        made_by = {key: document[key] for key in ("settings", "version", "seed")}
+        for name, (rows, columns) in tables.items():
+            write_table(self.folder / f"{name}.parquet", [{**one, **made_by} for one in rows], columns)
         models, store = dict(self.settings.kinds), Store(self.folder)
         of_kind = {kind: self.folder.resolve() / MODELS / f"{stem}.yaml" for kind, stem in file_stems(models).items()}
         for kind, path in of_kind.items():

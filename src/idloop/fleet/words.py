@@ -16,14 +16,16 @@ from idloop.fleet.statistics import FEWEST_UNITS, RELATIVE, Components, Finding
 from idloop.p_values import p_value_text
 from idloop.reporting.text.blocks import Block, Table, number
 
+_MADE_BY = {"settings": "string", "version": "string", "seed": "int64"}
 FINDING_COLUMNS = {
     "what": "string", "kind": "string", "parameter": "string", "unit": "string", "robot": "string", "joint": "string",
     "day": "string", "size": "double", "low": "double", "high": "double", "p_value": "double", "q_value": "double",
+    **_MADE_BY,
 }  # fmt: skip
 UNIT_COLUMNS = {
     "robot": "string", "joint": "string", "kind": "string", "parameter": "string", "unit": "string", "level": "double",
     "stderr": "double", "shrunk": "double", "kind_mean": "double", "unit_deviation": "double",
-    "day_deviation": "double", "from_kind": "double",
+    "day_deviation": "double", "from_kind": "double", **_MADE_BY,
 }  # fmt: skip
 KIND_WORDS = (
     "mean over the joints of a kind; standard deviations of joints, dates that all joints share, single days, and of "
