@@ -401,6 +401,13 @@ def test_an_output_that_follows_the_command_is_a_velocity():
     assert any("may be a position or a velocity" in doubt for doubt in found.all_doubts())
 
 
+def test_a_position_that_follows_the_command_may_be_a_velocity():
+    for column, doubted in ((SPEED, True), (ANGLE, False)):
+        roles, found = _roles({"t": T, "pwm": U, "enc": column})
+        assert roles["position"][0] == "enc"
+        assert any("--velocity enc" in doubt for doubt in found.all_doubts()) == doubted
+
+
 def test_an_output_that_does_not_follow_the_command_is_a_position():
     roles, found = _roles({"t": T, "u": U, "y": ANGLE})
     assert roles["position"][0] == "y"

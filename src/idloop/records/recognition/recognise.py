@@ -522,14 +522,21 @@ def _slack_between(place: TableColumn, other: TableColumn) -> bool:
 
 
 def _output(columns: dict[str, TableColumn], chosen: dict[str, Guess], given: Map[str, Given]) -> None:
-    """Decide whether an output ``y`` is a position or a velocity."""
+    """Decide whether an output ``y`` is a position or a velocity, and doubt a position that runs as a velocity."""
     place, command = chosen.get("position"), chosen.get("command")
     named = given.keys() & set(MOTION) or "velocity" in chosen
-    words = () if place is None else parse_column_name(place.column).words
-    if place is None or command is None or named or place.unit or words not in (("y",), *IN_OR_OUT):
+    if place is None or command is None or named or place.unit:
         return
     driven = columns.get(command.column)
-    if driven is not None and follows(columns[place.column].value, driven.value):
+    runs_so = driven is not None and follows(columns[place.column].value, driven.value)
+    if parse_column_name(place.column).words not in (("y",), *IN_OR_OUT):
+        if runs_so:
+            chosen["position"] = place.with_doubt(
+                f"{place.column!r} is large where the command is, as a velocity is, and a position on a spring: if it"
+                f" is one, --velocity {shlex.quote(place.column)}"
+            )
+        return
+    if runs_so:
         del chosen["position"]
         chosen["velocity"] = replace(place, role="velocity", reason="an output that is large where the command is")
     doubt = f"{place.column!r} may be a position or a velocity: --position {place.column} or --velocity {place.column}"
