@@ -470,6 +470,17 @@ def test_a_sensor_of_forces_is_no_command_beside_the_current_of_the_motor():
     assert _roles(columns)[0]["command"][0] == "/ft wrench.force.x"
 
 
+@pytest.mark.parametrize("name", ["Vibration (g)", "Left Load Cell (mV)"])
+def test_what_has_a_unit_of_no_motion_is_none(name):
+    with pytest.raises(InputError, match="no column is a position or a velocity") as refused:
+        _roles({"t": T, "u": U, name: ANGLE})
+    assert "as a formula" not in str(refused.value)
+    assert _roles({"t": T, "u": U, name: ANGLE, "b": SPEED})[0]["velocity"][0] == "b"
+    for flag in ({"Pin State 4": ANGLE}, {"limit": np.where(T < 7.0, 0.0, 1.0)}):
+        with pytest.raises(InputError, match="no column is a position or a velocity"):
+            _roles({"t": T, "u": U} | flag)
+
+
 @pytest.mark.parametrize("computed", ["tau_rigid", "tau_model", "predicted torque"])
 def test_what_a_model_gave_is_taken_only_where_nothing_was_measured(computed):
     columns = {"t": T, computed: U + 0.1, "tau_friction": 0.1 + 0 * U, "q": ANGLE, "qd": SPEED}

@@ -41,6 +41,7 @@ from idloop.records.recognition.roles import (
     IN_OR_OUT,
     RoleByName,
     is_computed,
+    is_force_sensor,
     may_be_measured,
     may_be_supply,
     role_by_name,
@@ -302,7 +303,8 @@ def _by_names(
 
 def _of_a_sensor(columns: Iterable[TableColumn]) -> str:
     """How a motion that a sensor shows in volts is said; empty where nothing is in volts."""
-    name = next((one.name for one in reversed(list(columns)) if one.parsed.unit in ("V", "mV")), "")
+    volts = (one for one in reversed(list(columns)) if one.parsed.unit in ("V", "mV"))
+    name = next((one.name for one in volts if not is_force_sensor(one.parsed)), "")
     return f"; that of a sensor in volts as a formula, such as --position '{quoted(name)} * 0.5=rad'" if name else ""
 
 

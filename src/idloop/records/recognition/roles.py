@@ -92,7 +92,7 @@ CURRENTS = {"current", "i", "iq", "strom", "corriente", "courant", "corrente", "
 TORQUES = {"torque", "tau", "effort", "efforts", "moment", "drehmoment", "trq"}
 _FORCE_NAMES = TORQUES | {"force", "kraft"}
 # A sensor beside the drive, which feels what acts from outside as well.
-_FORCE_SENSORS = {"wrench", "loadcell", "dynamometer"}
+_FORCE_SENSORS = ({"wrench"}, {"load", "cell"}, {"loadcell"}, {"dynamometer"})
 # A part of a force, or the whole of it, by a model.
 _COMPUTED = {
     "rigid", "model", "modelled", "modeled", "predicted", "prediction", "pred", "simulated", "sim", "theoretical",
@@ -156,15 +156,15 @@ def role_by_name(name: ColumnName) -> RoleByName:
     if words & _OTHER and not kind:
         return RoleByName("", 0.0, "")
     # In data sets for learning an action is the next set-point.
-    if words in ({"r"}, {"action"}) and not unit:
+    if words in ({"r"}, {"action"}, {"actions"}) and not unit:
         return RoleByName("reference", 1.0, _because(words, unit))
     if kind == "force":
         # The current that a drive draws from its supply acts after that of the motor.
         drawn = "input" in words and bool(unit in ("A", "mA") or words & CURRENTS)
         acts = words - {"input"} - CURRENTS if drawn else words
         order = next((k for k, some in enumerate(_ORDER) if acts & some), len(_ORDER) - (not drawn))
-        if words & _FORCE_SENSORS and not wanted:
-            return RoleByName("effort", 0.5, _because(words & _FORCE_SENSORS, unit))
+        if not wanted and (sensor := is_force_sensor(name)):
+            return RoleByName("effort", 0.5, _because(sensor, unit))
         if measured and not wanted:
             return RoleByName("effort", 1.0 + (len(_ORDER) - order) / 10, _because(measured, unit))
         wanted = wanted | words & FEED_FORWARD
@@ -209,6 +209,11 @@ def is_called_command(name: ColumnName) -> bool:
 def says_no_command(name: ColumnName) -> bool:
     """Whether no word says that it was commanded, and what it names is measured as often as not: a current, a load."""
     return may_be_measured(name) or ("load" in name.words and not set(name.words) & (WANTED | _ORDER[0] | _ORDER[1]))
+
+
+def is_force_sensor(name: ColumnName) -> set[str]:
+    """Words that say that a sensor beside the drive felt a force: ``wrench``, ``load cell``; none where none do."""
+    return next((some for some in _FORCE_SENSORS if some <= set(name.words)), set())
 
 
 def is_computed(name: ColumnName) -> bool:

@@ -8,6 +8,7 @@ from collections.abc import Mapping as Map
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.records.recognition.column_name import FLAGS
 from idloop.records.recognition.guess import MOTION, NONE, Given, Guess, with_unit
 from idloop.records.recognition.signal_units import motion_units, slope_of
 from idloop.records.recognition.smoothness import change_by_noise, smoothest_first
@@ -37,8 +38,11 @@ def fill_by_values(
     if not free or len(free) > _MOST_BY_LOOKS:
         return
     free = [free[k] for k in smoothest_first([(one.value, one.runs) for one in free])]
-    if not any(role in chosen for role in MOTION) and given.get("position", Given()).column != NONE:
-        smoothest = free.pop(0)
+    may_move = [one for one in free if not one.parsed.written and not _is_flag(one)]
+    # What has a unit that no motion has is none.
+    if not any(role in chosen for role in MOTION) and given.get("position", Given()).column != NONE and may_move:
+        smoothest = may_move[0]
+        free = [one for one in free if one is not smoothest]
         if free and _same(smoothest.value, free[0].value):
             # Of two that run together the one with less noise is the set-point, which is found below.
             smoothest = max(smoothest, free.pop(0), key=lambda one: change_by_noise(one.value)[0])
@@ -51,6 +55,12 @@ def fill_by_values(
     # What was measured acts as the input, and its name says so.
     if lacks_command and free and "effort" not in chosen:
         chosen["command"] = _by_values("command", free[-1], "it jumps most of the columns that are left")
+
+
+def _is_flag(one: TableColumn) -> bool:
+    """Whether a column has two values, or a name such as ``pin state``."""
+    words = set(one.parsed.words)
+    return np.unique(one.value[np.isfinite(one.value)]).size < 3 or bool(words & FLAGS and len(words) > 1)
 
 
 def find_set_point(columns: dict[str, TableColumn], chosen: dict[str, Guess], given: Map[str, Given]) -> None:
