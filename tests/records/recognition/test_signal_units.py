@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 from math import pi
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
-from idloop.records.recognition.signal_units import decoded, find_decoding, find_wrap, motion_units, slope_of
+from idloop.records.recognition.recognise import recognise_table
+from idloop.records.recognition.signal_units import (
+    decoded,
+    find_decoding,
+    find_wrap,
+    motion_units,
+    slope_of,
+    steps_per_turn,
+)
 from idloop.records.tables.mapping import SignBit
+from idloop.records.tables.table import Table
 
 T = np.arange(4000) * 0.005
 ANGLE = 3.0 * np.sin(2.0 * T) + np.sin(7.0 * T)
@@ -107,3 +118,23 @@ def test_a_position_that_goes_round_by_large_steps(largest):
 @pytest.mark.parametrize("seed", range(5))
 def test_a_noisy_angle_of_large_steps_does_not_go_round(seed):
     assert find_wrap(np.random.default_rng(seed).uniform(0.0, 360.0, size=600), "deg") == 0.0
+
+
+@pytest.mark.parametrize(("unit", "turn"), [("rad", 2 * np.pi), ("deg", 360.0)])
+def test_the_steps_of_an_angle_are_those_of_an_encoder(unit, turn):
+    angle = 0.1 * turn * np.sin(np.arange(500) / 40.0)
+    for counts in (1024, 4096):
+        assert steps_per_turn(np.round(angle * counts / turn) * turn / counts, unit) == counts
+    # Decimals, noise and the speed of an encoder have other steps.
+    for other in (np.round(angle, 2), angle, np.round(angle * 1024 / turn) * turn / 1024 / 0.003):
+        assert steps_per_turn(other, unit) == 0
+
+
+def test_what_follows_a_set_point_in_the_steps_of_an_encoder_is_no_velocity():
+    time, step = np.arange(2000) / 500.0, 2 * np.pi / 1024
+    wanted = np.where(time % 2.0 < 1.0, 0.5, -0.5)
+    place = np.round(lfilter([0.05], [1.0, -0.95], wanted) / step) * step
+    found = recognise_table(Table(Path("log.csv"), {"0": time, "1": wanted, "2": place}))
+    assert found.of("velocity") is None
+    assert (found.of("position").column, found.of("position").unit) == ("2", "rad")
+    assert "1024 of its steps" in found.of("position").reason

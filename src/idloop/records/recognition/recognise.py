@@ -530,7 +530,8 @@ def _output(columns: dict[str, TableColumn], chosen: dict[str, Guess], given: Ma
     if place is None or command is None or named or place.unit:
         return
     driven = columns.get(command.column)
-    runs_so = driven is not None and follows(columns[place.column].value, driven.value)
+    column = columns[place.column]
+    runs_so = driven is not None and follows(column.value, driven.value) and not column.is_angle
     if parse_column_name(place.column).words not in (("y",), *IN_OR_OUT):
         if runs_so:
             chosen["position"] = place.with_doubt(

@@ -14,7 +14,14 @@ from idloop.errors import InputError
 from idloop.records.recognition.column_name import WANTED, ColumnName, parse_column_name
 from idloop.records.recognition.guess import LOAD, MOTION, NONE, SET_POINTS, Given, Guess, quoted
 from idloop.records.recognition.roles import CURRENTS, TORQUES, role_by_name
-from idloop.records.recognition.signal_units import MotionUnits, motion_units, near_unit, slope_of, usual_resolution
+from idloop.records.recognition.signal_units import (
+    MotionUnits,
+    motion_units,
+    near_unit,
+    slope_of,
+    steps_per_turn,
+    usual_resolution,
+)
 from idloop.records.recognition.table_column import TableColumn
 from idloop.records.recognition.time_base import TimeBase
 from idloop.records.recognition.unnamed_columns import longest_way
@@ -262,6 +269,8 @@ def _position_alone(place: Guess, column: TableColumn, *, linear: bool) -> Guess
     for unit in () if linear else ("rad", "deg"):
         if column.wrap(unit):
             return replace(place, unit=unit, reason=f"{place.reason}; starts again after a turn in {unit}")
+        if steps := steps_per_turn(column.value, unit):
+            return replace(place, unit=unit, reason=f"{place.reason}; a turn in {unit} has {steps} of its steps")
     unit = "m" if linear else "rad"
     return replace(place, unit=unit).with_doubt(
         f"{_without_unit(place)} and taken as {unit}: --position '{place.column}=UNIT'"

@@ -30,6 +30,8 @@ _MOST = 100_000  # increments of a long record that are compared
 # Ranges after which positions start again: a turn in each unit, encoders of 8 to 24 bits.
 _TURNS = {"rad": 2.0 * pi, "deg": 360.0, "rev": 1.0}
 _COUNTS = tuple(float(2**bits) for bits in range(8, 25))
+# Steps of an encoder in an angle: as many at least, each as far off a multiple at most, and a turn of them.
+_FEWEST_STEPS, _OFF_STEP, _FEWEST_PER_TURN, _SAME_TURN = 20, 0.02, 64, 1e-4
 _SAME_COUNT = 0.003  # difference of a measured number of counts per turn and that of the encoder
 _LARGEST_STEP = 0.25  # of the range, but for a wrap
 # An axis that goes round passes all of its range, by less than this part of it between two samples; without its wraps
@@ -193,6 +195,27 @@ def usual_resolution(counts: float) -> float:
     powers = [float(2**bits) for bits in range(1, 32)]
     rounded = [float(f"{counts:.{digits}g}") for digits in (1, 2, 3)]
     return next((one for one in (*powers, *rounded) if abs(one / counts - 1.0) < _SAME_COUNT), float(f"{counts:.4g}"))
+
+
+def steps_per_turn(value: Floats, unit: str) -> int:
+    """Return how many steps of a coarse angle in rad or deg a turn has; 0 where they are no usual part of one."""
+    known = value[np.isfinite(value)]
+    change = np.abs(np.diff(known))
+    change = change[change > 0.0]
+    if unit not in _TURNS or change.size < _FEWEST_STEPS:
+        return 0
+    step = float(np.min(change))
+    # The mean over many steps is finer than the digits of one.
+    counts = np.round(change / step)
+    step = float(np.sum(change) / np.sum(counts))
+    if float(np.max(np.abs(change / step - counts))) > _OFF_STEP:
+        return 0
+    if abs(step / float(f"{step:.2g}") - 1.0) < _SAME_TURN:  # as a number is written, with two digits
+        return 0
+    turn = _TURNS[unit] / step
+    whole = round(turn)
+    usual = whole >= _FEWEST_PER_TURN and (whole % 100 == 0 or whole.bit_count() == 1)
+    return whole if usual and abs(turn / whole - 1.0) < _SAME_TURN else 0
 
 
 def _ratio(place: str, speed: str) -> float:

@@ -13,7 +13,7 @@ from idloop.errors import InputError
 from idloop.records.recognition.column_name import ColumnName, parse_column_name
 from idloop.records.recognition.guess import MOTION, Guess
 from idloop.records.recognition.roles import RoleByName, role_by_name
-from idloop.records.recognition.signal_units import decoded, find_decoding, find_wrap
+from idloop.records.recognition.signal_units import decoded, find_decoding, find_wrap, steps_per_turn
 from idloop.records.recognition.time_base import TimeBase, counts_rows
 from idloop.records.tables.base_units import COUNTS, SECONDS
 from idloop.records.tables.mapping import SignBit
@@ -110,6 +110,11 @@ class TableColumn:
     def steady(self) -> bool:
         """Whether it is above zero and hardly varies, as a supply voltage."""
         return float(np.nanstd(self.value)) < _STEADY * float(np.nanmean(self.value))
+
+    @property
+    def is_angle(self) -> bool:
+        """Whether its steps are those of an encoder in rad or deg."""
+        return any(steps_per_turn(self.value, unit) for unit in ("rad", "deg"))
 
     @property
     def is_held(self) -> bool:

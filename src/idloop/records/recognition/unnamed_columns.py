@@ -49,7 +49,7 @@ def fill_by_values(
         taken = {one.column for one in chosen.values()}
         # A position and a velocity are both larger in the runs in which a held command is.
         driven = [one.value for one in columns.values() if (one in free or one.name in taken) and not one.is_held]
-        may_be = given.get("velocity", Given()).column != NONE
+        may_be = given.get("velocity", Given()).column != NONE and not smoothest.is_angle
         role = "velocity" if may_be and any(follows(smoothest.value, one) for one in driven) else "position"
         chosen[role] = _by_values(role, smoothest, "it is the smoothest of the columns that are left")
     # What was measured acts as the input, and its name says so.
