@@ -118,3 +118,13 @@ def test_texts_beside_a_matrix_name_its_columns(tmp_path, version):
     np.testing.assert_array_equal(table.numbers("angle"), -U)
     np.testing.assert_array_equal(table.numbers("log.y.x"), U)
     assert "time" not in table.clocks
+
+
+def test_series_of_two_lengths_have_the_clock_of_theirs(tmp_path):
+    short = np.arange(40) * 0.0125
+    savemat(tmp_path / "log.mat", {"t_NI": T, "F": U, "t_MR": short, "v": np.cos(short)})
+    assert read_table(tmp_path / "log.mat").clocks == {"F": "t_NI", "v": "t_MR"}
+    # Two clocks of one length, or one alone, say nothing of the others.
+    for more in ({"t_b": T + 1.0}, {"v": U[:40]}):
+        savemat(tmp_path / "other.mat", {"t": T, "u": U} | more)
+        assert not read_table(tmp_path / "other.mat").clocks

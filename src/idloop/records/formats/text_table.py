@@ -57,7 +57,7 @@ FORM = Form(
     "csv",
     (".csv", ".txt", ".tsv", ".dat", ".log", ".asc", ".prn"),
     "a table of text",
-    'by the header, or `"0"`, `"1"`, ... without one',
+    'by the header, or `"0"`, `"1"`, ... without one, or by words that stand before the numbers in every row',
     _is_table,
     read_text_table,
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import numpy as np
 
 from idloop.documents import MOST_COLUMNS, MOST_DEPTH
 from idloop.errors import InputError
-from idloop.records.formats.clock_names import clock_unit, known_clock_unit
+from idloop.records.formats.clock_names import TIME_WORDS, clock_unit, known_clock_unit
 from idloop.records.tables.table import Table
 from idloop.records.tables.unit_words import is_unit_key
 
@@ -66,6 +67,8 @@ class _Flattener:
         inner = list(self._table.columns)[before:]
         if clocks or self._table.clocks.keys() & inner:
             self._set_clock([(full, short) for full, short in own if full in self._table.columns], inner)
+        else:
+            self._set_clocks_of_lengths([one for one in own if one[0] in self._table.columns])
 
     def _entry(self, name: str, value: Any, prefix: str, depth: int) -> list[tuple[str, str]]:
         """Add one entry; return the names of its columns, whole and within its structure."""
@@ -119,6 +122,20 @@ class _Flattener:
             if column != name and column not in used and len(table.columns[column]) == length:
                 table.clocks.setdefault(column, name)
 
+    def _set_clocks_of_lengths(self, own: list[tuple[str, str]]) -> None:
+        """Give series of several lengths the stamps of theirs: ``t_a`` and ``t_b``, one clock for each length."""
+        table, clocks = self._table, dict[int, list[str]]()
+        for full, short in own:
+            column, words = table.columns[full], set(re.split(r"[\W_\d]+", short.lower()))
+            if words & TIME_WORDS and isinstance(column, np.ndarray) and column.dtype.kind in "iuf" and _rises(column):
+                clocks.setdefault(len(column), []).append(full)
+        if len(clocks) < 2 or any(len(several) > 1 for several in clocks.values()):
+            return
+        for full, _ in own:
+            (clock,) = clocks.get(len(table.columns[full]), [full])
+            if clock != full:
+                table.clocks.setdefault(full, clock)
+
     def _note_unit(self, tree: Mapping[str, Any], prefix: str, own: list[tuple[str, str]]) -> None:
         """Keep the units that a structure says of its series, that of MATLAB of its Data, or a table of its columns."""
         said = next((value for key, value in tree.items() if is_unit_key(str(key))), None)
@@ -170,6 +187,10 @@ def _with_names(tree: Mapping[str, Any]) -> Mapping[str, Any]:
         for name, column in zip(lists[fitting[0]], matrix.T, strict=True):
             found[name if name not in tree and name not in found else f"{key}.{name}"] = column
     return {key: value for key, value in found.items() if key not in used}
+
+
+def _rises(column: np.ndarray[Any, Any]) -> bool:
+    return column.size > 1 and bool((np.diff(column.astype(np.float64)) > 0.0).all())
 
 
 def _words(value: Any) -> list[str]:
