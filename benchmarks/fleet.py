@@ -204,7 +204,7 @@ def processor_time() -> float:
     return sum(sum(resource.getrusage(who)[:2]) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
 
 
-def judge(fleet: Fleet, findings: Sequence[Any]) -> dict[str, Any]:
+def judge(fleet: Fleet, findings: Sequence[Any], periods: Sequence[Any] = ()) -> dict[str, Any]:
     """Count what was found of what was planted, and what was found beside it, each with its 95 % interval."""
     from interval_coverage import binomial_interval
 
@@ -227,6 +227,10 @@ def judge(fleet: Fleet, findings: Sequence[Any]) -> dict[str, Any]:
         "wear found": (units(fleet.worn, "trend", "step"), len(fleet.worn)),
         "firmware found at its date": (min(len(firmware), 1), int(fleet.changed is not None)),
         "false among what is listed": (len(false), len(findings)),
+        "false among the joints that changed since the firmware": (
+            sum((one.robot, one.joint) not in planted_units for one in periods if one.robot),
+            sum(bool(one.robot) for one in periods),
+        ),
     }
     return {
         name: {"count": count, "of": of, "interval": binomial_interval(count, of) if of else None}
@@ -293,7 +297,7 @@ def run(arguments: argparse.Namespace, folder: Path) -> dict[str, Any]:
     idloop.identify_fleet(table, models(), folder / "out", workers=arguments.workers, diagnose=0)
     return {
         "joint-days": found.joint_days, "recordings": found.bags, "not identified": len(found.failed),
-        "tests": found.tests, **judge(fleet, found.findings),
+        "tests": found.tests, **judge(fleet, found.findings, found.periods),
         "change of the firmware": [
             {"parameter": one.parameter, "size": one.size, "interval": [one.low, one.high]}
             for one in found.periods if not one.robot and one.kind == "base"

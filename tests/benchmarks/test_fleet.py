@@ -27,12 +27,14 @@ def test_found_and_false_are_counted():
         finding("odd", *odd), finding("trend", *worn), finding("day", *worn), finding("day", *healthy),
         finding("step", None, "", day=5.0), finding("step", None, "", kind="wrist", day=5.0),
     ]  # fmt: skip
-    counted = {name: (one["count"], one["of"]) for name, one in fleet.judge(plan, findings).items()}
+    judged = fleet.judge(plan, findings, [findings[k] for k in (1, 3, 4)])
+    counted = {name: (one["count"], one["of"]) for name, one in judged.items()}
     assert counted == {
         "odd units found": (1, 2),
         "wear found": (1, 1),
         "firmware found at its date": (1, 1),
         "false among what is listed": (2, 6),
+        "false among the joints that changed since the firmware": (1, 2),
     }
 
 

@@ -343,7 +343,7 @@ class _Work:
         periods: list[Finding] = []
         if self.since is not None:
             days = _day(self.since), None if self.against is None else _day(self.against)
-            compared = [statistics.between_periods(one.series, *days) for one in components]
+            compared = [statistics.between_periods(one, *days) for one in components]
             both = [one for kinds, units in compared for one in (*kinds, *units)]
             changes = statistics.Hypotheses(self.level)
             changes.add(np.array([one.p_value for one in both]), both.__getitem__)

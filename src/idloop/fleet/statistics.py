@@ -413,13 +413,25 @@ def _day(
     return finding_of(series, "day", float(days[place]), float(away[place]), float(error[place]), name, float(p[place]))
 
 
+def _shared(parts: Components) -> NDArray[np.bool_]:
+    """Dates of which the effect is known."""
+    return np.asarray(np.sum(np.isfinite(parts.left), axis=0) >= FEWEST_UNITS)
+
+
+def _scatter_of_dates(parts: Components) -> tuple[float, float]:
+    """Variance of the effects of dates beyond their errors, and its degrees of freedom."""
+    shared = _shared(parts)
+    own = parts.date_stderr[shared] ** 2
+    return wander(np.diff(parts.date[shared]), own[1:] + own[:-1])
+
+
 def _dates(parts: Components) -> Change | None:
     """Change of a kind: of what its units share."""
-    shared = np.sum(np.isfinite(parts.left), axis=0) >= FEWEST_UNITS
+    shared = _shared(parts)
     if shared.sum() < _FEWEST_DAYS:
         return None
+    more, freedom = _scatter_of_dates(parts)
     y, own = parts.date[shared], parts.date_stderr[shared] ** 2
-    more, freedom = wander(np.diff(y), own[1:] + own[:-1])
     return best_change(parts.series.days[shared], y, own + more, freedom, np.inf)
 
 
@@ -490,11 +502,12 @@ def _p(away: Array | float, error: Array | float, freedom: float) -> Array:
     return np.asarray(2.0 * stdtr(freedom, -np.abs(away) / np.maximum(error, 1e-300)))
 
 
-def between_periods(series: Series, since: float, against: float | None) -> tuple[list[Finding], list[Finding]]:
+def between_periods(parts: Components, since: float, against: float | None) -> tuple[list[Finding], list[Finding]]:
     """Change of a kind and of its units from the days of ``[against, since)`` to those from ``since`` on.
 
     Each unit is compared with itself. The change of the kind is the mean of its units' changes under a random effect,
-    which takes two units; of five units and more the change of each is that beyond this mean.
+    with the scatter of the dates that they share; it takes two units. Of five units and more the change of each is that
+    beyond this mean, among the changes of the others.
 
     Parameters
     ----------
@@ -506,28 +519,28 @@ def between_periods(series: Series, since: float, against: float | None) -> tupl
     kind, units : list of Finding
         Their tests, whatever their p-values; none of a kind of which one unit alone has both periods.
     """
-    begin = -np.inf if against is None else against
+    series, begin = parts.series, -np.inf if against is None else against
     periods = (series.days < since) & (series.days >= begin), series.days >= since
-    day, freedom = wander(*_successive(series.value, series.variance))
-    (before, old), (after, new) = (
-        _means(np.where(period, series.value, np.nan), series.variance + day) for period in periods
-    )
+    (before, old), (after, new) = (_means(np.where(one, series.value, np.nan), parts.total) for one in periods)
     known = np.isfinite(after - before) & (old + new > 1e-200)
     if not known.any():
         return [], []
     size, variance = (after - before)[known], (old + new)[known]
     names = [name for name, one in zip(series.names, known, strict=True) if one]
     mean, stderr, effect, joints = random_effect(size, variance)
-    few = min(freedom, joints) if effect > 0.0 else freedom
-    whole = finding_of(series, "period", since, mean, stderr, ("", ""), float(_p(mean, stderr, few)), few)
-    kind = [whole] if len(size) > 1 else []
+    freedom = min(parts.freedom, joints) if effect > 0.0 else parts.freedom
+    dates, of_dates = _scatter_of_dates(parts)
+    count = [max(int(np.sum(_shared(parts) & one)), 1) for one in periods]
+    whole = float(np.sqrt(stderr**2 + dates * sum(1.0 / one for one in count)))
+    few = min(freedom, of_dates) if dates > 0.0 else freedom
+    kind = [finding_of(series, "period", since, mean, whole, ("", ""), float(_p(mean, whole, few)), few)]
     # Where enough joints share the change of their kind, one is of interest that does otherwise.
-    what, away = ("beyond", size - mean) if len(size) >= FEWEST_UNITS else ("period", size)
-    errors = np.sqrt(variance)
+    enough = len(size) >= FEWEST_UNITS
+    what, away = ("beyond", size - mean) if enough else ("period", size)
+    among = np.sqrt(variance + effect * enough)
+    p_values = _p(away, among, freedom if enough else parts.freedom)
     units = [
         finding_of(series, what, since, one, error, name, p)
-        for name, one, error, p in zip(
-            names, away.tolist(), errors.tolist(), _p(away, errors, freedom).tolist(), strict=True
-        )
+        for name, one, error, p in zip(names, away.tolist(), np.sqrt(variance).tolist(), p_values.tolist(), strict=True)
     ]
-    return kind, units
+    return kind if len(size) > 1 else [], units
