@@ -110,6 +110,19 @@ def test_a_wave_as_short_as_a_window_is_found(harmonic, shortest, longest):
     assert tried >= harmonic - 1
 
 
+def test_of_several_waves_the_one_of_unseen_samples_is_named():
+    """A wave that one record has explains more of the samples that it is fitted to than one that all records have."""
+    usual = "cogging@axis(amplitude=0.03, harmonic=12, phase=0.8)"
+    model = load_model("axis")
+    other = "cogging@axis(amplitude=0.13, harmonic=17, phase=0.3)"
+    records = [turned(model.with_effects(waves), 1, rate=250.0) for waves in ([usual], [usual, other])]
+    estimation = prepare_estimation(model, records, "prediction")
+    fit = requested_force_fit(model, estimation, {})
+    assert harmonics(fit, 0)[0][0] == 17
+    step = ForceView(estimation, Options(effects=["cogging"])).evaluate(fit)
+    assert [one.fit.model.values["cogging@axis.harmonic"] for one in step.tied] == [12.0]
+
+
 def test_predictions_weigh_sensors_splits_and_what_is_new_since_the_balance():
     model = load_model("axis")
     alone = unbalanced(model, None, {}, model)

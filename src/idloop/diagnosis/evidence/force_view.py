@@ -57,8 +57,8 @@ _Scored = tuple[tuple[Proposal, ...], WeakFit, Callable[[WeakFit], Scores]]
 
 # Effects that are fitted, by what their traces promise: four always (and in pairs), others with a fiftieth of the best.
 _MOST_FITS, _FEWEST_FITS, _WORTH_A_FIT = 10, 4, 0.02
-# Alternatives of one effect from which a fit begins.
-_STARTS = 2
+# Alternatives of one effect from which a fit begins; those with other whole numbers, such as harmonics, that are fitted.
+_STARTS, _WHOLE_NUMBERS = 2, 4
 # Two effects that show only together reduce the error by half: any two reduce it a little.
 _TOGETHER = 0.5
 # A fit from several starts continues from the best after so many iterations.
@@ -225,7 +225,8 @@ class ForceView(View[WeakFit]):
         parts = {part for found in chosen for part in found.proposal.effect.contains}
         chosen += [found for found in promising if found.proposal.effect.name in parts and found not in chosen]
         evaluator = _Evaluator(self.estimation, parent, coarse, self.held_out)
-        evaluated = evaluator(in_parallel(partial(_fitted, coarse), chosen), options.level)
+        apart = [one for found in chosen for one in found.apart()]
+        evaluated = _surest(evaluator(in_parallel(partial(_fitted, coarse), apart), options.level))
         step = ForceStep(
             whole, tuple(evaluated), len(choices) + screen.waves, options.level, options.minimum_improvement,
             tuple(proposed), subsampled=parent,
@@ -280,6 +281,15 @@ class ForceView(View[WeakFit]):
         level, least = self.options.level, self.options.minimum_improvement
         needed = evidence.improvement >= least and evidence.log >= math.log(1.0 / level)
         return None if needed else self.refit_thoroughly(smaller)
+
+
+def _surest(evaluated: Iterable[EvaluatedModel[WeakFit]]) -> list[EvaluatedModel[WeakFit]]:
+    """Of models with the same effects, such as with another harmonic, the one with the most evidence."""
+    found: dict[tuple[str, ...], EvaluatedModel[WeakFit]] = {}
+    for one in evaluated:
+        if one.names not in found or one.evidence.log > found[one.names].evidence.log:
+            found[one.names] = one
+    return list(found.values())
 
 
 def _undetermined(step: ForceStep) -> dict[str, str]:
@@ -365,6 +375,14 @@ class _Promising:
     starts: list[Trial]
     tried: bool = True  # at any values
 
+    def apart(self) -> list[_Promising]:
+        """One for each choice of the whole numbers, such as a harmonic, which a fit does not change."""
+        whole = self.proposal.whole_numbers
+        groups: dict[tuple[float, ...], list[Trial]] = {}
+        for start in self.starts:
+            groups.setdefault(tuple(start[name] for name in whole), []).append(start)
+        return [replace(self, starts=group) for group in groups.values()]
+
 
 class _Screen:
     """Correlates the traces that effects would leave in a force balance with what it leaves unexplained.
@@ -419,7 +437,8 @@ class _Screen:
         if most < LEAST_GAIN:
             return _Promising(proposal, 0.0, typical, part, [], bool(alternatives))
         found.sort(key=lambda one: -one[0])
-        starts = [start for *_, trials, size in found[:_STARTS] for start in _starts(proposal, trials, size)]
+        several = _WHOLE_NUMBERS if proposal.whole_numbers else _STARTS
+        starts = [start for *_, trials, size in found[:several] for start in _starts(proposal, trials, size)]
         return _Promising(proposal, most, typical, part, starts)
 
     def _gain(self, left: Array) -> float:

@@ -24,6 +24,8 @@ _MOST = 400
 _LEAST_KEPT = 0.1
 # Bands of speed and cells of a turn over which forces are summed; most periods in a window of which some are kept.
 _SPEEDS, _CELLS, _LONGEST = 128, 4096, 4.0
+# Harmonics whose forces are looked at: their powers only rank them, as they overlap where turns are few.
+_STRONGEST = 12
 # Step between neighbouring frequencies [periods within the travel].
 _STEP = 0.25
 
@@ -122,5 +124,5 @@ def harmonics(fit: WeakFit, body: int) -> tuple[tuple[int, ...], int]:
     weak = np.flatnonzero(power < _LEAST_KEPT * len(left))
     tried = int(weak[0]) if len(weak) else len(orders)
     wave = np.sum(kept * np.fft.rfft(sums, axis=1)[:, lowest : _MOST + 1], axis=0)[:tried]
-    strongest = np.argsort(np.abs(wave) / np.sqrt(power[:tried]))[::-1][:3]
+    strongest = np.argsort(np.abs(wave) / np.sqrt(power[:tried]))[::-1][:_STRONGEST]
     return tuple(int(order) for order in orders[strongest]), tried

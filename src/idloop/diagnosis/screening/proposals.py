@@ -36,6 +36,11 @@ class Proposal:
         """Name in the model that has it, such as ``effect@site``."""
         return effect_name(self.effect.name, self.at, self.number)
 
+    @property
+    def whole_numbers(self) -> tuple[str, ...]:
+        """Parameters that are whole numbers."""
+        return tuple(spec.name for spec in self.effect.parameters if spec.integer)
+
     def alternatives(self, scales: Scales) -> list[list[Trial]]:
         """Values to try, see `idloop.physics.trial`."""
         effect = self.effect
