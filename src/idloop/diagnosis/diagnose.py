@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from idloop.diagnosis.diagnosis import Diagnosis, diagnosis_of, findings_of_model
-from idloop.diagnosis.evidence.deciding_view import UNEXPLAINED, DecidingView, as_predicted, requested_force_fit
+from idloop.diagnosis.evidence.deciding_view import DecidingView, as_predicted, requested_force_fit
 from idloop.diagnosis.evidence.force_view import ForceView
 from idloop.diagnosis.evidence.free_run_view import free_run_view
 from idloop.diagnosis.evidence.prediction_view import PredictionView, delay_or_lag
@@ -128,7 +128,7 @@ def _by_force(model: Model, records: Sequence[Record], criterion: str, options: 
     step = ForceView(estimation, options, forms=forms).evaluate(fit)
     shown = step.tied[0].fit if step.tied else fit if step.confounded else None
     if deciding is not None:
-        if (shown or fit).relative >= UNEXPLAINED or (shown is None and not deciding.disturbance_absorbs_force):
+        if not (shown or fit).explains_force or (shown is None and not deciding.disturbance_absorbs_force):
             return None
         if step.tied and deciding.prediction_contradicts(step.tied[0].fit.model, options.level):
             return None

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idloop.errors import InputError
-from idloop.estimation.dataset import output_groups
 from idloop.estimation.likelihood.estimation_problem import EstimationProblem, prepare_estimation
 from idloop.estimation.statistics.whitening import Whitener
 from idloop.physics.model import Model
@@ -68,5 +67,5 @@ def diagnosis_problem(
     estimation = prepare_estimation(start, records, kind, companions)
     if kind != SIMULATION:
         return estimation
-    sizes = [len(group) for group in output_groups(list(estimation.data))]
-    return replace(estimation, whiteners=tuple(Whitener(np.zeros((0, n, n))) for n in sizes))
+    whiteners = tuple(Whitener(np.zeros((0, n, n))) for n in map(len, estimation.groups))
+    return replace(estimation, whiteners=whiteners)

@@ -10,7 +10,7 @@ import numpy as np
 
 from idloop.diagnosis.candidate import Candidate, effect_parameters
 from idloop.diagnosis.diagnosis import candidate_of, findings_of_model
-from idloop.diagnosis.evidence.deciding_view import UNEXPLAINED, DecidingView, as_predicted, requested_force_fit
+from idloop.diagnosis.evidence.deciding_view import DecidingView, as_predicted, requested_force_fit
 from idloop.diagnosis.evidence.force_view import ADEQUATE_FORCE, ForceView, fitted_model
 from idloop.diagnosis.evidence.free_run_view import free_run_view
 from idloop.diagnosis.evidence.prediction_view import PredictionView, delay_or_lag
@@ -172,7 +172,7 @@ class _Refinement:
         if deciding is None:
             return found, last
         nothing = len(found.steps) == (1 if ladder is None else len(ladder.steps))
-        if last.relative >= UNEXPLAINED or (
+        if not last.explains_force or (
             not deciding.disturbance_absorbs_force
             if nothing
             else deciding.prediction_contradicts(found.model, self.options.level)

@@ -25,14 +25,16 @@ class SimulationCriterion:
         Compiled model.
     data : list of Data
         Records.
+    groups : list of list of int, optional
+        Outputs that share a noise model; those measured at the same instants when left out.
     """
 
     name = "simulation"
     whiten = False
 
-    def __init__(self, engine: Engine, data: list[Data]) -> None:
+    def __init__(self, engine: Engine, data: list[Data], groups: list[list[int]] | None = None) -> None:
         self.engine, self.data = engine, data
-        self.groups = output_groups(data)
+        self.groups = groups or output_groups(data)
         self.initial = InitialStates(engine, data)
         self._known = [[_known(d, group) for d in data] for group in self.groups]
         self._memory: dict[tuple[int, bytes], Array] = {}

@@ -102,18 +102,23 @@ def test_an_inertia_that_friction_hides_is_decided_by_the_force():
     assert "coulomb_friction@axis" in found.set
 
 
-def moved_against_friction(inertia: float, rate: float = 500.0) -> Record:
-    """A joint that a stiff loop moves slowly: its torque is friction, and a torque of other joints that wanders."""
-    model, rng = load_model("axis"), np.random.default_rng(1)
+def moved_slowly(inertia: float, friction: float, weight: float, wander: float, ripple: float) -> Record:
+    """A joint that a stiff loop moves: a torque of other joints wanders, and that of its drive ripples."""
+    model, rng, rate = load_model("axis"), np.random.default_rng(1), 500.0
     time, speeds = np.arange(0.0, 10.0, 1.0 / rate), 2.0 * np.pi * np.arange(0.1, 0.55, 0.1)
     size, phase = 0.35 * rng.normal(size=5), rng.uniform(0.0, 2.0 * np.pi, 5)
     at = np.outer(time, speeds) + phase
-    velocity, acceleration = np.cos(at) @ (size * speeds), -np.sin(at) @ (size * speeds**2)
-    memory, wanders = np.exp(-1.0 / rate / 0.3), np.zeros(len(time))
-    for k in range(1, len(time)):
-        wanders[k] = memory * wanders[k - 1] + np.sqrt(1.0 - memory**2) * rng.normal()
-    torque = inertia * acceleration + 0.02 * velocity + 0.26 * np.tanh(velocity / 0.01) + 0.03 * wanders
-    position = np.sin(at) @ size + 2e-5 * rng.normal(size=len(time))
+    angle, velocity, acceleration = np.sin(at) @ size, np.cos(at) @ (size * speeds), -np.sin(at) @ (size * speeds**2)
+
+    def noise(seconds: float) -> np.ndarray:
+        memory, values = np.exp(-1.0 / rate / seconds), np.zeros(len(time))
+        for k in range(1, len(time)):
+            values[k] = memory * values[k - 1] + np.sqrt(1.0 - memory**2) * rng.normal()
+        return values
+
+    torque = inertia * acceleration + 0.02 * velocity + friction * np.tanh(velocity / 0.01) + weight * np.sin(angle)
+    torque += wander * noise(0.3) + ripple * noise(0.01)
+    position = angle + 2e-5 * rng.normal(size=len(time))
     return Record(
         "joint", time, torque, time, position[:, None], "axis.effort", "N·m", model.output_names[:1], ("rad",)
     )
@@ -126,7 +131,20 @@ def test_friction_that_moves_a_joint_is_found_where_its_inertia_is_not_seen(iner
     model = load_model("axis")
     model = replace(model, outputs=tuple(one for one in model.outputs if one.field == "position"))
     model = model.with_values({"axis.inertia": start})
-    found = refine(model, [moved_against_friction(inertia)], effects=["coulomb_friction"])
+    found = refine(model, [moved_slowly(inertia, 0.26, 0.0, 0.03, 0.0)], effects=["coulomb_friction"])
     assert found.added == ("coulomb_friction@axis",)
     assert found.model.values["coulomb_friction@axis.level"] == pytest.approx(0.26, rel=0.1)
     assert not found.response.uninformative
+
+
+def test_a_weight_that_carries_all_of_the_force_is_found():
+    """Beside it the model without it explains nothing: neither inertia nor viscous friction."""
+    model = load_model("axis")
+    model = replace(model, outputs=tuple(one for one in model.outputs if one.field == "position"))
+    record = moved_slowly(0.01, friction=0.2, weight=4.0, wander=1.0, ripple=1.0)
+    balance = DecidingView(model, prepare_estimation(model, [record], "prediction"), {}).balance
+    assert balance is not None
+    assert balance.relative == pytest.approx(1.0, abs=1e-6)
+    found = diagnose(model, [record])
+    assert found.criterion == "force"
+    assert "gravity@axis" in found.set

@@ -334,3 +334,17 @@ def test_an_effect_must_explain_a_part_of_what_no_noise_accounts_for(torque: flo
     assert step.names == (("load_torque@axis",) if named else ())
     if not named:
         assert "of the errors beyond the sensors' noise" in step.passed_over["load_torque@axis"]
+
+
+def test_what_free_parameters_can_imitate_takes_no_place_of_other_effects(monkeypatch):
+    """Beside a command of two levels a dead zone or a limit is a gain, and its trace promises anything."""
+    effects = ["coulomb_friction@axis(level=0.03)", "input_offset@input(offset=-0.02)"]
+    machine = load_model("axis").with_effects(effects)
+    model = load_model("axis").with_free(["axis.viscous_friction", "drive.gain"])
+    record = turned(machine, rate=250.0)
+    command = np.where(np.sin(2.0 * np.pi * 0.5 * record.time) > 0.0, 1.0, -1.0)
+    record = replace(record, input=command, output=simulated(machine, record.time, command))
+    monkeypatch.setattr(force_view, "_MOST_FITS", 5)
+    step = evaluated(model, record)
+    assert step.gate.why["dead_zone@input"] == "on this data the free parameters can do the same"
+    assert "input_offset@input" in {name for one in step.evaluated for name in one.names}

@@ -9,7 +9,7 @@ from tests.diagnosis.conftest import record_of
 from idloop.diagnosis.screening.typical_sizes import Sizes
 from idloop.errors import IdloopError
 from idloop.estimation.likelihood.estimation_problem import BoundedRateEngine, prepare_estimation
-from idloop.estimation.likelihood.refit import refit
+from idloop.estimation.likelihood.refit import refit, transfer
 from idloop.physics import load_model
 
 STEP = 0.002
@@ -69,3 +69,17 @@ def test_what_is_known_is_no_start_that_a_search_may_raise() -> None:
     known = model.with_values({"axis.inertia": 1e-8}).with_free(set(model.free) - {"axis.inertia"})
     assert not estimation.resolves(known)
     assert estimation.resolvable(known) is known
+
+
+def test_records_have_the_groups_of_their_companions() -> None:
+    """One log whose sensors are sampled together, beside others whose velocity comes less often."""
+    model = load_model("axis")
+    whole, other = (record_of(model, seed, seconds=6.0) for seed in (1, 2))
+    sparse = other.output.copy()
+    sparse[1::2, 1] = np.nan
+    fitted, held_out = [replace(other, output=sparse)], [whole]
+    assert prepare_estimation(model, held_out, "prediction").groups == [[0, 1]]
+    estimation = prepare_estimation(model, fitted, "prediction", held_out)
+    unseen = prepare_estimation(model, held_out, "prediction", fitted)
+    assert estimation.groups == unseen.groups == [[0], [1]]
+    assert transfer(unseen, refit(estimation, model)) is not None

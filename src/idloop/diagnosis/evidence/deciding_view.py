@@ -20,8 +20,6 @@ from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.physics.model import Model
 from idloop.records import Record
 
-# A model that leaves this part of the drive's force unexplained has not found the force that moves the axis.
-UNEXPLAINED = 0.9
 # The command is reversed where that reduces the unexplained force to less than this part.
 _REVERSED = 0.5
 # Samples at the beginning of the records by which predictions are compared first.
@@ -41,7 +39,7 @@ class DecidingView:
         serves = (
             fit is not None
             and fit.usable
-            and (fit.relative < UNEXPLAINED or estimation.resolves(_with_largest_inertias(fit)))
+            and (fit.explains_force or estimation.resolves(_with_largest_inertias(fit)))
             and not _command_is_reversed(fit)
         )
         self.balance = fit if serves else None
@@ -133,7 +131,8 @@ def _beginning_of(estimation: EstimationProblem, start: Model) -> EstimationProb
 
 
 def _no_better(plain: Refit | None, found: Model, estimation: EstimationProblem, level: float) -> bool:
-    if plain is None:
+    # Predictions whose noise has a long memory take model error for noise, and contradict nothing.
+    if plain is None or plain.many_lags:
         return False
     # One search from the values of the balance is mostly enough.
     for near in (True, False):

@@ -57,7 +57,7 @@ _Scored = tuple[tuple[Proposal, ...], WeakFit, Callable[[WeakFit], Scores]]
 
 # Effects that are fitted, by what their traces promise: four always (and in pairs), others with a fiftieth of the best.
 _MOST_FITS, _FEWEST_FITS, _WORTH_A_FIT = 10, 4, 0.02
-# Alternatives of one effect from which a fit begins; those with other whole numbers, such as harmonics, that are fitted.
+# Alternatives of one effect from which a fit begins; those of other whole numbers, such as harmonics, that are fitted.
 _STARTS, _WHOLE_NUMBERS = 2, 4
 # Two effects that show only together reduce the error by half: any two reduce it a little.
 _TOGETHER = 0.5
@@ -217,7 +217,8 @@ class ForceView(View[WeakFit]):
         choices = [one for one in proposed if _balances(one)]
         screened = list(in_parallel(screen, choices))
         promising = [found for found in screened if found.starts]
-        promising.sort(key=lambda found: -found.promise)
+        # What the free parameters can do as well promises anything, and comes last.
+        promising.sort(key=lambda found: (found.own_part < OWN_PART, -found.promise))
         worth = _WORTH_A_FIT * promising[0].promise if promising else 0.0
         chosen = promising[:_FEWEST_FITS] + [
             found for found in promising[_FEWEST_FITS:_MOST_FITS] if found.promise >= worth

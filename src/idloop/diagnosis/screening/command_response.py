@@ -15,7 +15,6 @@ from enum import Enum
 
 import numpy as np
 
-from idloop.diagnosis.evidence.deciding_view import UNEXPLAINED
 from idloop.diagnosis.screening.granger_test import granger_causes
 from idloop.errors import IdloopError
 from idloop.estimation.direction import OPPOSITE_DIRECTION, REVERSE_ADVICE, gain_is_turned
@@ -98,7 +97,7 @@ def missing_response(estimation: EstimationProblem, fit: Refit, start: Model, se
         return CommandResponse.OTHERWISE
     # A stiff loop has the friction of a motion in its command, not before it.
     balance = fit_by_force_if_possible(CachingEngine(start), estimation.data, start.theta)
-    moved = balance is not None and balance.relative < UNEXPLAINED
+    moved = balance is not None and balance.explains_force
     return CommandResponse.OTHERWISE if moved else CommandResponse.UNMOVED
 
 

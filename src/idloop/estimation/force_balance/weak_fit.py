@@ -35,6 +35,8 @@ MOST_NOISE = 0.3
 _WIDER = 1.4
 # Model error dominates a balance with at most this part of sensor noise, and at least that part of the drive's force.
 _LITTLE_NOISE, LEAST_UNEXPLAINED = 0.1, 0.01
+# A model that leaves this part of the drive's force unexplained has not found the force that moves the axis.
+_NOT_FOUND = 0.9
 # Relative difference of two sensors' velocities of one body above which they disagree.
 _DISAGREE = 0.02
 # Narrow windows agree with those wider by this ratio where they show at least that part of the inertia, or where their
@@ -131,14 +133,19 @@ class WeakFit:
     @property
     def usable(self) -> bool:
         """Whether the unexplained force may show a missing effect: it is reliable and not negligible."""
-        return self.reliable and float(np.max(self.relative_by_body)) >= LEAST_UNEXPLAINED and self.relative < 1.0
+        return self.reliable and float(np.max(self.relative_by_body)) >= LEAST_UNEXPLAINED
+
+    @property
+    def explains_force(self) -> bool:
+        """Whether the model has found a force that moves the axis."""
+        return self.relative < _NOT_FOUND
 
     def contradicts(self, predicted: Model) -> bool:
         """Whether the same model, fitted to prediction errors, takes a force for a disturbance.
 
         The balance explains that force.
         """
-        if not self.usable or self.form.width > _PERIOD * self.form.widest:
+        if not self.usable or self.relative >= 1.0 or self.form.width > _PERIOD * self.form.widest:
             return False
         # Least squares count a part of a disturbance as inertia, and leave less of it unexplained.
         disturbed = self.relative / np.sqrt(1.0 - self.relative**2)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from idloop.errors import IdloopError, InputError
 from idloop.estimation.criterion import Criterion
-from idloop.estimation.dataset import Data, common_conditions, force_scale, output_noise, prepare
+from idloop.estimation.dataset import Data, common_conditions, force_scale, output_groups, output_noise, prepare
 from idloop.estimation.observer.innovations import InnovationCriterion
 from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.estimation.optimisation.least_squares import LeastSquaresProblem
@@ -112,6 +112,8 @@ class EstimationProblem:
         Largest measured speed.
     deviation : array, shape (p,)
         Standard deviation of each output.
+    groups : list of list of int
+        Outputs that are measured at the same instants, as of `output_groups`, in these records and their companions.
     whiteners : tuple of Whitener or None
         Common whitening of all models, by group of outputs; each model's own when None.
     """
@@ -123,6 +125,7 @@ class EstimationProblem:
     force: float
     speed: float
     deviation: Array
+    groups: list[list[int]]
     whiteners: tuple[Whitener, ...] | None = None
 
     @cached_property
@@ -160,8 +163,8 @@ class EstimationProblem:
         """The criterion for one model."""
         engine = self.engine(model)
         if self.kind == "simulation":
-            return SimulationCriterion(engine, list(self.data))
-        return InnovationCriterion(engine, list(self.data), self.noise, self.force)
+            return SimulationCriterion(engine, list(self.data), groups=self.groups)
+        return InnovationCriterion(engine, list(self.data), self.noise, self.force, groups=self.groups)
 
     def resolves(self, model: Model) -> bool:
         """Whether the samples resolve the rate of a model's chain of bodies.
@@ -201,7 +204,7 @@ def prepare_estimation(
     records : sequence of Record
     kind : {"prediction", "simulation"}
     companions : sequence of Record
-        Further records of the same outputs, for another problem.
+        Further records of the same outputs, for another problem with noise models of the same groups.
 
     Raises
     ------
@@ -220,6 +223,7 @@ def prepare_estimation(
         force_scale(engine, data),
         _largest_speed(model, data),
         np.array([_deviation(column) for column in np.concatenate([d.output for d in data]).T]),
+        output_groups([*data, *(prepare(model, companions, companions=records) if companions else ())]),
     )
 
 
