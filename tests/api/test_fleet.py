@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import threading
 
@@ -83,6 +84,20 @@ def test_a_broken_bag_is_one_line_of_the_answer(first, bags, tmp_path):
     (failed,) = found.failed
     assert failed["bag"].endswith("2026-03-09.mcap")
     assert "2026-03-09.mcap" in found.summary()
+
+
+def test_a_bag_that_is_put_back_after_it_was_cut_off_counts_again(bags, tmp_path):
+    shutil.copytree(bags / "robot000", tmp_path / "bags" / "robot000")
+    bag = max((tmp_path / "bags").rglob("*.mcap"))
+    whole = bag.read_bytes()
+    counts = []
+    for step, content in enumerate((whole, b"cut off", whole, b"cut off", whole)):
+        bag.write_bytes(content)
+        os.utime(bag, (2e9 + step, 2e9 + step))
+        found = idloop.identify_fleet(tmp_path / "bags", MODELS, tmp_path / "out", workers=0, diagnose=0)
+        counts.append((len(found.failed), found.joint_days))
+    (_, all_days), (_, less) = counts[:2]
+    assert counts == [(0, all_days), (1, less), (0, all_days), (1, less), (0, all_days)]
 
 
 def test_a_recording_under_which_workers_ended_is_tried_again(bags, tmp_path, monkeypatch):

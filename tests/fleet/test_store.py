@@ -53,8 +53,25 @@ def test_a_bag_that_was_repaired_counts_as_it_is_now(tmp_path, settings):
     store = Store(tmp_path)
     store.add([row(ONE, settings, "broken", joint=None, parameter=None, value=None, reason="cut off")])
     assert store.counts([ONE], settings)[1][0]["reason"] == "cut off"
-    store.add([row(replace(ONE, stamp="11 101.0"), settings, "whole")])
+    repaired = replace(ONE, stamp="11 101.0")
+    store.add([row(repaired, settings, "whole")])
+    assert store.counts([repaired], settings) == (1, [])
+
+
+def test_a_bag_that_was_put_back_counts_as_it_is_now(tmp_path, settings):
+    """Its recording is known, and done again only where its state is not."""
+    store, broken = Store(tmp_path), replace(ONE, stamp="9 101.0")
+    store.add([row(ONE, settings, "whole")])
+    store.add([row(broken, settings, "cut", joint=None, parameter=None, value=None, reason="cut off")])
+    assert store.counts([broken], settings)[1][0]["reason"] == "cut off"
+    # With the time of its first state.
     assert store.counts([ONE], settings) == (1, [])
+    assert store.done(settings).open([ONE], settings) == []
+    # With a new time.
+    restored = replace(ONE, stamp="10 102.0")
+    assert store.done(settings).open([restored], settings) == [(restored, (f"cut {settings.job(ONE)}",))]
+    store.add([row(restored, settings, "whole")])
+    assert store.counts([restored], settings) == (1, [])
 
 
 def test_one_recording_under_two_names_counts_once(tmp_path, settings):

@@ -370,7 +370,7 @@ class _Work:
         if not left:
             return 0
         progress(0.0, "starting the workers")
-        ended, new, seen = 0, 0, set(done.keys)
+        ended, new, seen = 0, 0, done.keys - {key for _, key in done.former}
         size = min(_BATCH, max(len(left) // (8 * self.workers.count), 1))
 
         def lost(task: tuple[FleetBag, Sequence[str]]) -> list[dict[str, Any]]:

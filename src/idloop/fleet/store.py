@@ -40,21 +40,28 @@ class Done:
         See `key_of`.
     stamps : frozenset of (str, str, str)
         Bag, stamp and job.
+    former : frozenset of (str, str)
+        Bag, and the key of an earlier state of it.
     """
 
     keys: frozenset[str] = frozenset()
     stamps: frozenset[tuple[str, str, str]] = frozenset()
+    former: frozenset[tuple[str, str]] = frozenset()
 
     def open(self, bags: Iterable[FleetBag], settings: Settings) -> list[tuple[FleetBag, tuple[str, ...]]]:
         """Bags that are new or have changed, each with the keys of its job that are done: it may have been moved.
 
-        One that is still missing is neither.
+        One that is still missing is neither. What a bag was before it changed is not done: it may have been put back.
         """
         by_job: dict[str, list[str]] = {}
         for key in self.keys:
             by_job.setdefault(key.rpartition(" ")[2], []).append(key)
         jobs = ((one, settings.job(one)) for one in bags)
-        return [(one, tuple(by_job.get(job, ()))) for one, job in jobs if (one.bag, one.stamp, job) not in self.stamps]
+        return [
+            (one, tuple(key for key in by_job.get(job, ()) if (one.bag, key) not in self.former))
+            for one, job in jobs
+            if (one.bag, one.stamp, job) not in self.stamps
+        ]
 
 
 class Recording(NamedTuple):
@@ -95,7 +102,12 @@ class Store:
             self.query("select distinct bag, sha256, stamp, job from rows where settings = ?", [settings.digest])
         )
         keys = frozenset(key_of(one) for one in found)
-        return Done(keys, frozenset((one["bag"], one["stamp"] or "", one["job"]) for one in found))
+        stamps = frozenset((one["bag"], one["stamp"] or "", one["job"]) for one in found)
+        newest: dict[tuple[str, str], str] = {}
+        for one in sorted(found, key=lambda one: (one["stamp"] or "").partition(" ")[2]):
+            newest[one["bag"], one["job"]] = key_of(one)
+        former = {(one["bag"], key_of(one)) for one in found if key_of(one) != newest[one["bag"], one["job"]]}
+        return Done(keys, stamps, frozenset(former))
 
     def query(self, sql: str, values: Sequence[Any] = ()) -> Any:
         """Answer a question in SQL, in which ``rows`` is all that is there.
@@ -125,7 +137,7 @@ class Store:
         The name follows from what was done: the same batch is written once.
         """
         make_folder(self.rows, parents=True)
-        keys = "\n".join(sorted({key_of(dict(one)) for one in rows}))
+        keys = "\n".join(sorted({f"{key_of(dict(one))} {one.get('stamp')}" for one in rows}))
         target = self.rows / f"{hashlib.sha256(keys.encode()).hexdigest()[:24]}.parquet"
         if not target.exists():
             write_table(target, rows, COLUMNS)
@@ -134,17 +146,20 @@ class Store:
     def chosen(self, bags: Sequence[FleetBag], settings: Settings, what: str, more: Sequence[Any] = ()) -> Any:
         """Answer a question about ``chosen``: of these bags and settings each joint and recording once.
 
-        Of a bag that has changed the newest state counts; one recording under two names counts once.
+        Of a bag that has changed its present state counts, or the newest; one recording under two names counts once.
         """
         jobs = sorted({settings.job(one) for one in bags})
         head = """
             with newest as (
                 select * from rows where settings = ? and job in (select unnest(?))
-                qualify dense_rank() over (partition by bag, job order by split_part(stamp, ' ', 2) desc) = 1),
+                qualify dense_rank() over (partition by bag, job order by
+                    (bag || ' ' || coalesce(stamp, '')) in (select unnest(?)) desc,
+                    split_part(stamp, ' ', 2) desc) = 1),
             chosen as (
                 select * from newest qualify row_number() over (
                     partition by coalesce(sha256, bag), job, joint, parameter order by bag) = 1)"""
-        return self.query(head + what, [settings.digest, jobs, *more])
+        present = [f"{one.bag} {one.stamp}" for one in bags]
+        return self.query(head + what, [settings.digest, jobs, present, *more])
 
     def series(self, bags: Sequence[FleetBag], settings: Settings) -> Iterator[Series]:
         """Yield every parameter of every kind."""
