@@ -211,7 +211,8 @@ def prepare_estimation(
     InputError
         The records do not match the model, or the command never changes.
     """
-    data = prepare(model, records, companions=companions)
+    together = prepare(model, [*records, *companions] if records else [])
+    data = together[: len(records)]
     if not excites(records):
         raise InputError("the command never changes in these records; excite the axis, nothing can be identified")
     engine = CachingEngine(model)
@@ -223,7 +224,7 @@ def prepare_estimation(
         force_scale(engine, data),
         _largest_speed(model, data),
         np.array([_deviation(column) for column in np.concatenate([d.output for d in data]).T]),
-        output_groups([*data, *(prepare(model, companions, companions=records) if companions else ())]),
+        output_groups(together),
     )
 
 
