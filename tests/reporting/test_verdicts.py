@@ -23,6 +23,7 @@ from idloop.reporting.verdicts import (
     conclusion,
     effects_looked_for,
     explained_of,
+    reserved_ending,
     scope_text,
 )
 
@@ -36,7 +37,7 @@ def step(*effects: str, error: float, ties: tuple[str, ...] = ()) -> Step:
     if effects:
         name, _, at = model.effect_names[-1].partition("@")
         added = Candidate(name, at, "yes", "", "Some physics.", model=model)
-    measured = {"nrmse": {"axis.position": error}, "force": 0.3}
+    measured = {"nrmse": {"axis.position": error}, "force": 0.1}
     return Step(added, model, set=() if added is None else (added.name, *ties), train=measured, validation=measured)
 
 
@@ -66,6 +67,30 @@ def test_what_a_later_step_makes_good_is_not_held_against_the_model() -> None:
     bad = ladder(*SPOILT, step(COGGING, FRICTION, error=0.4))
     assert [one.name for one in bad.still_worsened] == ["cogging@axis"]
     assert headline(bad) == f"Missing from the model: Coulomb friction and {UNEXPLAINED}."
+
+
+@pytest.mark.parametrize("verdict", ["adequate", "not_excited"])
+@pytest.mark.parametrize(
+    ("errors", "said"),
+    [
+        ({"force": 4.3}, "the error of the drive force is 430 % of the commanded force"),
+        ({"force": 43.0}, "the error of the drive force is 43 times the commanded force"),
+        ({"force": None, "anew": {"a": 1.2, "b": 1.0}}, "the free run of every output is no better than a constant"),
+        ({"force": 0.1, "anew": {"a": 1.2}}, ""),
+        ({"force": None, "anew": {"a": 1.2, "b": 0.5}}, ""),
+        ({}, ""),
+    ],
+)
+def test_no_verdict_of_noise_stands_alone_beside_a_large_error(verdict: str, errors: dict, said: str) -> None:
+    found = ladder(replace(step(error=0.1), train=errors, validation=errors), verdict=verdict)
+    if not said:
+        assert conclusion(found) == VERDICTS[verdict]
+        return
+    assert conclusion(found) == f"{UNEXPLAINED} is left: {said}; of the catalogue {VERDICTS[verdict]}"
+    assert headline(found) == f"Missing from the model: {UNEXPLAINED}."
+    assert verdict_text(found).lower().startswith(UNEXPLAINED)
+    assert any(said in line for line in as_text(ladder_blocks(found)).splitlines())
+    assert reserved_ending(verdict, (), errors) == conclusion(found)
 
 
 @pytest.mark.parametrize("verdict", ["unknown_structure", "missing"])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from idloop.api.result import Progress, Result, as_records, ignore_progress, part
@@ -35,12 +35,15 @@ class Diagnosis(Result):
         Residual tests of the model as it is.
     worse : tuple of Worsened
         The missing effect, where the free run is worse with it.
+    errors : dict
+        Of the model as it is, as a step of a ladder has them.
     """
 
     found: Found
     records: tuple[Record, ...]
     remainders: tuple[ResidualFinding, ...] = ()
     worse: tuple[Worsened, ...] = ()
+    errors: dict[str, Any] = field(default_factory=dict)
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -72,7 +75,7 @@ class Diagnosis(Result):
 
     def blocks(self, *, everything: bool = False) -> Iterator[Block]:
         """Yield the ranked table, ties and verdict; with `everything` also effects that were only screened."""
-        return diagnosis_blocks(self.found, self.remainders, self.worse, everything=everything)
+        return diagnosis_blocks(self.found, self.remainders, self.worse, self.errors, everything=everything)
 
     def plot(self) -> Figure:
         """Draw the missing effect on the data that ask for it; the share that each effect explains where none is."""
@@ -148,9 +151,9 @@ def diagnose(
         seed=seed, progress=part(progress, 0.0, 0.9),
     )  # fmt: skip
     progress(0.9, "residual tests")
-    worse: list[Worsened] = []
+    errors, worse = model_errors(found.model, known), list[Worsened]()
     best = found.best
     if best is not None and best.model is not None:
-        errors = [model_errors(one, known) for one in (found.model, best.model)]
-        worse = worsened(["", " with ".join(found.pair or (best.name,))], errors, unseen=False)
-    return Diagnosis(found, tuple(known), tuple(findings_on_records(found.model, known)), tuple(worse))
+        names = ["", " with ".join(found.pair or (best.name,))]
+        worse = worsened(names, [errors, model_errors(best.model, known)], unseen=False)
+    return Diagnosis(found, tuple(known), tuple(findings_on_records(found.model, known)), tuple(worse), errors)

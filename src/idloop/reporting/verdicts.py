@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 from idloop.diagnosis.ladder import Ladder
 from idloop.diagnosis.screening.command_response import CommandResponse
 from idloop.diagnosis.screening.proposals import proposals
 from idloop.diagnosis.search.step import NOISE_VERDICTS
 from idloop.estimation.direction import OPPOSITE_DIRECTION
+from idloop.reporting.scores import judging
 from idloop.reporting.terms import effect_words
 from idloop.spelling import joined_names
+from idloop.validation.drive import MOST_NOISE
+from idloop.validation.words import force_text
 
 if TYPE_CHECKING:
     from idloop.diagnosis import Diagnosis
@@ -64,19 +67,35 @@ def conclusion(ladder: Ladder, left: Sequence[ResidualFinding] = (), only: str =
         What was looked for where that was not the whole catalogue, as `scope_text` says it.
     """
     end = ending(ladder.verdict, only, ladder.response)
-    if ladder.verdict not in NOISE_VERDICTS or ladder.response.uninformative:
-        return end
-    something, of_these = unexplained_cause(only), "" if only else "of the catalogue "
-    names = confounding_effects(ladder)
+    names = [] if ladder.response.uninformative else confounding_effects(ladder)
     if names:
         return (
-            f"{something} is missing: {joined_names(names)} {'take' if len(names) > 1 else 'takes'} its place in the"
-            f" one-step prediction and {'make' if len(names) > 1 else 'makes'} the free run worse; {of_these}{end}"
+            f"{unexplained_cause(only)} is missing: {joined_names(names)} {'take' if len(names) > 1 else 'takes'} its"
+            f" place in the one-step prediction and {'make' if len(names) > 1 else 'makes'} the free run worse;"
+            f" {'' if only else 'of the catalogue '}{end}"
         )
+    return reserved_ending(ladder.verdict, left, _judging_errors(ladder), only, ladder.response)
+
+
+def reserved_ending(
+    verdict: str,
+    left: Sequence[ResidualFinding],
+    errors: Mapping[str, Any],
+    only: str = "",
+    response: CommandResponse = CommandResponse.FOLLOWS,
+) -> str:
+    """As `ending`; what the residual tests or the errors of the model say against a verdict of noise comes first.
+
+    `left`, `only`: as in `conclusion`. `errors`: as `idloop.diagnosis.model_errors` has them of the model.
+    """
+    end = ending(verdict, only, response)
+    if verdict not in NOISE_VERDICTS or response.uninformative:
+        return end
     follows = [one for one in left if one.test.follows]
-    if follows:
-        return f"{something} is left: the errors still follow the {follows[0].drive}; {of_these}{end}"
-    return end
+    against = f"the errors still follow the {follows[0].drive}" if follows else large_error(errors)
+    if not against:
+        return end
+    return f"{unexplained_cause(only)} is left: {against}; {'' if only else 'of the catalogue '}{end}"
 
 
 def ending(verdict: str, only: str = "", response: CommandResponse = CommandResponse.FOLLOWS) -> str:
@@ -98,6 +117,32 @@ def confounding_effects(ladder: Ladder) -> list[str]:
     if ladder.verdict not in NOISE_VERDICTS:
         return []
     return [one.name for one in ladder.still_worsened if one.name in ladder.model.effect_names]
+
+
+def leaves_much(ladder: Ladder) -> bool:
+    """Whether the errors of the last model contradict a verdict of noise."""
+    ends = ladder.verdict in NOISE_VERDICTS and not ladder.response.uninformative
+    return ends and bool(large_error(_judging_errors(ladder)))
+
+
+def large_error(errors: Mapping[str, Any]) -> str:
+    """An error that is not that of a model with all effects, in words; empty where there is none.
+
+    A force error that is known and above `MOST_NOISE` is not one of the sensors. Where none is known, a free run that
+    begins anew at every fifth of a record is better than a constant: over all of it small forces add up.
+    """
+    force, runs = errors.get("force"), errors.get("anew", {})
+    if force is not None and force >= MOST_NOISE:
+        share = force_text(force, 3, " %")
+        return f"the error of the drive force is {share}{'' if 'times' in share else ' of the commanded force'}"
+    if force is None and runs and all(error >= 1.0 for error in runs.values()):
+        return "the free run of every output is no better than a constant"
+    return ""
+
+
+def _judging_errors(ladder: Ladder) -> Mapping[str, Any]:
+    errors: Mapping[str, Any] = getattr(ladder.steps[-1], judging(ladder))
+    return errors
 
 
 def explained_of(criterion: str) -> str:

@@ -12,7 +12,7 @@ from idloop.diagnosis import Ladder
 from idloop.physics.model import Model
 from idloop.reporting.detectability import undetectable
 from idloop.reporting.estimates import parameter_estimates
-from idloop.reporting.verdicts import ending
+from idloop.reporting.verdicts import conclusion
 from idloop.robots.identify import Robot
 from idloop.robots.joint_models import JointTask
 from idloop.robots.rigid_fit import EFFECTS, Payload
@@ -80,7 +80,7 @@ def _joint(ladder: Ladder, task: JointTask, model: Model) -> dict[str, Any]:
         "name": task.model.name,
         "unit": task.model.units.force,
         "verdict": ladder.verdict,
-        "conclusion": ending(ladder.verdict, "", ladder.response),
+        "conclusion": conclusion(ladder),
         "added": [
             {
                 "effect": step.added.name,

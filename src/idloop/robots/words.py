@@ -8,6 +8,7 @@ from typing import Any
 from idloop.estimation.statistics.interval_text import interval_text
 from idloop.p_values import p_value_text
 from idloop.reporting.text.blocks import Block, Table, number
+from idloop.reporting.verdicts import VERDICTS
 
 _Z95 = 1.959963984540054
 
@@ -72,7 +73,7 @@ def judged_error(joint: Mapping[str, Any]) -> dict[str, Any]:
 def _joint(joint: Mapping[str, Any]) -> Iterator[Block]:
     if not joint["moves"]:
         yield f"{joint['name']}: it hardly moves, so nothing of its own is determined"
-    elif joint["added"] or joint["verdict"] != "adequate":
+    elif joint["added"] or joint["conclusion"] != VERDICTS["adequate"]:
         yield ""
         yield f"{joint['name']}: {joint['conclusion']}"
     for one in joint["added"]:

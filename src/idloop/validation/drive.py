@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 # Filter transients at a gap in the measurements last this many periods of the band.
 _MARGIN = 2.0
 # With more relative error from sensor noise alone, the error says nothing about the model.
-_MOST_NOISE = 0.2
+MOST_NOISE = 0.2
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class ForceError:
     @property
     def trusted(self) -> bool:
         """Whether the error is that of the model rather than that of the sensors."""
-        return self.noise < _MOST_NOISE
+        return self.noise < MOST_NOISE
 
     def plot(self, axes: Any = None) -> Any:
         """Draw both forces and their difference; returns the matplotlib axes."""

@@ -30,6 +30,7 @@ from idloop.reporting.verdicts import (
     effects_looked_for,
     ending,
     explained_of,
+    leaves_much,
     scope_text,
     unexplained_cause,
 )
@@ -154,7 +155,7 @@ def _lacking(ladder: Ladder) -> list[str]:
     in_place = confounding_effects(ladder)
     names = [_or_its_rivals(ladder, name) for name in ladder.added if name not in in_place]
     something = unexplained_cause(scope_text(ladder))
-    if in_place or (names and ladder.verdict == "unknown_structure"):
+    if in_place or leaves_much(ladder) or (names and ladder.verdict == "unknown_structure"):
         names.append(something)
     shape = ladder.unknown
     if shape is not None and shape.coefficient and ladder.verdict == "unknown_structure":

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
 from idloop.diagnosis.equivalence.equivalent_effects import without_equivalents
 from idloop.p_values import p_value_text
 from idloop.reporting.residual_findings import residual_warnings
 from idloop.reporting.text.blocks import Block, Table
 from idloop.reporting.text.parameters import parameters_text, tie_text
-from idloop.reporting.verdicts import MISSING, basis, ending, explained_of, scope_text
+from idloop.reporting.verdicts import MISSING, basis, explained_of, reserved_ending, scope_text
 
 if TYPE_CHECKING:
     from idloop.diagnosis import Candidate, Diagnosis
@@ -21,7 +22,12 @@ if TYPE_CHECKING:
 
 
 def diagnosis_blocks(
-    found: Diagnosis, left: Sequence[ResidualFinding] = (), worse: Sequence[Worsened] = (), *, everything: bool = False
+    found: Diagnosis,
+    left: Sequence[ResidualFinding] = (),
+    worse: Sequence[Worsened] = (),
+    errors: Mapping[str, Any] = MappingProxyType({}),
+    *,
+    everything: bool = False,
 ) -> Iterator[Block]:
     """Yield findings, ranked table, tie, verdict with its physics and caveats, and what the data cannot show.
 
@@ -32,6 +38,8 @@ def diagnosis_blocks(
         Residual tests of the model on the fitted data.
     worse : sequence of Worsened
         The missing effect, where the free run is worse with it.
+    errors : mapping
+        Of the model on the fitted data, as `idloop.diagnosis.model_errors` has them.
     everything : bool
         List every effect of the catalogue.
     """
@@ -61,7 +69,7 @@ def diagnosis_blocks(
             yield f"it takes the place of {plain}, which it contains"
         yield from _tie(tie_text(found.set), found.set, found.equivalent_effects)
     else:
-        yield ending(found.verdict, scope_text(found), found.response)
+        yield reserved_ending(found.verdict, left, errors, scope_text(found), found.response)
         if found.unknown is not None:
             yield found.unknown.text
         yield from residual_warnings(found.verdict, left)
