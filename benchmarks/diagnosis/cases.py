@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import zlib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import lru_cache
 
@@ -102,13 +102,19 @@ def _assembled(
     )
 
 
-def singles() -> Iterator[Case]:
+def _every(_case_id: str) -> bool:
+    return True
+
+
+def singles(wanted: Callable[[str], bool] = _every) -> Iterator[Case]:
     """One hidden effect: every row of the plan at every strength."""
     for row in SINGLES:
         number = _number(f"{row.effect}/{row.machine}/{row.at}")
         for index, strength in enumerate(STRENGTHS):
             loop = ("open", "closed")[(number + index) % 2]
             case_id = f"single/{row.effect}/{row.machine}/{row.at}/{strength}"
+            if not wanted(case_id):
+                continue
             simulator = SIMULATORS[(number + index) % 4] if index % 2 else SIMULATORS[(number + index + 1) % 4]
             yield _assembled(
                 case_id,
@@ -122,7 +128,7 @@ def singles() -> Iterator[Case]:
             )
 
 
-def several(category: str) -> Iterator[Case]:
+def several(category: str, wanted: Callable[[str], bool] = _every) -> Iterator[Case]:
     """Two or three hidden effects, three cases of each combination."""
     plan = DOUBLES if category == "double" else TRIPLES
     for machine, effects, loops in plan:
@@ -130,6 +136,8 @@ def several(category: str) -> Iterator[Case]:
         number = _number(f"{name}/{machine}")
         for index in range(3):
             case_id = f"{category}/{name}/{machine}/{index}"
+            if not wanted(case_id):
+                continue
             random = _random(case_id + "/strength")
             mix = ("weak", "clear", "clear", "dominant")
             strengths = tuple(str(random.choice(mix)) for _ in effects)
@@ -203,12 +211,14 @@ def _encoder(case: Case, random: np.random.Generator) -> dict[str, float]:
     return {o.site: float(f"{steps * case.noise.factor * o.noise:.3g}") for o in model.outputs if o.field == "position"}
 
 
-def untestable() -> Iterator[Case]:
+def untestable(wanted: Callable[[str], bool] = _every) -> Iterator[Case]:
     """Effects behind an excitation that cannot show them."""
     for trap in TRAPS:
         number = _number(f"{trap.effect}/{trap.machine}/{trap.drive}")
         for index, strength in enumerate(trap.strengths):
             case_id = f"untestable/{trap.effect}/{trap.machine}/{trap.drive}/{strength}"
+            if not wanted(case_id):
+                continue
             case = _assembled(
                 case_id,
                 "untestable",
@@ -227,6 +237,22 @@ def untestable() -> Iterator[Case]:
             yield replace(case, hidden=(item,), training=(drive,), validation=drive, trap=trap.why)
 
 
+_PARTS: tuple[tuple[str, Callable[[Callable[[str], bool]], Iterator[Case]]], ...] = (
+    ("clean", lambda _: clean()),
+    ("single", singles),
+    ("double", lambda wanted: several("double", wanted)),
+    ("triple", lambda wanted: several("triple", wanted)),
+    ("untestable", untestable),
+    ("realistic", lambda _: realistic()),
+)
+
+
+def case_of(case_id: str) -> Case:
+    """The case of an id: strengths are shares of what a machine does, and no other machine is run for them."""
+    part = dict(_PARTS)[case_id.partition("/")[0]]
+    return next(case for case in part(case_id.__eq__) if case.id == case_id)
+
+
 @lru_cache(maxsize=1)
 def all_cases() -> tuple[Case, ...]:
     """Every case of the suite, in an order that mixes categories.
@@ -236,7 +262,7 @@ def all_cases() -> tuple[Case, ...]:
     ValueError
         Two cases have one id.
     """
-    found = [*clean(), *singles(), *several("double"), *several("triple"), *untestable(), *realistic()]
+    found = [case for _, part in _PARTS for case in part(_every)]
     ids = [case.id for case in found]
     if len(set(ids)) < len(ids):
         raise ValueError("two cases have one id")

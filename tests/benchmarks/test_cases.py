@@ -6,7 +6,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from cases import all_cases
+from cases import all_cases, case_of
 from experiment import experiment, record, start_model, true_model
 from machines import MACHINES, base_model
 from plan import SINGLES
@@ -92,3 +92,9 @@ def test_a_torque_that_wanders_takes_no_inertia_away(cases):
     data = experiment(case, suite=11)
     balance = fit_by_force(CachingEngine(data.start), prepare(data.start, data.training), data.start.theta)
     assert balance is None or np.all(balance.form.inertia(balance.theta) > 1e-8)
+
+
+def test_a_case_of_an_id_is_the_one_of_the_list(cases):
+    for category in {case.category for case in cases}:
+        listed = next(case for case in cases if case.category == category)
+        assert case_of(listed.id) == listed

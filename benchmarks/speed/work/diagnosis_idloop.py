@@ -11,7 +11,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "examples"))
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "diagnosis"))
 
-from cases import all_cases
+from cases import case_of
 from diagnosis_time import longer
 from experiment import experiment
 
@@ -20,7 +20,7 @@ from idloop.diagnosis import diagnose, refine
 
 def work(data: dict[str, Any], settings: dict[str, Any]) -> Callable[[], dict[str, Any]]:
     """One recording at 1 kHz with the effects of the case hidden in it."""
-    case = next(case for case in all_cases() if case.id == settings["case"])
+    case = case_of(settings["case"])
     made = experiment(longer(case, float(data["seconds"][0]), hidden=True))
 
     def ladder() -> dict[str, Any]:
