@@ -197,6 +197,7 @@ def candidate_of(step: SearchStep[FitT], one: EvaluatedModel[FitT], which: int, 
     proposal, evidence = one.proposals[which], one.evidence
     together = [other.name for other in one.proposals if other is not proposal]
     why = f"it shows together with {together[0]} only" if together else step.gate.why.get(proposal.name, "")
+    several = step.threshold(len(one.proposals)) - step.threshold()
     return Candidate(
         effect=proposal.effect.name,
         at=proposal.at,
@@ -210,7 +211,7 @@ def candidate_of(step: SearchStep[FitT], one: EvaluatedModel[FitT], which: int, 
         model=model,
         replaces=proposal.replaces,
         number=proposal.number,
-        course=evidence.course,
+        course=evidence.course.less(several),
     )
 
 

@@ -38,6 +38,8 @@ def test_the_course_of_the_evidence_ends_with_it() -> None:
     assert found.course.log_e[-1] == pytest.approx(found.log)
     # In the order of time: the first stretch is the beginning of the first record.
     assert found.course.log_e[0] == pytest.approx(np.sum(better[blocks[0]]) / found.design_effect + 2.0)
+    # Of more choices, as of pairs, the same threshold takes as much less.
+    assert found.course.less(3.0).log_e[-1] == pytest.approx(found.log - 3.0)
 
 
 @pytest.mark.parametrize(

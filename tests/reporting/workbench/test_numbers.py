@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import threading
 import urllib.request
@@ -168,6 +169,10 @@ def test_every_number_on_the_page_is_one_of_the_command_line(machine, tmp_path, 
         check(site, page, said, unseen, tmp_path, capsys)
         (document,) = said
         courses = {f"{one['effect']}@{one['at']}": one["course"] for one in document["candidates"]}
+        for one in document["candidates"]:
+            if one["course"] is not None and one["p_value"] < 1.0:  # the same evidence
+                log_e = math.log(document["level"] / one["p_value"]) + document["threshold"]
+                assert one["course"]["log_e"][-1] == pytest.approx(log_e, rel=1e-6) or log_e > 600.0
         hint = page.inner_text("#evidence-hint").replace("\u00a0", " ")
         assert f"log(m/α) = {document['threshold']:.1f}" in hint
         rows = page.locator("[data-evidence]")

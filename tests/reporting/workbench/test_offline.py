@@ -9,19 +9,23 @@ import pytest
 
 pytest.importorskip("bokeh", reason="no Bokeh: launch_scripts/test installs it")
 
-from idloop.diagnosis import Diagnosis
+from idloop.diagnosis import Candidate, Diagnosis
 from idloop.diagnosis.evidence.detection_limit import DetectionLimit
+from idloop.diagnosis.evidence.predictive import Course
 from idloop.diagnosis.identifiability import Gate
 from idloop.diagnosis.screening.command_response import CommandResponse
 from idloop.errors import InputError
 from idloop.physics import load_model, trust
 from idloop.records import Record
+from idloop.reporting.workbench import state_json
 from idloop.reporting.workbench.offline import OfflineSource
+from idloop.reporting.workbench.recorded_evidence import recorded_evidence
 from idloop.reporting.workbench.signals import Signals
 from idloop.reporting.workbench.state_json import page_state
 from idloop.reporting.workbench.steps import Study, find_missing
 
 DT = 0.01
+FRICTION, ZONE = "coulomb_friction@motor", "dead_zone@input"
 
 
 def recorded(seed, count=1200):
@@ -81,6 +85,36 @@ def test_a_ladder_of_the_page_ends_as_its_diagnosis_does(monkeypatch):
     assert found.ladder.limits == gate.limits
     # A record of a machine that the model is not of leaves more than noise, and the page is told.
     assert {one.test.name for one in found.left} == set(model.output_names)
+
+
+@pytest.mark.parametrize(
+    ("named", "refused", "decided", "said"),
+    [
+        ((FRICTION,), (), {FRICTION, ZONE}, "Coulomb friction @ motor is decided"),
+        ((FRICTION,), (ZONE,), {FRICTION}, "Coulomb friction @ motor is decided"),
+        ((), (FRICTION,), set(), "no effect is decided in 1.99 s; the threshold is reached by 2 that are not added"),
+    ],
+)
+def test_the_evidence_decides_no_effect_that_the_diagnosis_does_not_name(named, refused, decided, said):
+    candidates = tuple(
+        Candidate(name, at, "yes", "", "Some physics.", p_value=1e-9, course=Course((100, 200), (5.0, final)))
+        for name, at, final in (
+            ("coulomb_friction", "motor", 30.0),
+            ("dead_zone", "input", 40.0),
+            ("drag", "motor", 7.0),
+        )
+    )
+    gate = Gate((), {}, {})
+    found = Diagnosis(
+        load_model("dc_motor"), candidates, named, "missing" if named else "adequate", gate, None, "force", 0.01,
+        passed_over=dict.fromkeys(refused, "too small"), threshold=8.0,
+    )  # fmt: skip
+    evidence = recorded_evidence(found, [recorded(1, count=200)])
+    assert set(evidence.decided) == decided
+    assert evidence.line.startswith(said)
+    rows = {row["name"]: row["decided"] for row in state_json._evidence(evidence, ())["effects"]}
+    assert rows["drag@motor"] == "open"
+    assert {name for name, text in rows.items() if text == "not added"} == set(rows) - decided - {"drag@motor"}
 
 
 @pytest.mark.slow

@@ -253,7 +253,7 @@ def test_the_evidence_and_what_may_be_trusted_is_said_in_words_and_numbers():
     assert found["current"]
     assert [(one["log_e"], one["decided"]) for one in found["effects"]] == [
         ("18.4", "10 s, 1000 samples"),
-        ("−2.0", ""),
+        ("−2.0", "open"),
     ]
     assert "log(m/α) = 7.9; this threshold holds at any time" in found["hint"]
     assert "dead zone @ input" in found["ended"]

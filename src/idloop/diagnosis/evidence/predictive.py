@@ -92,6 +92,10 @@ class Course:
         place = below[-1] + 1 if below else 0
         return place if place < len(self.log_e) else None
 
+    def less(self, choices: float) -> Course:
+        """As read against the threshold of one effect, where as many more choices (their logarithm) were made."""
+        return Course(self.samples, tuple(value - choices for value in self.log_e))
+
 
 @dataclass(frozen=True)
 class Evidence:

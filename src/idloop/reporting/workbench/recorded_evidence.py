@@ -36,14 +36,20 @@ def recorded_evidence(found: Diagnosis, records: Sequence[Record]) -> Evidence |
     courses = {name: course for name, course in courses.items() if course.samples == samples}
     duration = sum(float(record.time[-1] - record.time[0]) for record in records)
     seconds = tuple(duration * one / samples[-1] for one in samples)
-    decided = {}
-    for name, course in courses.items():
-        place = course.decided(found.threshold)
-        if place is not None:
-            decided[name] = Decided(seconds[place], samples[place], course.log_e[place])
-    first = min(decided, key=lambda name: decided[name].seconds, default=None)
+    reached = {name: course.decided(found.threshold) for name, course in courses.items()}
+    # What the diagnosis has a reason against, or does not find significant beside its scatter, is not decided.
+    named = found.best is not None
+    decided = {
+        name: Decided(seconds[place], samples[place], courses[name].log_e[place])
+        for name, place in reached.items()
+        if place is not None and named and name not in found.passed_over
+    }
+    first = min(decided, key=lambda name: (name not in found.set, decided[name].seconds), default=None)
+    above = sum(place is not None for place in reached.values())
     line = f"no effect is decided in {duration:.3g} s"
     if first is not None:
         line = f"{effect_words(first)} is decided after {decided[first].seconds:.3g} of {duration:.3g} s"
+    elif above:
+        line += f"; the threshold is reached by {above} that {'is' if above < 2 else 'are'} not added"
     lines = {name: course.log_e for name, course in courses.items()}
     return Evidence(line, found.model.effect_names, seconds, lines, found.threshold, decided, recorded=True)

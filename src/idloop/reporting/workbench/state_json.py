@@ -253,7 +253,7 @@ def _evidence(found: Evidence, effects: Sequence[str]) -> dict[str, Any]:
             "words": effect_words(name),
             "line": keys.get(name),
             "log_e": f"{newest[name]:.1f}".replace("-", "−"),
-            "decided": decided.get(name, ""),
+            "decided": decided.get(name, "not added" if found.recorded and newest[name] >= found.threshold else "open"),
         }
         for name in sorted(newest, key=lambda name: -newest[name])
     ]
@@ -279,12 +279,15 @@ def _evidence_hint(found: Evidence) -> str:
     """How the evidence is scored, and where it decides; empty without a threshold."""
     if not math.isfinite(found.threshold):
         return ""
+    compared = "Where several are decided, a diagnosis compares them with one another."
     line = f"An effect is decided where log E reaches the dashed line, log(m/α) = {found.threshold:.1f}"
     if found.recorded:
-        return f"Fits to the other stretches of the records score each stretch. {line} and stays there."
+        return (
+            f"Fits to the other stretches of the records score each stretch. {line}, and stays there, unless the answer"
+            f" says why it is not added. {compared}"
+        )
     return (
-        f"Fits to earlier samples score each stretch of new ones. {line}; this threshold holds at any time. Where"
-        " several are decided, a diagnosis compares them with one another."
+        f"Fits to earlier samples score each stretch of new ones. {line}; this threshold holds at any time. {compared}"
     )
 
 

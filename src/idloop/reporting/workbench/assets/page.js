@@ -497,7 +497,7 @@
     say("evidence-hint", e.hint);
     $("evidence-numbers").hidden = !e.effects.length;
     render("evidence-effects", e.effects, () => e.effects.map((one) => make("tr", { "data-evidence": one.name },
-      make("th", { scope: "row" }, lineKey(one.line), one.words), make("td", {}, one.log_e), make("td", {}, one.decided || "open"))));
+      make("th", { scope: "row" }, lineKey(one.line), one.words), make("td", {}, one.log_e), make("td", {}, one.decided))));
     $("trust").hidden = !e.estimates.length;
     render("trust-rows", e.estimates, () => e.estimates.flatMap((one) => [
       make("tr", {}, make("th", { scope: "row" }, one.name), make("td", {}, one.text), make("td", {}, make("b", {}, one.trusted ? "yes" : "not yet"))),
