@@ -48,6 +48,22 @@ def test_the_fitted_effect_lies_on_the_data(record):
     assert np.var(drawn.mean[told] - line[told]) < 0.1 * np.var(drawn.mean[told])
 
 
+def test_beside_the_drive_force_stands_the_output_whose_residual_test_objects():
+    """The position hides in its noise what the velocity shows."""
+    rng = np.random.default_rng(1)
+    time = DT * np.arange(2000)
+    command = np.repeat(rng.uniform(-3.0, 3.0, 50), 40)
+    machine = MODEL.with_effects(["coulomb_friction@motor(level=1.5)"])
+    clean = simulate(machine, time, command, time).output + rng.standard_normal((2000, 2)) * [1.0, 0.02]
+    units = tuple(o.unit for o in MODEL.outputs)
+    record = Record("run", time, command, time, clean, "motor.effort", "V", MODEL.output_names, units)
+    found = assessment.assess(MODEL, record, lambda share, text: None)
+    calm, loud = (one.test for one in found.residual_tests)
+    assert (calm.follows, calm.coloured) < (loud.follows, loud.coloured)
+    assert found.looked_at("drive force") == found.looked_at("") == loud.name == "motor.velocity"
+    assert found.looked_at(calm.name) == calm.name
+
+
 def test_the_best_evidence_has_its_picture_first(record, monkeypatch):
     monkeypatch.setattr(assessment, "MOST_PICTURES", 1)
     assert list(draw([SCREENED, DRAG, DEAD_ZONE], record)) == [DEAD_ZONE.name]

@@ -61,6 +61,14 @@ class Assessment:
     frequency: FrequencyView | None = None
     residual_tests: tuple[ResidualFinding, ...] = ()
 
+    def looked_at(self, error: str) -> str:
+        """Output whose error it is; of the drive force the first output whose residual test objects, or the first."""
+        if error in self.model.output_names:
+            return error
+        tests = [one.test for one in self.residual_tests]
+        objects = max(tests, key=lambda test: (test.follows, test.coloured), default=None)
+        return self.model.output_names[0] if objects is None else objects.name
+
 
 def assess(model: Model, record: Record, report: Report, measures: Mapping[str, str] | None = None) -> Assessment:
     """Compare a model, its parameters as they are, with a record.

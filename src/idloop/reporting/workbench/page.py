@@ -218,19 +218,24 @@ class Page:
         return [] if plot is None else [plot]
 
     def _frequency(self, snapshot: Snapshot) -> list[Any]:
-        """Of the output whose error is looked at, or the first one."""
-        found = None if snapshot.assessment is None else snapshot.assessment.frequency
-        if found is None:
+        found = snapshot.assessment
+        if found is None or found.frequency is None:
             return []
-        names = self.signals.names
         return frequency_figures(
-            found, names.index(self.look["error"]) if self.look["error"] in names else 0, self._theme
+            found.frequency, self.signals.names.index(found.looked_at(self.look["error"])), self._theme
         )
 
     def _residual(self, snapshot: Snapshot) -> list[Any]:
-        tests = [] if snapshot.assessment is None else [one.test for one in snapshot.assessment.residual_tests]
-        chosen = next((one for one in tests if one.name == self.look["error"]), tests[0] if tests else None)
-        return [] if chosen is None else residual_figures(chosen, self._theme)
+        found = snapshot.assessment
+        if found is None:
+            return []
+        name = found.looked_at(self.look["error"])
+        return [
+            plot
+            for one in found.residual_tests
+            if one.test.name == name
+            for plot in residual_figures(one.test, self._theme)
+        ]
 
     def _evidence(self, snapshot: Snapshot) -> list[Any]:
         found = snapshot.evidence

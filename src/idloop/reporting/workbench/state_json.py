@@ -441,6 +441,7 @@ def _assessment(snapshot: Snapshot) -> dict[str, Any] | None:
         "current": snapshot.assessed and not snapshot.computing,
         "maps": [_map(one) for one in found.where.maps],
         "outputs": _outputs(found),
+        "output": found.looked_at(""),
         "poles": [] if found.frequency is None else found.frequency.pole_texts,
         "telling": None if first is None else dict(zip(("error", "variable"), first, strict=True)),
     }

@@ -285,10 +285,11 @@
     ] : [make("p", { class: "hint" }, "No stretch of time stands out.")]);
   }
 
-  // Of the output whose error is looked at, or the first one, as the figures are.
+  // Of the output whose error is looked at, or of that which says most, as the figures are.
   function showLinear(s) {
     const found = s.assessment;
-    const one = found?.outputs.find((output) => output.name === shown.error) ?? found?.outputs[0];
+    const of = (name) => found?.outputs.find((output) => output.name === name);
+    const one = of(shown.error) ?? of(found?.output);
     $("frequency-panel").hidden = !found?.poles.length;
     $("residual-panel").hidden = !one?.tests;
     if (!found) return;
