@@ -15,7 +15,19 @@ def one_line(text: str) -> str:
 
 
 class IdloopError(Exception):
-    """A valid task that failed (exit code 1)."""
+    """A valid task that failed (exit code 1).
+
+    Parameters
+    ----------
+    what : str
+        What is wrong, and where.
+    cure : str
+        What to do, where that depends on the verb: another one leaves it out.
+    """
+
+    def __init__(self, what: str, cure: str = "") -> None:
+        super().__init__(f"{what}; {cure}" if cure else what)
+        self.what = what
 
     def __str__(self) -> str:
         return one_line(super().__str__())

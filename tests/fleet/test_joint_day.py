@@ -83,6 +83,7 @@ def test_a_joint_that_cannot_be_identified_leaves_the_others(bag, settings):
     reasons = {one["joint"]: one.get("reason") for one in found}
     assert reasons["j0"] is None
     assert "nowhere" in reasons["nowhere"]
+    assert "--joint" not in reasons["nowhere"], "an option of other verbs"
     assert "no model for one of kind unknown" in reasons["j1"]
 
 

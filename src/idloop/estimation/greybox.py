@@ -101,8 +101,8 @@ def fit(
     balance = near if near is not None and (criterion == "force" or near.resolved) else None
     if criterion == "force" and balance is None:
         raise InputError(
-            "the force criterion needs every body's position or velocity at a steady rate, and some hundred samples; "
-            "use prediction"
+            "the force criterion needs every body's position or velocity at a steady rate, and some hundred samples",
+            "use prediction",
         )
 
     def by_force(balance: WeakFit, why: str) -> FitResult:

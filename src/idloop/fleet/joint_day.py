@@ -139,8 +139,8 @@ def _rows(path: Path, bag: FleetBag, settings: Settings, common: dict[str, Any])
 
 
 def _reason(error: Exception) -> str:
-    known = isinstance(error, IdloopError)
-    return one_line(str(error)) if known else f"{type(error).__name__}: {one_line(str(error))}"
+    """What is wrong, without a cure by the options of other verbs."""
+    return one_line(error.what if isinstance(error, IdloopError) else f"{type(error).__name__}: {error}")
 
 
 def _joints_in(bag: Bag, settings: Settings) -> Sequence[tuple[str, str]]:

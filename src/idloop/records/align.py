@@ -207,8 +207,8 @@ def _sorted_column(
         value = stream.column(joint, field)
     except InputError as error:
         raise InputError(
-            f"{error}; give --joint {joint}=NAME with its name there, or give input and outputs of the model file that"
-            " joint"
+            str(error),
+            f"give --joint {joint}=NAME with its name there, or give input and outputs of the model file that joint",
         ) from error
     # A message with the command of another joint only is no gap in the command of this one.
     held = command and not np.isfinite(getattr(stream, field)[np.isnan(value)]).any()

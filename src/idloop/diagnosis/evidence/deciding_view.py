@@ -111,8 +111,8 @@ def requested_force_fit(model: Model, estimation: EstimationProblem, forms: dict
     fit = fit_by_force(CachingEngine(model), estimation.data, model.theta, forms, accept_noise=True)
     if fit is None:
         raise InputError(
-            "the force criterion needs every body's position or velocity at a steady rate, and some hundred samples; "
-            "use prediction"
+            "the force criterion needs every body's position or velocity at a steady rate, and some hundred samples",
+            "use prediction",
         )
     return fit
 
