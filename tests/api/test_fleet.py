@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 import threading
+from dataclasses import replace
 
 import pytest
 
@@ -116,18 +117,34 @@ def test_a_recording_under_which_workers_ended_is_tried_again(bags, tmp_path, mo
 def test_results_are_written_for_sql_and_for_readers(first):
     document = json.loads((first.folder / "fleet.json").read_text(encoding="utf-8"))
     assert document["schema"] == "idloop/fleet/1"
-    assert document == json.loads(json.dumps(first.to_dict()))
+    assert document == json.loads(json.dumps(first.to_dict())) | {"plot": None}
+    assert document["misfits"] == []
+    assert [one.partition(":")[0] for one in document["untested"]] == ["not tested for j0, j1"] * 2
     page = (first.folder / "fleet.html").read_text(encoding="utf-8")
     assert "default-src 'none'" in page
     for place in ("heat", "trend-0", f"trend-{len(first.components) - 1}"):
         assert f'data-place="{place}"' in page
-    assert first.plot().axes[0].get_title(loc="left").startswith("j0: 2 joints")
+    assert first.plot().axes[0].get_title(loc="left").startswith("j0: median, 68 % and 95 % of 2 of 2 joints")
     for table in ("units", "findings"):
         rows = parquet.read_table(first.folder / f"{table}.parquet").to_pylist()
         made_by = {(one["settings"], one["version"], one["seed"]) for one in rows}
         assert made_by <= {(first.settings.digest, idloop.__version__, 0)}
     columns = Store(first.folder).query("select count(*), count(distinct sha256) from rows").fetchone()
     assert columns == (BAGS * JOINTS * 4, BAGS)
+
+
+def test_reports_of_joints_that_are_no_longer_there_are_removed(first, tmp_path):
+    shutil.copytree(first.folder, tmp_path / "results")
+    there = tmp_path / "results" / "joints"
+    before = sorted(file.name for file in there.iterdir())
+    for robot in ("robot000", "gone"):
+        (there / f"{robot}.json").write_text(json.dumps({"robot": robot, "joint": "j0"}), encoding="utf-8")
+        (there / f"{robot}.html").touch()
+    (there / "former-1.html").touch()
+    replace(first, folder=tmp_path / "results").save(tmp_path / "figure.png")
+    assert sorted(file.name for file in there.iterdir()) == [*before, "robot000.html", "robot000.json"]
+    document = json.loads((tmp_path / "results" / "fleet.json").read_text(encoding="utf-8"))
+    assert document["plot"] == str(tmp_path / "figure.png")
 
 
 def test_what_changed_since_a_date_is_compared(first, bags):

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import pytest
 
 from idloop.cli import main
@@ -31,6 +34,15 @@ def test_bad_input_is_one_line(tmp_path, monkeypatch, capsys, words, line):
     said = capsys.readouterr().err
     assert line in said
     assert said.count("\n") == 1
+
+
+def test_a_place_that_is_not_there_is_refused_before_the_engine_is_imported(tmp_path):
+    heavy = {"distributed", "duckdb", "numba", "pyarrow", "scipy", "statsmodels"}
+    words = ["fleet", "none", "--model", "axis", "--output", str(tmp_path / "out")]
+    code = f"import sys; from idloop.cli import main; print(main.run({words}), {heavy} & {{*sys.modules}})"
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert "there is no such table or folder" in done.stderr
+    assert done.stdout == "2 set()\n"
 
 
 def test_a_fleet_of_which_nothing_is_identified_is_no_success(tmp_path, monkeypatch, capsys):

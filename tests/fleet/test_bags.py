@@ -43,6 +43,18 @@ def test_a_pattern_takes_a_part_of_it(folder):
     assert [(one.robot, one.time) for one in found] == [("r1", MARCH.replace(day=2)), ("r2", MARCH)]
 
 
+def test_what_was_recovered_takes_the_place_of_its_bag(folder):
+    for name in ("r3/2026-03-05_recovered", "r2/2026-03-01/run_recovered"):
+        (folder / name).mkdir()
+        (folder / name / "metadata.yaml").write_text("a")
+    found = {Path(one.bag).relative_to(folder).as_posix(): one for one in find_bags(str(folder))}
+    assert list(found) == [
+        "r1/20260301_140500", "r1/2026-03-02", "r2/2026-03-01/run_recovered", "r3/2026-03-05_recovered",
+    ]  # fmt: skip
+    assert found["r3/2026-03-05_recovered"].former == str(folder / "r3" / "2026-03-05.mcap")
+    assert found["r1/2026-03-02"].former == ""
+
+
 def test_a_stamp_changes_with_the_bag(folder):
     before = {one.bag: one.stamp for one in find_bags(str(folder))}
     (folder / "r3" / "2026-03-05.mcap").write_text("longer")
@@ -96,6 +108,29 @@ def test_a_bad_table_is_one_line(tmp_path, text, line):
     (tmp_path / "t.csv").write_text(text)
     with pytest.raises(InputError, match=line):
         find_bags(str(tmp_path / "t.csv"))
+
+
+def test_a_table_is_read_from_memory_of_arrow(folder, monkeypatch):
+    """A thread of Arrow that releases an object of Python at exit ends the process by an abort."""
+    parquet.write_table(pa.table({"robot": ["r"], "joint": ["j"], "time": [""], "path": ["b"]}), folder / "t.parquet")
+    given = []
+
+    def read(source):
+        given.append(source)
+        return table(source)
+
+    table = parquet.read_table
+    monkeypatch.setattr(parquet, "read_table", read)
+    with pytest.raises(InputError, match="no column bag"):
+        find_bags(str(folder / "t.parquet"))
+    assert type(given[0]) is pa.BufferReader
+
+
+def test_nothing_is_imported_to_refuse_a_place_that_is_not_there(tmp_path, monkeypatch):
+    monkeypatch.setattr("idloop.fleet.bags.library", None)
+    for place in ("none", "none/*", "none.csv"):
+        with pytest.raises(InputError, match="no such table or folder"):
+            find_bags(str(tmp_path / place))
 
 
 def test_no_bag_is_one_line(tmp_path):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from idloop.fleet.figures import bands, deviations, heat_map, plot_fleet, trend
+from idloop.fleet.figures import FRAME, bands, deviations, heat_map, plot_fleet, trend
 from idloop.fleet.joint_day import FORCE_ERROR
 from idloop.fleet.statistics import Series, take_apart
 
@@ -43,8 +43,10 @@ def test_a_click_opens_the_report_of_every_joint(components):
         report == f"joints/k.html?{joint}" for report, joint in zip(cells["report"], cells["joint"], strict=True)
     )
     assert set(cells["joint"]) == {f"{robot} j" for robot, _ in NAMES}
-    framed = {joint for joint, frame in zip(cells["joint"], cells["frame"], strict=True) if frame}
-    assert framed == {"r5 j"}, "the one that was diagnosed"
+    assert {joint for joint, one in zip(cells["joint"], cells["diagnosed"], strict=True) if one == "yes"} == {"r5 j"}
+    frames = plot.select_one({"name": FRAME})
+    assert list(frames.data_source.data["y"]) == ["r5 j"]
+    assert (frames.glyph.left, frames.glyph.right, frames.glyph.line_width) == (0.0, len(DAYS), 2.5)
     (scale,) = plot.above
     assert scale.color_mapper is plot.renderers[0].glyph.fill_color.transform, "the colours have a legend"
     (tap,) = [tool for tool in plot.tools if type(tool).__name__ == "TapTool"]
@@ -54,6 +56,8 @@ def test_a_click_opens_the_report_of_every_joint(components):
 def test_bands_hold_their_share_of_the_joints(components):
     middle, ((low, high), (inner_low, inner_high)) = bands(components[0])
     assert np.all((low < inner_low) & (inner_low < middle) & (middle < inner_high) & (inner_high < high))
+    assert not components[0].kept[5]
+    assert np.max(high) < 2.0, "without the one that its mean leaves out"
     middle, _ = bands(components[1])
     assert middle == pytest.approx(5.0, rel=0.1), "a logarithm is drawn as a percentage"
 
@@ -61,11 +65,22 @@ def test_bands_hold_their_share_of_the_joints(components):
 def test_a_joint_that_is_shown_has_its_own_line(components):
     plain, shown = (trend(components[0], names)[0] for names in ([], [("r5", "j"), ("other", "j")]))
     assert len(shown.renderers) == len(plain.renderers) + 3
-    assert trend(components[1], [("r5", "j")])
+    said = [item.label.value for item in shown.above[0].items]
+    assert said == [
+        "median, 68 % and 95 % of the joints, without 1 too far off",
+        "r5 j, bars: 95 % interval of the fit",
+    ]
+    (hover,) = [tool for tool in shown.tools if type(tool).__name__ == "HoverTool"]
+    assert ("p", "@y N") in hover.tooltips
+    (error,) = trend(components[1], [("r5", "j")])
+    assert [item.label.value for item in error.above[0].items][1:] == ["r5 j"], "it has no interval"
     (chosen,) = trend(components[0], [], "place")
     assert chosen.select_one({"name": "place"}).data == {"x": [], "y": [], "low": [], "high": []}
 
 
 def test_every_parameter_has_a_row_on_paper(components):
-    assert [axis.get_ylabel() for axis in plot_fleet(components).axes] == ["p [N]", "force error, unseen [%]"]
+    assert [axis.get_ylabel() for axis in plot_fleet(components).axes] == [
+        "p [N]",
+        "force error, unseen [% of the drive force]",
+    ]
     assert plot_fleet([]).axes

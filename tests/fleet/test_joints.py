@@ -26,7 +26,8 @@ NAMES = tuple((f"r{k}", name) for k in range(4) for name in ("a", "b"))
 DAYS = np.arange(6.0) + 20000.0
 START = datetime(1970, 1, 1, tzinfo=timezone.utc) + timedelta(days=20000)
 KIND = {
-    "kind": "kind", "parameter": "p", "unit": "N", "units": 8, "recordings": 48, "mean": 1.0, "unit_deviation": 0.1,
+    "kind": "kind", "parameter": "p", "unit": "N", "units": 8, "kept": 8, "followed": 8,
+    "recordings": 48, "mean": 1.0, "unit_deviation": 0.1,
     "date_deviation": 0.0, "day_deviation": 0.0, "error": 0.01,
 }  # fmt: skip
 ODD = "</script>"  # a bag with such a name must not end the script that holds it
@@ -53,7 +54,7 @@ def document():
     found = {"kind": "kind", "parameter": "p", "unit": "N", "day": "2024-10-05", "size": 0.5, "low": 0.4, "high": 0.6}
     return {
         "source": "fleet.csv", "folder": "runs", "version": "1", "settings": "s", "seed": 0, "level": 0.05, "tests": 9,
-        "since": None, "against": None, "new": 24, "bags": 24,
+        "since": None, "against": None, "misfits": [], "new": 24, "bags": 24,
         "joint_days": 48, "periods": [], "alarms": [], "recordings_per_false_alarm": 10_000,
         "kinds": [KIND],
         "findings": [{"what": "odd", "robot": "r1", "joint": "b", "p_value": 1e-9, **found}],

@@ -74,6 +74,13 @@ def test_a_bag_that_was_put_back_counts_as_it_is_now(tmp_path, settings):
     assert store.counts([restored], settings) == (1, [])
 
 
+def test_a_bag_counts_once_when_it_was_recovered(tmp_path, settings):
+    store, recovered = Store(tmp_path), replace(ONE, bag="one_recovered", stamp="8 101.0", former="one")
+    store.add([row(ONE, settings, "cut", joint=None, parameter=None, value=None, reason="cut off")])
+    store.add([row(recovered, settings, "rest")])
+    assert store.counts([recovered], settings) == (1, [])
+
+
 def test_one_recording_under_two_names_counts_once(tmp_path, settings):
     store = Store(tmp_path)
     store.add([row(ONE, settings, "a")])

@@ -20,6 +20,8 @@ from idloop.fleet.words import (
     kind_table,
     kind_text,
     level_table,
+    misfit_rows,
+    misfit_words,
     periods_words,
     read_words,
     unit_rows,
@@ -29,30 +31,43 @@ from idloop.reporting.text.blocks import as_text
 STEP = Finding("step", "arm", "p", "N", "r1", "j", 20513.0, 0.25, 0.2, 0.3, 1e-6)
 DAY = Finding("day", "arm", FORCE_ERROR, RELATIVE, "r2", "j", 20514.0, 1.5, 1.0, 2.0, 0.01)
 FAILED = "2 recordings or joints could not be identified"
+DIFFERS = "whether a joint differs from its kind, which takes 5 joints of a kind"
+FEW = (DIFFERS, "whether a joint changes, which takes 4 recordings of it")
 KIND = Finding("trend", "arm", "p", "N", "", "", 20513.0, 0.25, 0.2, 0.3, 1e-6)
 
 
 def document(*findings, failed=0, **more):
     rows = [finding_row(one) for one in findings]
-    units = (("arm", 2), ("arm", 3), ("hand", 1))
-    kinds = [{"kind": kind, "units": count} for kind, count in units]
+    units = (("arm", 5), ("arm", 6), ("hand", 5))
+    kinds = [{"kind": kind, "units": count, "followed": count} for kind, count in units]
     return {
         "findings": rows, "failed": [{}] * failed, "bags": 10, "kinds": kinds, "since": None, "against": None,
-        "periods": [], "level": 0.05, **more,
+        "misfits": [], "periods": [], "level": 0.05, **more,
     }  # fmt: skip
 
 
 @pytest.mark.parametrize(
     ("given", "text"),
     [
-        (document(), "4 joints in 10 recordings: nothing differs or changes"),
-        (document(DAY), "4 joints in 10 recordings: 1 single recording is off the course of its joint"),
-        (document(STEP), "4 joints in 10 recordings: 1 joint differs or changes"),
+        (document(), "11 joints in 10 recordings: nothing differs or changes"),
+        (document(DAY), "11 joints in 10 recordings: 1 single recording is off the course of its joint"),
+        (document(STEP), "11 joints in 10 recordings: 1 joint differs or changes"),
         (
             document(STEP, KIND, failed=2),
-            f"4 joints in 10 recordings: 1 joint differs or changes; 1 kind changes as a whole; {FAILED}",
+            f"11 joints in 10 recordings: 1 joint differs or changes; 1 kind changes as a whole; {FAILED}",
         ),
-        (document(bags=1, kinds=[{"kind": "arm", "units": 1}]), "1 joint in 1 recording: nothing differs or changes"),
+        (
+            document(bags=1, kinds=[{"kind": "arm", "units": 1, "followed": 0}]),
+            "; not tested: ".join(["1 joint in 1 recording: nothing that was tested differs or changes", *FEW]),
+        ),
+        (
+            document(STEP, kinds=[{"kind": kind, "units": n, "followed": n} for kind, n in (("arm", 5), ("*", 4))]),
+            f"9 joints in 10 recordings: 1 joint differs or changes; not tested for other joints: {DIFFERS}",
+        ),
+        (
+            document(misfits=[{"kind": "arm", "joints": 2, "of": 6, "force_error": 0.74}]),
+            "11 joints in 10 recordings: 2 joints are fitted badly by the model; nothing differs or changes",
+        ),
         (document(kinds=[]), "nothing was identified"),
     ],
 )
@@ -78,7 +93,7 @@ def test_an_empty_period_is_said():
         "nothing to compare since 2026-03-04 with the days from 2026-03-01 on: no joint has recordings in both"
     )
     assert periods_words(document(since="2026-03-04", periods=[{}])).startswith(
-        "change since 2026-03-04 against the days before: kinds first"
+        "change since 2026-03-04 against the days before: of each kind as a whole, significant or not; then of"
     )
 
 
@@ -107,9 +122,10 @@ def test_a_reason_of_many_recordings_is_one_row():
 
 
 def test_what_too_few_joints_share_is_not_stated():
-    one = {"kind": "arm", "parameter": "p", "unit": "N", "mean": 2.0, "day_deviation": 0.2, "error": 0.1}
+    one = {"kind": "arm", "parameter": "p", "unit": "N", "mean": 2.0, "day_deviation": 0.2, "error": 0.1, "kept": 4}
     shares = {"unit_deviation": 0.4, "date_deviation": 0.02}
     table = kind_table({"kinds": [{**one, **shares, "units": units, "recordings": 4} for units in (1, 4, 5)]})
+    assert [row[2] for row in table.rows] == ["4 of 1", "4", "4 of 5"]
     assert [row[5:] for row in table.rows] == [
         ("-", "-", "10 %", "5 %"), ("20 %", "-", "-", "5 %"), ("20 %", "1 %", "-", "5 %"),
     ]  # fmt: skip
@@ -135,24 +151,24 @@ def test_a_finding_has_its_date_size_and_interval():
         "N",
         "< 0.001",
     )
-    assert table.rows[1][5:8] == ("+150", "100 .. 200", "%, relative")
+    assert table.rows[1][5:8] == ("× 2.5", "2 .. 3", "times as much")
     assert table.rows[2][:2] == ("all of arm", "-")
 
 
 def test_the_pattern_of_all_joints_has_words_for_a_name():
     assert [kind_text("*", several) for several in (["*", "*"], ["arm", "*"])] == ["all joints", "other joints"]
     assert kind_text("arm", ["arm"]) == "arm"
-    alone = document(replace(KIND, kind="*"), kinds=[{"kind": "*", "units": 3}])
+    alone = document(replace(KIND, kind="*"), kinds=[{"kind": "*", "units": 3, "followed": 3}])
     assert finding_table(alone, "findings").rows[0][0] == "all joints"
 
 
 def test_what_changed_since_a_date_is_in_the_headline():
     joint = replace(STEP, what="beyond", q_value=0.01)
     several = {"periods": [finding_row(one) for one in (KIND, joint)], "since": "2026-03-01"}
-    assert headline(document(**several)) == "4 joints in 10 recordings: 1 joint has changed since 2026-03-01"
+    assert headline(document(**several)) == "11 joints in 10 recordings: 1 joint has changed since 2026-03-01"
     several["periods"][0]["q_value"] = 0.01
     whole = "1 joint has changed since 2026-03-01; 1 kind has changed as a whole since 2026-03-01"
-    assert headline(document(STEP, **several)) == f"4 joints in 10 recordings: 1 joint differs or changes; {whole}"
+    assert headline(document(STEP, **several)) == f"11 joints in 10 recordings: 1 joint differs or changes; {whole}"
 
 
 def test_every_number_of_a_joint_is_in_the_unit_of_its_parameter():
@@ -167,5 +183,24 @@ def test_every_number_of_a_joint_is_in_the_unit_of_its_parameter():
     kind = component_row(parts)
     assert (kind["mean"], kind["unit"]) == (rows[0]["kind_mean"], "1")
     (row,) = kind_table({"kinds": [kind]}).rows
-    assert (float(row[3]), row[4], row[-1]) == (pytest.approx(100.0 * kind["mean"], rel=1e-3), "%", "-")
-    assert level_table([parts]).rows[0][3:8:4] == (f"{100.0 * share[0, 0]:.4g}", "%")
+    assert (float(row[3]), row[4], row[-1]) == (
+        pytest.approx(100.0 * kind["mean"], rel=1e-3),
+        "% of the drive force",
+        "-",
+    )
+    assert level_table([parts]).rows[0][3:8:4] == (f"{100.0 * share[0, 0]:.4g}", "% of the drive force")
+    assert all(one["low"] <= one["level"] <= one["high"] for one in rows)
+
+
+@pytest.mark.parametrize(("error", "count"), [(0.74, 6), (0.7, 0)])
+def test_a_model_that_explains_less_than_half_of_the_power_is_a_bad_one(error, count):
+    names = tuple((f"r{k}", "j") for k in range(6))
+    logs = np.log(error) + 0.001 * np.random.default_rng(0).normal(size=(6, 4))
+    parts = take_apart(Series("arm", FORCE_ERROR, "1", names, np.arange(4.0), logs, np.zeros((6, 4))))
+    found = list(misfit_rows([parts]))
+    assert [(one["kind"], one["joints"], one["of"]) for one in found] == [("arm", count, 6)] * bool(count)
+    said = list(misfit_words(document(misfits=found)))
+    assert len(said) == bool(count)
+    assert all("6 of 6 joints badly" in one and "74" in one and "--diagnose all" in one for one in said)
+    text = as_text(fleet_blocks(document(kinds=[], misfits=found, new=1, diagnoses=[])))
+    assert ("warning: arm: the model fits" in text) == bool(count)

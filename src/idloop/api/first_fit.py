@@ -13,6 +13,7 @@ from idloop.api.result import Progress
 from idloop.errors import InputError
 from idloop.records.gaps import LEFT_OUT
 from idloop.spelling import joined_names
+from idloop.validation.measures import HALF_OF_POWER
 from idloop.validation.words import force_text
 
 if TYPE_CHECKING:
@@ -26,7 +27,6 @@ _NOTHING = 1.0  # FIT of a prediction that is no better than a constant [%]
 # Share of the drive force that values which describe something explain, and FIT of a free run that shows that they do
 # where the force does not [%]; play, for one, hides the force but not the motion.
 _EXPLAINED, _FOLLOWS = 0.1, 20.0
-_HALF = 0.5**0.5  # force error of values that explain half of the power of the drive force
 _ASTRAY = -100.0  # FIT of a velocity [%], which does not drift as a position does, that is off by twice its spread
 
 
@@ -222,7 +222,7 @@ def _describes_nothing(compared: Sequence[Comparison]) -> str:
     if velocities and max(velocities) < _ASTRAY:
         return "the values describe nothing: the free run of the velocity is off by more than twice what it varies by"
     forces = [one.force.relative for one in compared if one.force is not None]
-    if velocities and max(velocities) < 0.0 and len(forces) == len(compared) and min(forces) > _HALF:
+    if velocities and max(velocities) < 0.0 and len(forces) == len(compared) and min(forces) > HALF_OF_POWER:
         return (
             "the values describe nothing: the free run of the velocity is worse than a constant, and the force error is"
             f" {force_text(min(forces), 3, ' %')}"

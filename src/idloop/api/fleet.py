@@ -110,7 +110,7 @@ class Fleet(Result):
         """Return the document of schema ``idloop/fleet/1``."""
         from idloop import __version__
         from idloop.fleet.alarms import FALSE_ALARMS
-        from idloop.fleet.words import component_row, finding_row
+        from idloop.fleet.words import component_row, finding_row, misfit_rows, untested_words
 
         return {
             "schema": "idloop/fleet/1",
@@ -123,7 +123,9 @@ class Fleet(Result):
             "new": self.new,
             "joint_days": self.joint_days,
             "failed": [{**one, "time": one["time"] and one["time"].isoformat()} for one in self.failed],
-            "kinds": [component_row(one) for one in self.components],
+            "kinds": (kinds := [component_row(one) for one in self.components]),
+            "misfits": list(misfit_rows(self.components)),
+            "untested": untested_words({"kinds": kinds}),
             "level": self.level,
             "tests": self.tests,
             "findings": [finding_row(one) for one in self.findings],
@@ -136,8 +138,11 @@ class Fleet(Result):
             "diagnoses": list(self.diagnoses),
         }
 
-    def save(self) -> Path:
-        """Write fleet.json, fleet.html, the reports of the joints, and units.parquet and findings.parquet for SQL."""
+    def save(self, plot: Path | None = None) -> Path:
+        """Write fleet.json, fleet.html, the reports of the joints, and units.parquet and findings.parquet for SQL.
+
+        Reports of joints that are no longer in the fleet are removed. `plot`: file of the figure, for the document.
+        """
         from idloop.fleet.joints import addresses, file_stems, joint_files, of_files, render_joints
         from idloop.fleet.page import render_fleet
         from idloop.fleet.store import JOINTS, MODELS, Store, write_table
@@ -147,7 +152,7 @@ class Fleet(Result):
 
         for one in (JOINTS, MODELS):
             make_folder(self.folder / one, parents=True)
-        document = to_json(self.to_dict())
+        document = to_json({**self.to_dict(), "plot": plot})
         write_text(self.folder / "fleet.json", json.dumps(document, indent=2, ensure_ascii=False) + "\n")
         tables = {
             "units": (unit_rows(self.components), UNIT_COLUMNS),
@@ -167,7 +172,23 @@ class Fleet(Result):
                 page = render_joints(file, document, own, str(of_kind[kind]), models[kind].input.joint)
                 write_text(self.folder / file.path, page)
         write_text(self.folder / "fleet.html", render_fleet(document, self.components, addresses(files)))
+        self._remove_orphans({one.path for one in files}, {name for one in files for name in one.names})
         return self.folder
+
+    def _remove_orphans(self, pages: set[str], joints: set[tuple[str, str]]) -> None:
+        """Remove the reports of joints that are no longer in the fleet."""
+        from idloop.fleet.store import JOINTS
+
+        for page in (self.folder / JOINTS).glob("*.html"):
+            diagnosis = page.with_suffix(".json")
+            if diagnosis.exists():
+                one = json.loads(diagnosis.read_text(encoding="utf-8"))
+                kept = (one["robot"], one["joint"]) in joints
+            else:
+                kept = f"{JOINTS}/{page.name}" in pages
+            if not kept:
+                page.unlink()
+                diagnosis.unlink(missing_ok=True)
 
 
 def identify_fleet(
@@ -225,8 +246,9 @@ def identify_fleet(
     InputError
         The extra ``fleet`` is not installed, nothing to read, dates that are none, no cluster.
     """
-    from idloop.fleet.bags import find_bags
+    from idloop.fleet.bags import check_place, find_bags
 
+    check_place(str(source))
     with _work(
         source, models, folder, since=since, against=against, level=level, diagnose=diagnose, workers=workers,
         memory=memory, cluster=cluster, seed=seed, progress=progress,
@@ -448,7 +470,7 @@ def diagnose_joint(task: dict[str, Any], settings: Settings) -> tuple[dict[str, 
             document = ladder.to_dict()
             page = ladder.report(Path(scratch) / "report.html").read_text(encoding="utf-8")
     except IdloopError as error:
-        return undiagnosed(task, one_line(str(error)))
+        return undiagnosed(task, one_line(error.what))
     conclusion = _found_and_left(ladder.added, document["conclusion"])
     found = {"added": list(ladder.added), "verdict": ladder.verdict, "conclusion": conclusion,
              "parameters": document["parameters"], "report": f"{JOINTS}/{task['stem']}.html"}  # fmt: skip

@@ -62,7 +62,7 @@ def wear_alarms(parts: Components, recordings: float = FALSE_ALARMS) -> list[Fin
             continue
         onset, size, error = alarm
         day = float(parts.series.days[seen[onset]])
-        found.append(finding_of(parts.series, "alarm", day, size, error, name, 1.0 / recordings))
+        found.append(finding_of(parts.series, "alarm", day, size, error, parts.freedom, name, 1.0 / recordings))
     return found
 
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date, datetime, timezone
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 from idloop.errors import InputError
 from idloop.fleet.libraries import library
-from idloop.records.bags.storage.storage_files import METADATA, SUFFIXES
+from idloop.records.bags.storage.storage_files import METADATA, RECOVERED, SUFFIXES, bag_name
 from idloop.spelling import did_you_mean, listed
 
 COLUMNS = ("robot", "joint", "time", "bag")
@@ -36,6 +36,8 @@ class FleetBag:
         Name and kind of each joint; an empty kind is found by the joint's name. Empty: all joints of the bag.
     stamp : str
         Size and state of its files, by which an unchanged bag is known without being read; empty where there is none.
+    former : str
+        The bag that was cut off and of which this one is what could be recovered.
     """
 
     robot: str
@@ -43,6 +45,19 @@ class FleetBag:
     time: datetime | None = None
     joints: tuple[tuple[str, str], ...] = ()
     stamp: str = ""
+    former: str = ""
+
+
+def check_place(source: str) -> None:
+    """Refuse a path on this machine at which nothing is, before any library is imported.
+
+    Raises
+    ------
+    InputError
+        No such place.
+    """
+    if "://" not in source and not Path(_root(source)).exists():
+        raise InputError(f"{source}: there is no such table or folder, check the path")
 
 
 def find_bags(source: str, *, empty: bool = False) -> list[FleetBag]:
@@ -50,18 +65,34 @@ def find_bags(source: str, *, empty: bool = False) -> list[FleetBag]:
 
     A table has the columns robot, joint, time and bag, and kind where joints have one; paths in it begin at its folder.
     Below a folder the first name is the robot, and a date in the path is the time. The folder of a pattern is what
-    comes before the first ``*``, ``?`` or ``[``. With `empty` there may be none yet.
+    comes before the first ``*``, ``?`` or ``[``. With `empty` there may be none yet. What was recovered of a bag takes
+    the place of that bag.
 
     Raises
     ------
     InputError
         No such place, a table without a column or with a time that is none, no bag.
     """
+    check_place(source)
     fs, path = open_place(source)
     found = _of_table(fs, path, source) if path.lower().endswith(_TABLES) else _of_folder(fs, path, source)
     if not found and not empty:
         raise InputError(f"{source}: there is no bag; a folder holds ROBOT/DATE/BAG, a table {listed(COLUMNS)}")
-    return sorted(found, key=lambda one: (one.robot, one.time is not None, one.time, one.bag))
+    former = {_recovered(one.bag): one.bag for one in found}
+    found = [replace(one, former=former.get(one.bag, "")) for one in found]
+    kept = (one for one in found if one.bag not in {other.former for other in found})
+    return sorted(kept, key=lambda one: (one.robot, one.time is not None, one.time, one.bag))
+
+
+def _recovered(bag: str) -> str:
+    """Where `idloop recover` puts what it can read of a bag."""
+    return f"{bag.rpartition('/')[0]}/{bag_name(bag)}{RECOVERED}"
+
+
+def _root(path: str) -> str:
+    """Folder or file of a place: of a pattern what comes before it."""
+    pattern = _PATTERN.search(path)
+    return path if pattern is None else path[: pattern.start()].rpartition("/")[0]
 
 
 def open_place(source: str) -> tuple[Any, str]:
@@ -81,16 +112,15 @@ def open_place(source: str) -> tuple[Any, str]:
 
 
 def _of_folder(fs: Any, path: str, source: str) -> list[FleetBag]:
-    pattern = _PATTERN.search(path)
-    root = path if pattern is None else path[: pattern.start()].rpartition("/")[0]
+    root = _root(path)
     try:
-        tops = [path] if pattern is None else sorted(fs.glob(path))
+        tops = [path] if root == path else sorted(fs.glob(path))
         files: dict[str, Mapping[str, Any]] = {}
         for top in tops:
             files |= fs.find(top, detail=True)
     except (OSError, ValueError) as error:
         raise InputError(f"{source}: cannot be listed ({error})") from error
-    if not files and pattern is None and not fs.exists(path):
+    if not files and root == path and not fs.exists(path):
         raise InputError(f"{source}: there is no such table or folder, check the path")
     bags: dict[str, list[Mapping[str, Any]]] = {
         name.rpartition("/")[0]: [] for name in files if name.endswith(f"/{METADATA}")
@@ -134,12 +164,13 @@ def _rows(fs: Any, path: str, source: str) -> list[dict[str, Any]]:
     from pyarrow import csv, parquet
 
     try:
-        with fs.open(path, "rb") as file:
-            # Robots and joints are names, also where they are written as numbers.
-            names = csv.ConvertOptions(column_types=dict.fromkeys(("robot", "joint", "kind", "bag"), pa.string()))
-            table = (
-                csv.read_csv(file, convert_options=names) if path.lower().endswith(".csv") else parquet.read_table(file)
-            )
+        # In memory of Arrow: a thread of it that still holds an object of Python at exit ends the process by an abort.
+        memory = pa.BufferOutputStream()
+        memory.write(fs.cat_file(path))
+        file = pa.BufferReader(memory.getvalue())
+        # Robots and joints are names, also where they are written as numbers.
+        names = csv.ConvertOptions(column_types=dict.fromkeys(("robot", "joint", "kind", "bag"), pa.string()))
+        table = csv.read_csv(file, convert_options=names) if path.lower().endswith(".csv") else parquet.read_table(file)
     except FileNotFoundError:
         raise InputError(f"{source}: there is no such table, check the path") from None
     except (OSError, pa.ArrowException) as error:

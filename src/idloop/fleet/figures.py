@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 MOST_ROWS = 150  # joints in the heat map
+FRAME = "diagnosed"  # name of the frames in it
 _MOST_LINES = 5
+Z95 = 1.959963984540054
 _BANDS = ((2.5, 97.5), (16.0, 84.0))
 _COLOURS = (1.5, 6.0)  # standard deviations of the palest colour and of the strongest one
 _DAY = 86_400_000.0  # [ms]
@@ -84,17 +86,28 @@ def heat_map(
     plot.xaxis.major_label_orientation = 1.2
     plot.grid.visible = False
     rows, columns = np.nonzero(np.isfinite(size))
+    boxes = [label for label, name in zip(labels, names, strict=True) if name in framed]
     data: dict[str, Any] = {
         "date": [dates[k] for k in columns], "joint": [labels[k] for k in rows],
         "size": np.round(size[rows, columns], 2), "parameter": parameter[rows, columns].tolist(),
-        "report": [reports[names[k]] for k in rows], "frame": [float(names[k] in framed) for k in rows],
+        "report": [reports[names[k]] for k in rows],
+        "diagnosed": ["yes" if names[k] in framed else "no" for k in rows],
     }  # fmt: skip
     fill = linear_cmap("size", _palette(), *_COLOURS)
-    plot.rect(
-        "date", "joint", width=1.0, height=0.9, source=ColumnDataSource(data), line_color=LIGHT.found,
-        fill_color=fill, line_alpha="frame", nonselection_fill_alpha=1.0,
-        nonselection_line_alpha="frame",
+    cells = plot.rect(
+        "date", "joint", width=1.0, height=0.9, source=ColumnDataSource(data), line_color=None, fill_color=fill,
+        nonselection_fill_alpha=1.0,
     )  # fmt: skip
+    plot.hbar(
+        boxes,
+        left=0.0,
+        right=len(dates),
+        height=1.0,
+        fill_color=None,
+        line_color=LIGHT.text,
+        line_width=2.5,
+        name=FRAME,
+    )
     words = {"font": FONT, "font_size": "11px", "font_style": "normal", "color": LIGHT.muted}
     look: dict[str, Any] = {
         f"{part}_text_{key}": one for part in ("title", "major_label") for key, one in words.items()
@@ -102,8 +115,12 @@ def heat_map(
     title = "deviation from the kind, in standard deviations; the ends of the scale include what is beyond them"
     bar = ColorBar(color_mapper=fill["transform"], title=title, height=8, background_fill_color=LIGHT.surface, **look)
     plot.add_layout(bar, "above")
-    tips = [("joint", "@joint"), ("date", "@date"), ("deviation", "@size σ of @parameter"), ("report", "click")]
-    plot.add_tools(HoverTool(tooltips=tips), TapTool(callback=OpenURL(url="@report")))
+    tips = [
+        ("joint", "@joint"), ("date", "@date"), ("parameter", "@parameter"),
+        ("from its kind", "@size standard deviations"), ("diagnosed", "@diagnosed"), ("report", "click"),
+    ]  # fmt: skip
+    tools = HoverTool(tooltips=tips, renderers=[cells]), TapTool(callback=OpenURL(url="@report"), renderers=[cells])
+    plot.add_tools(*tools)
     return [plot]
 
 
@@ -115,10 +132,13 @@ def _palette() -> list[str]:
 
 
 def bands(parts: Components) -> tuple[Array, list[tuple[Array, Array]]]:
-    """Median of a kind's units by date, and the bands that hold 95 % and 68 % of them, as percentiles, (d,) each."""
+    """Median of a kind's units by date, and the bands that hold 95 % and 68 % of them, as percentiles, (d,) each.
+
+    Of those units that its mean describes, too.
+    """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
-        value = display(*_named(parts))[0] * parts.series.natural(parts.series.value)
+        value = display(*_named(parts))[0] * parts.series.natural(parts.series.value[parts.kept])
         ends = [tuple(np.nanpercentile(value, pair, axis=0)) for pair in _BANDS]
         return np.nanmedian(value, axis=0), [(low, high) for low, high in ends]
 
@@ -138,7 +158,7 @@ def trend(parts: Components, shown: Sequence[tuple[str, str]], chosen: str = "")
 
     With `chosen` there is one more line, whose points the page fills in: its source has that name.
     """
-    from bokeh.models import ColumnDataSource
+    from bokeh.models import ColumnDataSource, HoverTool
 
     from idloop.reporting.figures.theme import LIGHT, add_legend, new_figure
 
@@ -148,23 +168,33 @@ def trend(parts: Components, shown: Sequence[tuple[str, str]], chosen: str = "")
     plot = new_figure(LIGHT, ("", None), label_of(parts), height=240, x_axis_type="datetime")
     drawn = [plot.varea(time, low, high, fill_color=LIGHT.band, fill_alpha=0.25) for low, high in ends]
     line = plot.line(time, middle, color=LIGHT.measured, line_width=2)
-    entries: list[tuple[str, list[Any]]] = [("median, 68 % and 95 % of the joints", [line, *drawn])]
+    left_out = int(np.sum(~parts.kept))
+    without = f", without {left_out} too far off" if left_out else ""
+    entries: list[tuple[str, list[Any]]] = [(f"median, 68 % and 95 % of the joints{without}", [line, *drawn])]
     factor, _ = display(*_named(parts))
     sources = {"this joint": ColumnDataSource({"x": [], "y": [], "low": [], "high": []}, name=chosen)} if chosen else {}
     for name in [one for one in shown if one in series.names][:_MOST_LINES]:
         place = series.names.index(name)
         known = np.isfinite(series.value[place])
         y = factor * series.natural(series.value[place][known])
-        reach = 1.96 * factor * np.sqrt(series.variance[place][known])
+        reach = Z95 * factor * np.sqrt(series.variance[place][known])
         sources[" ".join(name)] = ColumnDataSource({"x": time[known], "y": y, "low": y - reach, "high": y + reach})
+    # The errors of an error of the force are not known.
+    bars = series.parameter != FORCE_ERROR
+    unit = label_of(parts)[1]
+    points: list[Any] = []
     for number, (words, source) in enumerate(sources.items()):
         look = LIGHT.model(number)
+        points.append(plot.scatter("x", "y", source=source, color=look["color"], size=4, name=words))
         own = [
-            plot.line("x", "y", source=source, line_width=1.6, **look),
-            plot.scatter("x", "y", source=source, color=look["color"], size=4),
+            plot.line("x", "y", source=source, line_width=1.6, **look), points[-1],
             plot.segment("x", "low", "x", "high", source=source, color=look["color"], line_width=0.8),
-        ]
-        entries.append((words, own))
+        ]  # fmt: skip
+        entries.append((f"{words}, bars: 95 % interval of the fit" if bars else words, own))
+    tips = [("", "$name"), ("date", "@x{%F}"), (series.parameter, f"@y {unit}")]
+    tips += [("95 % interval of the fit", f"@low .. @high {unit}")] if bars else []
+    if points:
+        plot.add_tools(HoverTool(tooltips=tips, formatters={"@x": "datetime"}, renderers=points))
     add_legend(plot, LIGHT, entries)
     return [plot]
 
@@ -186,6 +216,8 @@ def plot_fleet(components: Sequence[Components]) -> Figure:
                 axis.fill_between(time, low, high, color="0.6", alpha=0.25, linewidth=0.0)
             axis.plot(time, middle, color=drawing.MEASURED, linewidth=1.4)
             kind = kind_text(parts.series.kind, kinds)
-            axis.set_title(f"{kind}: {len(parts.series.names)} joints", fontsize="small", loc="left")
+            joints = f"{int(parts.kept.sum())} of {len(parts.series.names)} joints"
+            title = f"{kind}: median, 68 % and 95 % of {joints}"
+            axis.set_title(title, fontsize="small", loc="left")
             axis.set_ylabel(drawing.label(*label_of(parts)))
     return figure

@@ -15,7 +15,7 @@ import numpy as np
 
 from idloop.called_as import program
 from idloop.drawing import label
-from idloop.fleet.figures import label_of, trend
+from idloop.fleet.figures import Z95, label_of, trend
 from idloop.fleet.statistics import Components
 from idloop.fleet.store import JOINTS, Recording
 from idloop.fleet.words import display, failed_table, finding_table, kind_text, level_table
@@ -24,7 +24,6 @@ from idloop.reporting.text.blocks import Table, number
 
 TEMPLATE = Path(__file__).parent / "templates" / "joints.html"
 MOST_RECORDINGS = 20_000  # of joints in a file: some megabytes
-_Z95 = 1.959963984540054
 
 
 @dataclass(frozen=True)
@@ -143,7 +142,10 @@ def _recording_table(
     heads = [label(*label_of(one)) for one in components]
     parameters = [one.series.parameter for one in components]
     return Table.of(
-        ("robot", "joint", "date", *heads, "force error, fitted [%]", "force residual", "seconds", "bag", "notes"),
+        (
+            "robot", "joint", "date", *heads, "force error, fitted [%]", "force residual (rms)", "duration [s]", "bag",
+            "notes",
+        ),
         (
             (
                 one.robot, one.joint, str(one.time)[:10], *(_estimate(one, name) for name in parameters),
@@ -161,7 +163,7 @@ def _estimate(one: Recording, parameter: str) -> str:
         return "-"
     factor, _ = display(parameter, "")
     shown = number(factor * value)
-    return shown if stderr is None else f"{shown} ± {number(_Z95 * factor * stderr, 2)}"
+    return shown if stderr is None else f"{shown} ± {number(Z95 * factor * stderr, 2)}"
 
 
 def _curve(several: Sequence[Recording], parameter: str) -> dict[str, list[float]]:
@@ -171,7 +173,7 @@ def _curve(several: Sequence[Recording], parameter: str) -> dict[str, list[float
     for one in several:
         if parameter in one.estimates:
             value, stderr = one.estimates[parameter]
-            reach = _Z95 * (stderr or 0.0)
+            reach = Z95 * (stderr or 0.0)
             curve["x"].append(one.time.timestamp() * 1000.0)
             for key, end in (("y", value), ("low", value - reach), ("high", value + reach)):
                 curve[key].append(float(f"{size * end:.6g}"))

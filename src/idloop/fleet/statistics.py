@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 LEVEL = 0.05
 RELATIVE = "relative"  # in the place of a unit: a share of what is differed from
 FEWEST_UNITS = 5  # that share the effect of a date, or among which one can be odd
-_FEWEST_DAYS = 4  # of a trend or a step
+FEWEST_DAYS = 4  # recordings of a trend or a step
 _SIDE = 2  # recordings on either side of a step
 _LEAST_VARIANCE = 1e-6  # of an error, in squares of the scale
 _TOLERANCE = 1e-6  # of the equation of Paule and Mandel, which is a sum, for each of its terms
@@ -76,6 +76,11 @@ class Series:
         """Value in the unit of the parameter."""
         return np.exp(value) if self.parameter == FORCE_ERROR else np.asarray(value)
 
+    def natural_interval(self, value: Array, stderr: Array, freedom: float) -> tuple[Array, Array]:
+        """Ends of 95 % intervals in the unit of the parameter."""
+        reach = stderr * _reach(1.0, freedom)
+        return self.natural(value - reach), self.natural(value + reach)
+
     def slope(self, value: Array | float) -> Array:
         """What a small change of a value is in the unit of the parameter."""
         return self.natural(value) if self.parameter == FORCE_ERROR else np.ones(np.shape(value))
@@ -104,6 +109,8 @@ class Components:
         Variances of single recordings: error and day.
     freedom, unit_freedom : float
         Degrees of freedom of the variances of days and of units.
+    kept : array of bool, shape (units,)
+        Units of the distribution that mean and deviation describe; the others are too far off to be of it.
     """
 
     series: Series
@@ -120,6 +127,7 @@ class Components:
     total: Array
     freedom: float
     unit_freedom: float
+    kept: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -133,7 +141,8 @@ class Finding:
     robot, joint : str
         Empty for a kind.
     day : float
-        First day of a step, the recording of a day, or the last one [days since 1970].
+        First day of a step, or on which an odd unit is outside of 95 % of its kind, the recording of a day, or the
+        last one [days since 1970].
     size, low, high : float
         Deviation or change with its 95 % interval; of the force error relative to what it differs from.
     p_value, q_value : float
@@ -182,12 +191,16 @@ def series_of(
 
 
 class RandomEffect(NamedTuple):
-    """Mean of estimates, its standard error, and the variance beyond their errors with its degrees of freedom."""
+    """Mean of estimates, its standard error, and the variance beyond their errors with its degrees of freedom.
+
+    `kept`: which estimates they describe, shape (n,).
+    """
 
     mean: float
     stderr: float
     variance: float
     freedom: float
+    kept: NDArray[np.bool_]
 
 
 def random_effect(value: Array, variance: Array) -> RandomEffect:
@@ -198,25 +211,26 @@ def random_effect(value: Array, variance: Array) -> RandomEffect:
     known = np.isfinite(value) & np.isfinite(variance)
     y, own = value[known], variance[known]
     if not len(y):
-        return RandomEffect(np.nan, np.nan, 0.0, 1.0)
+        return RandomEffect(np.nan, np.nan, 0.0, 1.0, known)
     median = float(np.median(y))
     scale = float(median_abs_deviation(y, scale="normal")) or float(np.std(y))
     if not scale:
-        return RandomEffect(median, float(np.sqrt(np.mean(own) / len(y))), 0.0, max(len(y) - 1.0, 1.0))
+        return RandomEffect(median, float(np.sqrt(np.mean(own) / len(y))), 0.0, max(len(y) - 1.0, 1.0), known)
     combine = library("statsmodels.stats.meta_analysis").combine_effects
     # In units of the scale: what is tolerated is a number, and no estimate is exact.
     y, own = (y - median) / scale, np.maximum(own / scale**2, _LEAST_VARIANCE)
     kept = np.zeros(len(y), dtype=bool)
-    found = RandomEffect(0.0, 0.0, 1.0, _EFFICIENCY * len(y))
+    found = RandomEffect(0.0, 0.0, 1.0, _EFFICIENCY * len(y), ~kept)
     for _ in range(_ROUNDS):
         reach = -float(stdtrit(found.freedom, 0.5 * LEVEL / len(y)))
         before, kept = kept, np.abs(y - found.mean) <= reach * np.sqrt(own + found.variance)
         if kept.sum() < 2 or (kept == before).all():
             break
         effect = combine(y[kept], own[kept], "iterated", atol=_TOLERANCE * kept.sum())
-        found = RandomEffect(effect.mean_effect_re, effect.sd_eff_w_re, effect.tau2, kept.sum() - 1.0)
-    mean, stderr, beyond, freedom = map(float, found)
-    return RandomEffect(median + scale * mean, scale * stderr, scale**2 * beyond, freedom)
+        found = RandomEffect(effect.mean_effect_re, effect.sd_eff_w_re, effect.tau2, kept.sum() - 1.0, kept)
+    mean, stderr, beyond, freedom = map(float, found[:4])
+    known[known] = found.kept
+    return RandomEffect(median + scale * mean, scale * stderr, scale**2 * beyond, freedom, known)
 
 
 def wander(steps: Array, errors: Array) -> tuple[float, float]:
@@ -249,12 +263,12 @@ def take_apart(series: Series) -> Components:
         level, error = _means(left, total)
         count = np.maximum(np.sum(np.isfinite(left), axis=0), 1)
         date_stderr = np.sqrt(np.nanmedian(total, axis=0) * (np.pi / 2.0) / count)
-    mean, _, between, unit_freedom = random_effect(level, error)
+    mean, _, between, unit_freedom, kept = random_effect(level, error)
     towards = (mean - level) * error / np.maximum(between + error, 1e-300)
     shrunk = level + np.clip(towards, -np.sqrt(error), np.sqrt(error))
     return Components(
         series, mean, date, date_stderr, level, np.sqrt(error), shrunk, float(np.sqrt(between)), float(np.sqrt(day)),
-        rho, left, total, freedom, unit_freedom,
+        rho, left, total, freedom, unit_freedom, kept,
     )  # fmt: skip
 
 
@@ -282,7 +296,7 @@ def _memory(days: Array, left: Array, variance: Array, freedom: float) -> float:
     steady, changed, several = [], [], []
     for row, error in zip(left, variance, strict=True):
         seen = np.isfinite(row)
-        if seen.sum() >= 2 * _FEWEST_DAYS:
+        if seen.sum() >= 2 * FEWEST_DAYS:
             y = days[seen], row[seen], error[seen]
             several.append(y)
             steady.append(_correlation(y[1] - np.mean(y[1]), 1))
@@ -364,22 +378,24 @@ class Hypotheses:
                 continue
             days, y, variance = series.days[seen], parts.left[place][seen], parts.total[place][seen]
             course = np.full(len(y), parts.level[place])
-            if len(series.names) >= FEWEST_UNITS:
-                size, stderr = float(parts.level[place] - parts.mean), float(parts.level_stderr[place])
-                odd = partial(finding_of, series, "odd", float(days[-1]), size, stderr, name)
-                self._one(float(_p(size, among[place], parts.unit_freedom)), odd)
-            if len(y) >= _FEWEST_DAYS:
+            if len(y) >= FEWEST_DAYS:
                 change = best_change(days, y, variance, parts.freedom)
                 self._one(change.p_value, partial(_change, series, change, name))
                 course = change.course if change.p_value < LEVEL else course
-            if len(y) >= _FEWEST_DAYS - 1:
+            if len(series.names) >= FEWEST_UNITS:
+                size, stderr = float(parts.level[place] - parts.mean), float(parts.level_stderr[place])
+                outside = np.abs(course - parts.mean) > _reach(among[place], parts.unit_freedom)
+                since = float(days[np.argmax(outside)])
+                odd = partial(finding_of, series, "odd", since, size, stderr, parts.freedom, name)
+                self._one(float(_p(size, among[place], parts.unit_freedom)), odd)
+            if len(y) >= FEWEST_DAYS - 1:
                 # A recording is a part of its own unit's mean.
                 error = np.sqrt(variance * (1.0 - (1.0 / variance) / np.sum(1.0 / variance)))
                 single.append((name, days, y - course, error))
         tails, scale = _tails([away / error for _, _, away, error in single], parts.freedom)
         for name, days, away, error in single:
             p_values = _p(away, scale * error, tails)
-            self.add(p_values, partial(_day, series, days, away, error, p_values, name))
+            self.add(p_values, partial(_day, series, days, away, scale * error, tails, p_values, name))
         kind = _dates(parts)
         if kind is not None:
             self._one(kind.p_value, partial(_change, series, kind, ("", "")))
@@ -389,13 +405,11 @@ class Hypotheses:
 
 
 def finding_of(
-    series: Series, what: str, day: float, size: float, stderr: float, name: tuple[str, str], p_value: float,
-    freedom: float = np.inf,
+    series: Series, what: str, day: float, size: float, stderr: float, freedom: float, name: tuple[str, str],
+    p_value: float,
 ) -> Finding:  # fmt: skip
-    """Finding with its size and interval; those of a logarithm are relative."""
-    from scipy.special import stdtrit
-
-    reach = float(stdtrit(freedom, 0.975)) * stderr
+    """Finding with its size and interval, by Student's t as its p-value; those of a logarithm are relative."""
+    reach = _reach(stderr, freedom)
     ends = np.array([size, size - reach, size + reach])
     relative = series.parameter == FORCE_ERROR
     size, low, high = (np.expm1(ends) if relative else ends).tolist()
@@ -403,14 +417,22 @@ def finding_of(
     return Finding(what, series.kind, series.parameter, unit, *name, day, size, low, high, p_value)
 
 
+def _reach(stderr: float, freedom: float) -> float:
+    """Half of a 95 % interval, by Student's t."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(freedom, 0.975)) * stderr
+
+
 def _change(series: Series, change: Change, name: tuple[str, str], p_value: float) -> Finding:
-    return finding_of(series, change.what, change.day, change.size, change.stderr, name, p_value)
+    return finding_of(series, change.what, change.day, change.size, change.stderr, change.freedom, name, p_value)
 
 
 def _day(
-    series: Series, days: Array, away: Array, error: Array, p: Array, name: tuple[str, str], place: int
+    series: Series, days: Array, away: Array, error: Array, freedom: float, p: Array, name: tuple[str, str], place: int
 ) -> Finding:
-    return finding_of(series, "day", float(days[place]), float(away[place]), float(error[place]), name, float(p[place]))
+    at, size, stderr, p_value = (float(one[place]) for one in (days, away, error, p))
+    return finding_of(series, "day", at, size, stderr, freedom, name, p_value)
 
 
 def _shared(parts: Components) -> NDArray[np.bool_]:
@@ -428,7 +450,7 @@ def _scatter_of_dates(parts: Components) -> tuple[float, float]:
 def _dates(parts: Components) -> Change | None:
     """Change of a kind: of what its units share."""
     shared = _shared(parts)
-    if shared.sum() < _FEWEST_DAYS:
+    if shared.sum() < FEWEST_DAYS:
         return None
     more, freedom = _scatter_of_dates(parts)
     y, own = parts.date[shared], parts.date_stderr[shared] ** 2
@@ -437,12 +459,16 @@ def _dates(parts: Components) -> Change | None:
 
 @dataclass(frozen=True)
 class Change:
-    """The likelier of a trend and a step: its size over all days, and the course that it describes, shape (n,)."""
+    """The likelier of a trend and a step: its size over all days, and the course that it describes, shape (n,).
+
+    `freedom`: degrees of freedom of the variance, and so of the standard error.
+    """
 
     what: str
     day: float
     size: float
     stderr: float
+    freedom: float
     p_value: float
     course: Array
 
@@ -477,7 +503,7 @@ def best_change(days: Array, y: Array, variance: Array, freedom: float, clip: fl
     what, day, _ = shapes[place]
     course = np.sum(weight * y) / np.sum(weight) + size[place] * x[place]
     stderr = float(1.0 / np.sqrt(information[place]))
-    return Change(what, day, float(size[place]), stderr, float(min(np.min(p), 1.0)), course)
+    return Change(what, day, float(size[place]), stderr, freedom, float(min(np.min(p), 1.0)), course)
 
 
 def _tails(several: Sequence[Array], freedom: float) -> tuple[float, float]:
@@ -527,20 +553,20 @@ def between_periods(parts: Components, since: float, against: float | None) -> t
         return [], []
     size, variance = (after - before)[known], (old + new)[known]
     names = [name for name, one in zip(series.names, known, strict=True) if one]
-    mean, stderr, effect, joints = random_effect(size, variance)
+    mean, stderr, effect, joints, _ = random_effect(size, variance)
     freedom = min(parts.freedom, joints) if effect > 0.0 else parts.freedom
     dates, of_dates = _scatter_of_dates(parts)
     count = [max(int(np.sum(_shared(parts) & one)), 1) for one in periods]
     whole = float(np.sqrt(stderr**2 + dates * sum(1.0 / one for one in count)))
     few = min(freedom, of_dates) if dates > 0.0 else freedom
-    kind = [finding_of(series, "period", since, mean, whole, ("", ""), float(_p(mean, whole, few)), few)]
+    kind = [finding_of(series, "period", since, mean, whole, few, ("", ""), float(_p(mean, whole, few)))]
     # Where enough joints share the change of their kind, one is of interest that does otherwise.
     enough = len(size) >= FEWEST_UNITS
     what, away = ("beyond", size - mean) if enough else ("period", size)
     among = np.sqrt(variance + effect * enough)
     p_values = _p(away, among, freedom if enough else parts.freedom)
     units = [
-        finding_of(series, what, since, one, error, name, p)
+        finding_of(series, what, since, one, error, parts.freedom, name, p)
         for name, one, error, p in zip(names, away.tolist(), np.sqrt(variance).tolist(), p_values.tolist(), strict=True)
     ]
     return kind if len(size) > 1 else [], units

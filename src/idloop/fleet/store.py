@@ -146,12 +146,13 @@ class Store:
     def chosen(self, bags: Sequence[FleetBag], settings: Settings, what: str, more: Sequence[Any] = ()) -> Any:
         """Answer a question about ``chosen``: of these bags and settings each joint and recording once.
 
-        Of a bag that has changed its present state counts, or the newest; one recording under two names counts once.
+        Of a bag that has changed its present state counts, or the newest; one recording under two names counts once,
+        and one that was recovered in the place of what it was.
         """
         jobs = sorted({settings.job(one) for one in bags})
         head = """
             with newest as (
-                select * from rows where settings = ? and job in (select unnest(?))
+                select * from rows where settings = ? and job in (select unnest(?)) and bag not in (select unnest(?))
                 qualify dense_rank() over (partition by bag, job order by
                     (bag || ' ' || coalesce(stamp, '')) in (select unnest(?)) desc,
                     split_part(stamp, ' ', 2) desc) = 1),
@@ -159,7 +160,8 @@ class Store:
                 select * from newest qualify row_number() over (
                     partition by coalesce(sha256, bag), job, joint, parameter order by bag) = 1)"""
         present = [f"{one.bag} {one.stamp}" for one in bags]
-        return self.query(head + what, [settings.digest, jobs, present, *more])
+        former = [one.former for one in bags]
+        return self.query(head + what, [settings.digest, jobs, former, present, *more])
 
     def series(self, bags: Sequence[FleetBag], settings: Settings) -> Iterator[Series]:
         """Yield every parameter of every kind."""

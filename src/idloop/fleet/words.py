@@ -12,9 +12,11 @@ import numpy as np
 from idloop.estimation.statistics.interval_text import interval_text
 from idloop.fleet.alarms import REFERENCE
 from idloop.fleet.joint_day import FORCE_ERROR
-from idloop.fleet.statistics import FEWEST_UNITS, RELATIVE, Components, Finding
+from idloop.fleet.statistics import FEWEST_DAYS, FEWEST_UNITS, RELATIVE, Components, Finding
 from idloop.p_values import p_value_text
 from idloop.reporting.text.blocks import Block, Table, number
+from idloop.spelling import listed
+from idloop.validation.measures import HALF_OF_POWER
 
 _MADE_BY = {"settings": "string", "version": "string", "seed": "int64"}
 FINDING_COLUMNS = {
@@ -24,17 +26,18 @@ FINDING_COLUMNS = {
 }  # fmt: skip
 UNIT_COLUMNS = {
     "robot": "string", "joint": "string", "kind": "string", "parameter": "string", "unit": "string", "level": "double",
-    "stderr": "double", "shrunk": "double", "kind_mean": "double", "unit_deviation": "double",
-    "day_deviation": "double", "from_kind": "double", **_MADE_BY,
+    "stderr": "double", "low": "double", "high": "double", "shrunk": "double", "kind_mean": "double",
+    "unit_deviation": "double", "day_deviation": "double", "from_kind": "double", **_MADE_BY,
 }  # fmt: skip
 KIND_WORDS = (
-    "mean over the joints of a kind; standard deviations of joints, dates that all joints share, single days, and of "
-    "the error of a fit; -: too few joints or recordings, or no error is stated"
+    "mean over the joints of a kind; ± σ: one standard deviation of joints, of dates that all joints share, of single "
+    "days, and of the error of a fit, as a share of the mean; joints that are too far off to be of one normal "
+    "distribution with the others are left out of mean, deviation and bands (4 of 5: one is); -: too few joints or "
+    "recordings, or no error is stated"
 )
-_Z95 = 1.959963984540054
 _MOST = 20  # findings and failures in the text
 _WHAT = {
-    "odd": "odd: differs from its kind", "trend": "trend: changes steadily", "step": "step: changes at once",
+    "odd": "odd: differs from its kind since", "trend": "trend: changes steadily", "step": "step: changes at once",
     "day": "day: single recording", "period": "since the date", "beyond": "since the date, beyond its kind",
     "alarm": "alarm: has grown since",
 }  # fmt: skip
@@ -57,8 +60,10 @@ def component_row(parts: Components) -> dict[str, Any]:
     error = np.sqrt(np.nanmedian(series.variance))
     return {
         "kind": series.kind, "parameter": series.parameter, "unit": series.unit, "units": len(series.names),
-        "recordings": int(np.isfinite(series.value).sum()), "mean": float(series.natural(parts.mean)),
-        "unit_deviation": slope * parts.unit_deviation, "date_deviation": slope * float(np.std(parts.date)),
+        "kept": int(parts.kept.sum()), "recordings": int(np.isfinite(series.value).sum()),
+        "followed": int(np.sum(np.isfinite(series.value).sum(axis=1) >= FEWEST_DAYS)),
+        "mean": float(series.natural(parts.mean)), "unit_deviation": slope * parts.unit_deviation,
+        "date_deviation": slope * float(np.std(parts.date)),
         "day_deviation": slope * parts.day_deviation, "error": slope * float(error), "memory": parts.memory,
     }  # fmt: skip
 
@@ -73,21 +78,67 @@ def unit_rows(components: Iterable[Components]) -> Iterator[dict[str, Any]]:
         mean, slope = float(series.natural(parts.mean)), float(series.slope(parts.mean))
         level, shrunk = series.natural(parts.level), series.natural(parts.shrunk)
         stderr = series.slope(parts.level) * parts.level_stderr
+        low, high = series.natural_interval(parts.level, parts.level_stderr, parts.freedom)
         away = (parts.level - parts.mean) / np.maximum(np.hypot(parts.unit_deviation, parts.level_stderr), 1e-300)
         for place, (robot, joint) in enumerate(series.names):
             yield {
                 "robot": robot, "joint": joint, "kind": series.kind, "parameter": series.parameter,
                 "unit": series.unit, "level": float(level[place]), "stderr": float(stderr[place]),
-                "shrunk": float(shrunk[place]), "kind_mean": mean,
+                "low": float(low[place]), "high": float(high[place]), "shrunk": float(shrunk[place]),
+                "kind_mean": mean,
                 "unit_deviation": slope * parts.unit_deviation, "day_deviation": slope * parts.day_deviation,
                 "from_kind": float(away[place]),
             }  # fmt: skip
+
+
+def misfit_rows(components: Iterable[Components]) -> Iterator[dict[str, Any]]:
+    """Yield a row for each kind of which the model explains less than half of the power of some joints' drive force."""
+    for parts in components:
+        if parts.series.parameter == FORCE_ERROR:
+            error = parts.series.natural(parts.level)
+            if count := int(np.sum(error > HALF_OF_POWER)):
+                worst = float(np.nanmax(error))
+                yield {"kind": parts.series.kind, "joints": count, "of": len(error), "force_error": worst}
+
+
+def misfit_words(document: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what is wrong with a model that fits joints badly, and what to do."""
+    kinds = [one["kind"] for one in document["kinds"]]
+    for one in document["misfits"]:
+        joints = f"{one['joints']} of {_counted(one['of'], 'joint', 'joints')}"
+        yield (
+            f"{kind_text(one['kind'], kinds)}: the model fits {joints} badly: it explains less than half of the power "
+            f"of the drive force, and the force error is up to {100.0 * one['force_error']:.3g} %; do not trust the "
+            "values below; --diagnose all looks for what the model lacks"
+        )
+
+
+def untested_words(document: Mapping[str, Any]) -> list[str]:
+    """What could not be tested, of which kinds, and why."""
+    kinds: dict[str, dict[str, Any]] = {}
+    for one in document["kinds"]:
+        best = kinds.setdefault(one["kind"], {"units": 0, "followed": 0})
+        kinds[one["kind"]] = {key: max(best[key], one[key]) for key in best}
+    few = {
+        f"whether a joint differs from its kind, which takes {FEWEST_UNITS} joints of a kind": [
+            kind for kind, one in kinds.items() if one["units"] < FEWEST_UNITS
+        ],
+        f"whether a joint changes, which takes {FEWEST_DAYS} recordings of it": [
+            kind for kind, one in kinds.items() if not one["followed"]
+        ],
+    }
+    several = len(kinds) > 1
+    return [
+        f"not tested{' for ' + listed([kind_text(one, kinds) for one in which]) if several else ''}: {what}"
+        for what, which in few.items() if which
+    ]  # fmt: skip
 
 
 def fleet_blocks(document: Mapping[str, Any]) -> Iterator[Block]:
     """Yield the parts of the summary of a document of schema ``idloop/fleet/1``."""
     yield headline(document)
     yield read_words(document["new"], document["bags"])
+    yield from (f"warning: {one}" for one in misfit_words(document))
     if document["kinds"]:
         yield from _compared(document)
     for one in document["diagnoses"]:
@@ -131,7 +182,9 @@ def headline(document: Mapping[str, Any]) -> str:
         {one["kind"] for one in since if not one["robot"]},
     )
     date, failed = document["since"], len(document["failed"])
+    misfits, untested = sum(one["joints"] for one in document["misfits"]), untested_words(document)
     parts = [
+        _counted(misfits, "joint is fitted badly by the model", "joints are fitted badly by the model"),
         _counted(len(units), "joint differs or changes", "joints differ or change"),
         _counted(len(kinds), "kind changes as a whole", "kinds change as a whole"),
         _counted(
@@ -141,7 +194,8 @@ def headline(document: Mapping[str, Any]) -> str:
         _counted(
             len(later_kinds), f"kind has changed as a whole since {date}", f"kinds have changed as a whole since {date}"
         ),
-        "" if document["findings"] or since else "nothing differs or changes",
+        "" if document["findings"] or since else f"nothing {'that was tested ' if untested else ''}differs or changes",
+        *untested,
         _counted(failed, "recording or joint could not be identified", "recordings or joints could not be identified"),
     ]
     found = "; ".join(filter(None, parts))
@@ -176,7 +230,11 @@ def periods_words(document: Mapping[str, Any]) -> str:
     before = f"the days from {against} on" if against else "the days before"
     if not document["periods"]:
         return f"nothing to compare since {since} with {before}: no joint has recordings in both"
-    return f"change since {since} against {before}: kinds first, then the joints that the same rate leaves"
+    rate = f"at most {100.0 * document['level']:g} % of the joints are listed falsely on average"
+    return (
+        f"change since {since} against {before}: of each kind as a whole, significant or not; then of the joints whose "
+        f"change is significant, {rate}"
+    )
 
 
 def alarms_words(document: Mapping[str, Any]) -> str:
@@ -200,7 +258,7 @@ def kind_text(kind: str, kinds: Iterable[str]) -> str:
 
 def display(parameter: str, unit: str) -> tuple[float, str]:
     """Factor and unit with which a parameter is shown: an error of the force in percent."""
-    return (100.0, "%") if parameter == FORCE_ERROR else (1.0, unit)
+    return (100.0, "% of the drive force") if parameter == FORCE_ERROR else (1.0, unit)
 
 
 def kind_table(document: Mapping[str, Any]) -> Table:
@@ -214,9 +272,11 @@ def kind_table(document: Mapping[str, Any]) -> Table:
         # What too few joints or recordings have, and an error that no fit states.
         known = (one["units"] > 1, one["units"] >= FEWEST_UNITS, one["recordings"] > one["units"], one["error"] > 0.0)
         shares = [f"{100.0 * one[key] / size:.2g} %" if sure else "-" for key, sure in zip(parts, known, strict=True)]
-        head = (kind_text(one["kind"], kinds), one["parameter"], str(one["units"]), number(factor * one["mean"]), unit)
+        joints = str(one["units"]) if one["kept"] == one["units"] else f"{one['kept']} of {one['units']}"
+        head = (kind_text(one["kind"], kinds), one["parameter"], joints, number(factor * one["mean"]), unit)
         rows.append((*head, *shares))
-    return Table.of(("kind", "parameter", "joints", "mean", "unit", "joints ±", "dates ±", "days ±", "error ±"), rows)
+    deviations = ("joints ± σ", "dates ± σ", "days ± σ", "error ± σ")
+    return Table.of(("kind", "parameter", "joints", "mean", "unit", *deviations), rows)
 
 
 def finding_table(document: Mapping[str, Any], which: str) -> Table:
@@ -224,13 +284,14 @@ def finding_table(document: Mapping[str, Any], which: str) -> Table:
     rows = []
     kinds = [one["kind"] for one in document["kinds"]]
     for one in document[which]:
+        # As a factor: beside an error that is itself in percent, percent of it would be taken for that.
         relative = one["unit"] == RELATIVE
-        size, low, high = (100.0 * one[key] if relative else one[key] for key in ("size", "low", "high"))
+        size, low, high = (1.0 + one[key] if relative else one[key] for key in ("size", "low", "high"))
         whole = kind_text(one["kind"], kinds)
         rows.append((
             one["robot"] or (f"all of {whole}" if whole == one["kind"] else whole), one["joint"] or "-",
-            one["parameter"], _WHAT[one["what"]], one["day"], f"{size:+.3g}", interval_text(low, high),
-            "%, relative" if relative else one["unit"], p_value_text(one["p_value"]),
+            one["parameter"], _WHAT[one["what"]], one["day"], f"× {size:.3g}" if relative else f"{size:+.3g}",
+            interval_text(low, high), "times as much" if relative else one["unit"], p_value_text(one["p_value"]),
         ))  # fmt: skip
     return Table.of(("robot", "joint", "parameter", "finding", "date", "by", "95 % interval", "unit", "p"), rows)
 
@@ -240,13 +301,15 @@ def level_table(components: Iterable[Components]) -> Table:
     rows = []
     for one in unit_rows(components):
         factor, unit = display(one["parameter"], one["unit"])
-        level, shrunk, mean, reach = (factor * one[key] for key in ("level", "shrunk", "kind_mean", "stderr"))
-        reach *= _Z95
+        level, shrunk, mean, low, high = (
+            factor * one[key] for key in ("level", "shrunk", "kind_mean", "low", "high")
+        )  # fmt: skip
         rows.append((
-            one["robot"], one["joint"], one["parameter"], number(level), interval_text(level - reach, level + reach),
-            number(shrunk), number(mean), unit, f"{one['from_kind']:+.1f} σ",
+            one["robot"], one["joint"], one["parameter"], number(level), interval_text(low, high), number(shrunk),
+            number(mean), unit, f"{one['from_kind']:+.1f} σ",
         ))  # fmt: skip
-    shown = ("level", "95 % interval", "shrunk to its kind", "kind", "unit", "from its kind")
+    away = "from its kind [σ, standard deviations of joints and of the level's error]"
+    shown = ("level", "95 % interval", "shrunk to its kind", "mean of its kind", "unit", away)
     return Table.of(("robot", "joint", "parameter", *shown), rows)
 
 

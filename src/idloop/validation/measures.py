@@ -13,6 +13,8 @@ Array = NDArray[np.float64]
 
 # Negligible error relative to the deviation of an output: 0.002 points of FIT.
 NEGLIGIBLE = 2e-5
+# Relative error of what explains half of the power.
+HALF_OF_POWER = 0.5**0.5
 
 
 def _columns(measured: ArrayLike, modelled: ArrayLike) -> tuple[Array, Array]:

@@ -93,6 +93,9 @@ def command(
     of ROBOT/DATE/BAG, a pattern, or an address of these. What is in the folder of --output already is not done again:
     the same command goes on where it was interrupted, and takes in what is new.
     """
+    from idloop.fleet.bags import check_place
+
+    check_place(source)
     from idloop.api.fleet import identify_fleet, watch_fleet
 
     if not re.fullmatch(r"\d+(\.\d+)?\s*[kMGT]?i?B", memory):
@@ -105,8 +108,8 @@ def command(
     options = {"memory": memory, "diagnose": diagnose if diagnose == "all" else int(diagnose), **given}
 
     def show(fleet: Fleet) -> None:
-        fleet.save()
         save_plot(fleet.plot, plot)
+        fleet.save(plot)
         print_found(fleet, as_json=as_json, plot=plot)
         log_written(output / "fleet.html", plot)
 

@@ -22,9 +22,9 @@ def command(bag: Path, target: Path | None, *, as_json: bool) -> None:
     packed by zstd. NEW_BAG is read back before anything is said about it. BAG stays as it is.
     """
     from idloop.records.bags.recover import recover_bag
-    from idloop.records.bags.storage.storage_files import bag_name
+    from idloop.records.bags.storage.storage_files import RECOVERED, bag_name
 
-    place = target or probe_folder(bag.with_name(f"{bag_name(bag)}_recovered"), "NEW_BAG", new=True, parents=True)
+    place = target or probe_folder(bag.with_name(f"{bag_name(bag)}{RECOVERED}"), "NEW_BAG", new=True, parents=True)
     result = recover_bag(bag, place)
     if as_json:
         print_json({"schema": "idloop/recover/1", **vars(result)})

@@ -15,6 +15,7 @@ Format = Literal["mcap", "sqlite3", "ros1", "zstd"]
 SUFFIXES = (".mcap", ".db3", ".bag")
 PACKED = (".zstd", ".zst")
 METADATA = "metadata.yaml"
+RECOVERED = "_recovered"  # behind the name of a bag that was cut off: what could be saved of it
 _MAGIC: dict[Format, bytes] = {
     "mcap": b"\x89MCAP0\r\n",
     "sqlite3": b"SQLite format 3\x00",
