@@ -33,6 +33,15 @@ def test_a_chain_passes_its_torques_on():
     assert len(set(symbols.values())) == len(symbols)
 
 
+@pytest.mark.parametrize("name", ["cogging@motor", "load_torque@load1", "compliance@load3"])
+def test_the_term_of_the_newest_effect_is_marked_in_its_balance(name):
+    model = load_model("torsion").with_effects([name])
+    plain, marked = (" ".join(one.latex for one in equations(model, newest)[0]) for newest in ("", name))
+    assert marked.count(r"\class{new}{") == 1
+    assert re.sub(r"\\class\{new\}\{(.*)\}", r"\1", marked).replace("}", "") == plain.replace("}", "")
+    assert 'class="new"' in to_mathml(next(one.latex for one in equations(model, name)[0] if r"\class" in one.latex))
+
+
 def test_what_acts_inside_a_body_is_written_with_the_spring_that_splits_it():
     inside = ["compliance@axis(stiffness=6)", "backlash@axis-axis_far(gap=0.05)", "slip@axis-axis_far(limit=2)"]
     lines, symbols = equations(load_model("axis").with_effects(inside))

@@ -791,6 +791,13 @@ def test_an_opened_list_stays_open_and_no_button_lies_on_a_number(recording, vis
             (r) => r.right > button.left && r.left < button.right && r.bottom > button.top && r.top < button.bottom));
     })"""
     assert not page.evaluate(overlap)
+    # Numbers of many digits as well, on a screen and on a phone.
+    exact = replace(FRICTION, parameters={"level": {"value": 0.3000003, "stderr": 1.6e-6, "unit": "N·m·s/rad"}})
+    source.state.change(missing=replace(MISSING, candidates=(exact, DEAD_ZONE, DRAG)))
+    page.wait_for_selector(".numbers >> text=0.3000003")
+    for width in (1440, 1100, 390):
+        page.set_viewport_size({"width": width, "height": 900})
+        assert not page.evaluate(overlap), width
     page.goto("about:blank")
 
 
@@ -827,6 +834,13 @@ def test_no_column_is_empty_beside_a_long_one(recording, visit):
         return longer.every((one) => Math.abs(Math.abs(by) - 2 * one.offsetHeight) > Math.abs(by) - 250 - 32);
     }"""  # noqa: E501
     page.wait_for_function(differ)
+    # Without any news of the server: a figure that is drawn, a list that is opened.
+    for side, other in ((".wide", ".narrow"), (".narrow", ".wide")):
+        page.evaluate("side => { document.querySelector(`${side} > section`).style.paddingBottom = '3000px'; }", side)
+        both = "side => document.querySelectorAll(`${side} > :is(#frequency-panel, #residual-panel)`).length === 2"
+        page.wait_for_function(both, arg=other)
+        page.evaluate("side => { document.querySelector(`${side} > section`).style.paddingBottom = ''; }", side)
+        page.wait_for_function(differ)
     page.goto("about:blank")
 
 

@@ -46,6 +46,7 @@ class _Writer:
     """Collects lines and symbols of one model."""
 
     model: Model
+    newest: str = ""
     lines: list[Equation] = field(default_factory=list)
     symbols: dict[str, str] = field(default_factory=dict)
 
@@ -91,6 +92,11 @@ class _Writer:
         for name, symbol in equation.symbols.items():
             self.symbols[f"{active.name}.{name}"] = self.filled(symbol, body=body)
 
+    def term(self, active: ActiveEffect, equation: EffectEquation, site: str = "", body: str = "") -> str:
+        """What an effect adds to a balance, marked where it is the newest."""
+        text = self.filled(equation.term, site, body=body)
+        return rf" \class{{new}}{{{text}}}" if active.name == self.newest else f" {text}"
+
     def effects(self, kind: str, at: str) -> list[ActiveEffect]:
         """What acts at a site, in the order in which it acts."""
         acting = (one for one in self.model.effects if one.at == at)
@@ -102,8 +108,13 @@ def plain_words(name: str) -> str:
     return re.sub(r"[^\w.\- ]|_", " ", name)
 
 
-def equations(model: Model) -> tuple[list[Equation], dict[str, str]]:
+def equations(model: Model, newest: str = "") -> tuple[list[Equation], dict[str, str]]:
     """Write a model's equations.
+
+    Parameters
+    ----------
+    newest : str
+        Effect whose term in a balance is marked, of the class ``new``.
 
     Returns
     -------
@@ -112,7 +123,7 @@ def equations(model: Model) -> tuple[list[Equation], dict[str, str]]:
     symbols : dict
         Symbol of each parameter, by its name.
     """
-    writer = _Writer(model)
+    writer = _Writer(model, newest)
     acting = _command(writer)
     for index, body in enumerate(model.bodies):
         _balance(writer, index, body, acting)
@@ -162,7 +173,7 @@ def _balance(writer: _Writer, index: int, body: str, acting: str) -> None:
     definitions = []
     for active in writer.effects(BODY, body):
         equation = writer.equation_of(active, BODY)
-        terms += " " + writer.filled(equation.term, body=body)
+        terms += writer.term(active, equation, body=body)
         if equation.text:
             definitions.append(Equation(writer.filled(equation.text, body=body), "force", active.name))
         writer.keep_symbols(active, equation)
@@ -185,7 +196,7 @@ def _coupling(writer: _Writer, coupling: str, twist: str, rate: str) -> None:
     right, definitions = rf"{stiffness}\,{twist} + {damping}\,{rate}", []
     for active in writer.effects(COUPLING, coupling):
         equation = writer.equation_of(active, COUPLING)
-        right += " " + writer.filled(equation.term, coupling)
+        right += writer.term(active, equation, coupling)
         if equation.text:
             text = equation.text.replace("k_{@s}", stiffness).replace("c_{@s}", damping)
             definitions.append(Equation(writer.filled(text, coupling), "coupling", active.name))

@@ -196,15 +196,15 @@ def _held(snapshot: Snapshot) -> tuple[str, ...]:
 def _equations(model: Model, ladder: Ladder | None) -> list[dict[str, Any]]:
     """Equations of the present model; what the newest step has added is marked."""
     steps = () if ladder is None else ladder.steps
-    newest = steps[-1].added.name if steps and steps[-1].added is not None else None
+    newest = steps[-1].added.name if steps and steps[-1].added is not None else ""
     return [
         {
             "math": to_mathml(one.latex, block=True),
             "about": one.about,
             "effect": effect_words(one.effect),
-            "new": one.effect == newest,
+            "new": bool(newest) and one.effect == newest,
         }
-        for one in equations(model)[0]
+        for one in equations(model, newest)[0]
     ]
 
 

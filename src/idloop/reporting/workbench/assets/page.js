@@ -12,6 +12,7 @@
   const LEVELS = ["ok", "warning", "error", "silent"];
   const MANY = 3; // effects that tie from which on each gets less room, so that all are seen at once
   const UNEVEN = 250; // pixels by which columns must become more alike before a panel changes its side
+  const SETTLED = 250; // milliseconds for which panels keep their height before they are balanced
   const LONG = 90; // letters from which on a verdict is read as text
   const FAILED = 2; // level of a check from which on the head says so
   // Texts for the states of the stop, and what the reader does about it.
@@ -313,6 +314,11 @@
     if (uneven(now) - uneven(best) > UNEVEN) panels.forEach((one, i) => columns[best[i]].append(one));
   }
 
+  // Whatever changes their height: words, a figure that is drawn, a list that is opened.
+  let balancing = 0;
+  const heights = new ResizeObserver(() => { clearTimeout(balancing); balancing = setTimeout(balance, SETTLED); });
+  for (const one of document.querySelectorAll("main section")) heights.observe(one);
+
   function zoom(one) {
     const room = Math.max(one.stop - one.start, 0.05);
     choose({ follow: false, shown: "free_run", stretch: [one.start - room, one.stop + room] });
@@ -569,7 +575,6 @@
     showAutomatic(s);
     showHealth(s);
     $("reference-legend").hidden = !strips.values("reference").length;
-    requestAnimationFrame(balance);
     document.body.dataset.version = String(s.change);
     document.body.dataset.model = s.version;
     document.body.dataset.looks = String(s.looks);
