@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import idloop
 from idloop.errors import IdloopError
 from idloop.physics import Model, load_model, simulate
 from idloop.records import Record
@@ -195,3 +196,12 @@ def test_only_lasting_departure_counts_as_drift() -> None:
     assert "finite" in drift(time, motion, np.where(time < 5.0, 0.0, np.nan))
     # A slow motion may well have a slow error.
     assert drift(time, time, 0.05 * time) == ""
+
+
+@pytest.mark.parametrize(("friction", "noise"), [(0.0, True), (3.0, False)])
+def test_a_force_error_that_sensor_noise_accounts_for_is_said_to_be_one(friction: float, noise: bool) -> None:
+    model = load_model("dc_motor")
+    machine = model.with_effects([f"coulomb_friction@motor(level={friction})"])
+    signal = idloop.excitation("multilevel", sample_time=0.005, duration=20.0, amplitude=3.0, seed=1)
+    found = compare(model, idloop.simulate(machine, signal, seed=1))
+    assert bool(found.where[DRIVE_FORCE].why) is noise

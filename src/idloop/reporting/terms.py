@@ -10,6 +10,7 @@ DATA_USE = {"train": FITTED, "validation": UNSEEN}
 
 # Effects that bear the name of someone.
 _PEOPLE = ("coulomb", "stribeck")
+_ORDINALS = {"1": "first", "2": "second", "3": "third"}
 # Space between a number and its unit.
 _UNIT = re.compile(r"(?<=[\d)⁰¹²³⁴⁵⁶⁷⁸⁹]) (?=(?:%|°|·|µ?s|ms|k?Hz|rad|mm?|kg|N|V|A|W|K|J|Ω|1/s)(?!\w))")
 _P_VALUE = re.compile(r"\bp (=|<) (?=\d)")
@@ -17,9 +18,11 @@ _P_VALUE = re.compile(r"\bp (=|<) (?=\d)")
 
 
 def effect_words(effect: str) -> str:
-    """Write ``coulomb_friction@axis`` as "Coulomb friction @ axis"."""
-    name, at, site = effect.partition("@")
-    name = " ".join(part.capitalize() if part in _PEOPLE else part for part in name.split("_"))
+    """Write ``coulomb_friction@axis`` as "Coulomb friction @ axis", ``cogging#2@axis`` as "second cogging @ axis"."""
+    kind, at, site = effect.partition("@")
+    kind, _, number = kind.partition("#")
+    name = " ".join(part.capitalize() if part in _PEOPLE else part for part in kind.split("_"))
+    name = f"{_ORDINALS.get(number, f'{number}th')} {name}" if number else name
     return f"{name} @ {site}" if at else name
 
 

@@ -169,7 +169,8 @@ def _force_map(runs: Runs) -> ErrorMap | None:
     model = runs.model
     state = operating_state(model, runs.data, model.bodies[0]).at(force.time, force.command)
     size = float(np.sqrt(np.mean(force.commanded**2)))
-    why = "" if force.trusted else "sensor noise may be all of it"
+    # The noise that the model file states may be all of it where it is small as well.
+    why = "" if force.trusted and force.noise < force.relative else "sensor noise may be all of it"
     named = (DRIVE_FORCE, model.units.force, "force", "applied minus needed", why)
     return _map(named, force.applied - force.required, force.applied, state, size, runs.record.start_ns)
 

@@ -1,5 +1,7 @@
 """Effects that the data do not determine, and effects beside which others are not determined any more."""
 
+import re
+
 import pytest
 
 from idloop.diagnosis.evidence.undetermined_strength import is_none, undetermined_with
@@ -28,6 +30,17 @@ def test_what_the_data_do_not_determine_is_not_named(
     assert bool(text) is refused
     if refused:
         assert text.startswith("the data do not determine its ")
+        assert not re.search(r"\d[eE][+-]?\d|inf\b", text)
+
+
+@pytest.mark.parametrize(
+    ("error", "said"), [(4e5, "a standard error of 4 · 10⁵ N·m"), (None, "no finite standard error")]
+)
+def test_its_numbers_have_units_and_no_programmers_powers(error: float | None, said: str) -> None:
+    (proposal,) = proposals(load_model("axis"), ["load_torque"])
+    errors = {} if error is None else {f"{proposal.name}.torque": error}
+    fitted = proposal.model({"torque": -4930.0}).with_values({}, errors)
+    assert undetermined_with(proposal.base, fitted, proposal).endswith(f"its torque: −4.93 · 10³ N·m with {said}")
 
 
 @pytest.mark.parametrize(

@@ -164,6 +164,7 @@ def test_the_ladder_names_its_steps_and_shows_the_noise_floor(contents):
 def test_effects_are_written_as_words():
     assert effect_words("stribeck_friction@load1") == "Stribeck friction @ load1"
     assert effect_words("dead_zone") == "dead zone"
+    assert in_words("beside cogging#2@axis") == "beside second cogging @ axis"
     assert in_words("it separates dead_zone@input and sensor_delay@position[motor]; stay below 3 V") == (
         "it separates dead zone @ input and sensor delay @ position[motor]; stay below 3 V"
     )

@@ -8,6 +8,7 @@ from idloop.diagnosis.screening.proposals import Proposal
 from idloop.physics.effect import Effect
 from idloop.physics.model import Model
 from idloop.physics.parameter import Parameter
+from idloop.validation.words import short
 
 # Standard errors from its neutral value within which the strength of an effect may be none.
 CERTAIN = 2.0
@@ -40,7 +41,7 @@ def undetermined_with(parent: Model, model: Model, proposal: Proposal) -> str:
             continue
         before, found = parent.parameter(key), model.parameter(key)
         if abs(found.value) > _CANCELLED * abs(before.value) > _CANCELLED * CERTAIN * _error(before):
-            return f"beside it {active.name} grows to a {strength} of {found.value:.3g}: only their difference shows"
+            return f"beside it {active.name} grows to a {strength} of {short(found.value)}: only their difference shows"
         reach = CERTAIN * _error(found)
         neutral = active.effect.spec(strength).neutral
         if (
@@ -101,4 +102,6 @@ def _error(found: Parameter) -> float:
 
 
 def _with_error(name: str, found: Parameter) -> str:
-    return f"{name}: {found.value:.3g} with a standard error of {_error(found):.3g}"
+    error, unit = _error(found), "" if found.unit in ("", "-") else f" {found.unit}"
+    known = f"a standard error of {short(error)}{unit}" if math.isfinite(error) else "no finite standard error"
+    return f"{name}: {short(found.value)}{unit} with {known}"

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from idloop.p_values import p_text
 from idloop.physics.units import Units
+from idloop.validation.words import short
 
 Array = NDArray[np.float64]
 
@@ -142,8 +143,8 @@ class Curve:
         text += f"({p_text(p_value)}) in a way that no candidate effect explains: "
         if self.coefficient:
             apart = float(np.ptp(force))
-            size = f"{100.0 * apart:.3g} %" if self.of_unit == "-" else f"{apart:.3g} {self.of_unit}"
+            size = f"{100.0 * apart:.3g} %" if self.of_unit == "-" else f"{short(apart)} {self.of_unit}"
             text += f"by {size} from its minimum to its maximum, as fitted"
         else:
-            text += f"a fitted {self.of} of up to {float(np.max(np.abs(force))):.3g} {self.of_unit} remains"
+            text += f"a fitted {self.of} of up to {short(float(np.max(np.abs(force))))} {self.of_unit} remains"
         return UnknownStructure(self.over, self.unit, self.of_unit, at, force, band, share, text, period, self.of)
