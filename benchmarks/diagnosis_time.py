@@ -29,7 +29,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "examples"))
 sys.path.insert(0, str(Path(__file__).resolve().parent / "diagnosis"))
 
 from case import Case
-from cases import all_cases
+from cases import cases_of
 from experiment import Experiment, experiment
 
 import idloop
@@ -87,7 +87,7 @@ def main() -> int:
     parser.add_argument("--beside", type=Path, metavar="FOLDER", help="time the source of another checkout, too")
     parser.add_argument("--single", type=int, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
-    cases = {case.id: case for case in all_cases()}
+    cases = {case.id: case for case in cases_of({arguments.case, _USUAL}.__contains__)}
     if arguments.case not in cases:
         parser.error(f"there is no case {arguments.case!r}: see benchmarks/diagnosis/cases.py")
     case, one_body = cases[arguments.case], cases[_USUAL]

@@ -11,7 +11,7 @@ import zlib
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 from case import Case, Disturbance, Drive, Hidden, Noise
@@ -237,37 +237,36 @@ def untestable(wanted: Callable[[str], bool] = _every) -> Iterator[Case]:
             yield replace(case, hidden=(item,), training=(drive,), validation=drive, trap=trap.why)
 
 
-_PARTS: tuple[tuple[str, Callable[[Callable[[str], bool]], Iterator[Case]]], ...] = (
-    ("clean", lambda _: clean()),
-    ("single", singles),
-    ("double", lambda wanted: several("double", wanted)),
-    ("triple", lambda wanted: several("triple", wanted)),
-    ("untestable", untestable),
-    ("realistic", lambda _: realistic()),
+_PARTS: tuple[Callable[[Callable[[str], bool]], Iterator[Case]], ...] = (
+    lambda _: clean(),
+    singles,
+    partial(several, "double"),
+    partial(several, "triple"),
+    untestable,
+    realistic,
 )
 
 
-def case_of(case_id: str) -> Case:
-    """The case of an id: strengths are shares of what a machine does, and no other machine is run for them."""
-    part = dict(_PARTS)[case_id.partition("/")[0]]
-    return next(case for case in part(case_id.__eq__) if case.id == case_id)
-
-
-@lru_cache(maxsize=1)
-def all_cases() -> tuple[Case, ...]:
-    """Every case of the suite, in an order that mixes categories.
+def cases_of(wanted: Callable[[str], bool]) -> tuple[Case, ...]:
+    """The cases whose id is wanted: strengths are shares of what a machine does, and no other machine is run for them.
 
     Raises
     ------
     ValueError
         Two cases have one id.
     """
-    found = [case for _, part in _PARTS for case in part(_every)]
+    found = [case for part in _PARTS for case in part(wanted) if wanted(case.id)]
     ids = [case.id for case in found]
     if len(set(ids)) < len(ids):
         raise ValueError("two cases have one id")
     # in the order of a hash, so that the first cases of any number are a fair sample
     return tuple(sorted(found, key=lambda case: zlib.crc32(case.id[::-1].encode())))
+
+
+@lru_cache(maxsize=1)
+def all_cases() -> tuple[Case, ...]:
+    """Every case of the suite, in an order that mixes categories."""
+    return cases_of(_every)
 
 
 def main() -> None:

@@ -11,6 +11,7 @@ differ locally by a tenth of the noise, or one of them from idloop's by all of i
 
 from __future__ import annotations
 
+import argparse
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -130,6 +131,7 @@ def agrees(found: dict[tuple[str, str], tuple[float, float]]) -> bool:
 
 def main() -> int:
     """Print the table."""
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     print(" " * 12 + "".join(f"{' - '.join(pair):>24}" for pair in PAIRS))
     print(" " * 12 + f"{'whole':>14}{'local':>10}" * len(PAIRS))
     failed = False

@@ -99,9 +99,9 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--resume", type=Path, metavar="FILE", help="write here, and leave out what it holds")
     arguments = parser.parse_args()
-    from cases import all_cases
+    from cases import cases_of
 
-    cases = [case for case in all_cases() if case.category == "clean" and case.machine in MACHINES]
+    cases = [case for case in cases_of(lambda case_id: case_id.startswith("clean/")) if case.machine in MACHINES]
     cases = cases[: arguments.cases]
     rows: list[dict[str, Any]] = []
     if arguments.resume is not None and arguments.resume.exists():

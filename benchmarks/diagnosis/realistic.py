@@ -194,23 +194,21 @@ def _suits(effect: str, machine: str) -> bool:
     return True
 
 
-def realistic() -> Iterator[Case]:
-    """All realistic cases."""
-    for effect in RULES:
-        for index in range(SINGLE_CASES):
-            yield _case((effect,), index)
-    for pair in PAIRS:
-        for index in range(DOUBLE_CASES):
-            yield _case(pair, index)
-    for index in range(CLEAN_CASES):
-        yield _case((), index)
+def realistic(wanted: Callable[[str], bool] = lambda _: True) -> Iterator[Case]:
+    """All realistic cases whose id is wanted."""
+    hidden = [((effect,), SINGLE_CASES) for effect in RULES]
+    for effects, count in (*hidden, *((pair, DOUBLE_CASES) for pair in PAIRS), ((), CLEAN_CASES)):
+        name = "+".join(effects) or "none"
+        for index in range(count):
+            # one number decides all, so that a case stays what it is when the list grows
+            random = np.random.default_rng(zlib.crc32(f"realistic/{name}/{index}".encode()))
+            machine = str(random.choice([m for m in sorted(DRIVES) if all(_suits(effect, m) for effect in effects)]))
+            case_id = f"realistic/{name}/{machine}/{index}"
+            if wanted(case_id):
+                yield _case(case_id, effects, machine, random)
 
 
-def _case(effects: tuple[str, ...], index: int) -> Case:
-    name = "+".join(effects) or "none"
-    # one number decides all, so that a case stays what it is when the list grows
-    random = np.random.default_rng(zlib.crc32(f"realistic/{name}/{index}".encode()))
-    machine = str(random.choice([m for m in sorted(DRIVES) if all(_suits(effect, m) for effect in effects)]))
+def _case(case_id: str, effects: tuple[str, ...], machine: str, random: np.random.Generator) -> Case:
     kind, build = DRIVES[machine], BUILDS[DRIVES[machine].preset]
     # a slide has an end; a loop that is slow beside a resonance seldom shows it
     loop = "closed" if build.unit == "m" or random.random() < (0.2 if "compliance" in effects else 0.6) else "open"
@@ -231,7 +229,7 @@ def _case(effects: tuple[str, ...], index: int) -> Case:
         if effect not in _BY_THEIR_OWN:
             shares.append(share)
     return Case(
-        id=f"realistic/{name}/{machine}/{index}",
+        id=case_id,
         category="realistic",
         machine=machine,
         simulator="drive",

@@ -126,14 +126,12 @@ class Answer:
 
 def answers(path: Path, level: float | None = None) -> tuple[list[Answer], list[dict[str, Any]]]:
     """Read results; failed cases apart."""
-    from cases import all_cases
+    from cases import cases_of
 
-    known = {case.id: case for case in all_cases()}
+    rows = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
+    known = {case.id: case for case in cases_of({row["id"] for row in rows}.__contains__)}
     found, failed = {}, {}
-    for line in path.read_text(encoding="utf-8").splitlines():
-        if not line.strip():
-            continue
-        row = json.loads(line)
+    for row in rows:
         if row["id"] not in known or (level is not None and row["level"] != level):
             continue
         key = row["id"], row["level"], row["seed"]

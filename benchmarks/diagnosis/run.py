@@ -36,14 +36,16 @@ _BATCH = 80
 
 def chosen(only: Sequence[str], categories: Sequence[str], count: int | None) -> list[Case]:
     """Cases by pattern and category; of many, as many from each category as its share."""
-    from cases import all_cases
+    from cases import cases_of
 
-    cases = [
-        case
-        for case in all_cases()
-        if (not only or any(fnmatch.fnmatch(case.id, pattern) for pattern in only))
-        and (not categories or case.category in categories)
-    ]
+    cases = list(
+        cases_of(
+            lambda case_id: (
+                (not only or any(fnmatch.fnmatch(case_id, pattern) for pattern in only))
+                and (not categories or case_id.partition("/")[0] in categories)
+            )
+        )
+    )
     if count is None or count >= len(cases):
         return cases
     rest: dict[str, list[Case]] = {}

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from by_drive import LONGEST_STEP, DriveMachine
 from by_equations import EquationsMachine
-from cases import all_cases
 from drive_oracle import WORTH, worth
 from experiment import experiment, record, sent, simulated, start_model, true_model
 from machines import base_model
@@ -23,7 +22,7 @@ from sizes import sizes
 
 @pytest.fixture(scope="module")
 def cases():
-    return [case for case in all_cases() if case.category == "realistic"]
+    return list(realistic())
 
 
 def shortest(cases, chosen):

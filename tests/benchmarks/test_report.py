@@ -9,20 +9,20 @@ import sys
 from pathlib import Path
 
 import pytest
-from cases import all_cases
+from cases import clean
+from realistic import realistic
 from report import answers, by_effect_and_view
 
 
 @pytest.fixture
 def results(tmp_path):
     """One realistic case that was found, one where something else was named instead, and a clean one."""
-    every = all_cases()
-    found, missed = [c for c in every if len(c.hidden) == 1 and c.hidden[0].effect == "dead_zone" and c.nuisances][:2]
-    clean = next(c for c in every if c.category == "clean")
+    found, missed = list(realistic(lambda case_id: case_id.startswith("realistic/dead_zone/")))[:2]
+    quiet = next(clean())
     path = tmp_path / "results.jsonl"
     with path.open("w", encoding="utf-8") as file:
         for case, names, view in ((found, ["dead_zone@input"], "force"), (missed, ["gravity@x"], "prediction"),
-                                  (clean, [], "prediction")):  # fmt: skip
+                                  (quiet, [], "prediction")):  # fmt: skip
             row = {"id": case.id, "level": 0.01, "seed": 1, "criterion": view, "seconds": 1.0, "verdict": "adequate",
                    "untestable": [], "worth": dict.fromkeys(case.truth, 0.5)}  # fmt: skip
             row["added"] = [{"name": n, "set": [n], "replaces": None, "p_value": 0.0, "gain": 9.0} for n in names]

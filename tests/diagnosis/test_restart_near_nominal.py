@@ -43,10 +43,10 @@ def test_a_delay_is_found_where_the_fit_is_a_machine_that_its_drive_hardly_moves
 
 @pytest.mark.slow
 def test_a_long_delay_in_a_tight_loop_is_found_far_from_the_fitted_values() -> None:
-    from cases import case_of
+    from cases import cases_of
     from experiment import experiment
 
-    case = case_of("single/input_delay/axis/input/dominant")
+    (case,) = cases_of("single/input_delay/axis/input/dominant".__eq__)
     made = experiment(case)
     found = diagnose(made.start, made.training, effects=["input_delay", "actuator_lag", "compliance"])
     assert found.set == ("input_delay@input",)

@@ -11,7 +11,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "examples"))
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "diagnosis"))
 
-from cases import case_of
+from cases import cases_of
 from diagnosis_time import longer
 from experiment import experiment
 
@@ -20,7 +20,7 @@ from idloop.diagnosis import diagnose, refine
 
 def work(data: dict[str, Any], settings: dict[str, Any]) -> Callable[[], dict[str, Any]]:
     """One recording at 1 kHz with the effects of the case hidden in it."""
-    case = case_of(settings["case"])
+    (case,) = cases_of(settings["case"].__eq__)
     made = experiment(longer(case, float(data["seconds"][0]), hidden=True))
 
     def ladder() -> dict[str, Any]:
