@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks import fleet as simulated
+from idloop.errors import InputError
 from idloop.fleet.engine import Workers
 from idloop.fleet.store import Store
 from idloop.fleet.words import read_words
@@ -60,6 +61,17 @@ def test_a_killed_worker_loses_nothing_and_an_item_that_kills_costs_itself_only(
         ended = workers.map(deaf, range(COUNT), size=1, lost=lambda one: False)
         assert all(one for _, (one,) in ended), "Ctrl-C is for this process, also of workers that replace others"
     assert not deaf(0)
+
+
+@pytest.mark.slow
+def test_a_limit_of_memory_that_no_worker_keeps_is_one_line():
+    with Workers(1, "60MB") as workers, pytest.raises(InputError, match="--memory 60MB: a worker ends before"):
+        assert workers.count
+    with Workers(1) as workers:
+        import dask
+
+        (pause,) = workers.client.run(dask.config.get, "distributed.worker.memory.pause").values()
+        assert pause is False, "a worker near its limit goes on, or is replaced"
 
 
 @pytest.mark.slow

@@ -52,7 +52,7 @@ class Workers:
         Raises
         ------
         InputError
-            Dask is not installed, or no cluster answers.
+            Dask is not installed, no cluster answers, or the limit of memory is too small for any work.
         """
         if self._client is None and (self._cluster is not None or self._given != 0):
             distributed = library("distributed")
@@ -62,6 +62,11 @@ class Workers:
                 self._client = self._open.enter_context(distributed.Client(address, timeout=_PATIENCE))
             except (OSError, ValueError) as error:
                 raise InputError(f"--cluster {self._cluster}: no scheduler of Dask answers there ({error})") from error
+            try:
+                self._client.submit(load_engine, pure=False).result()
+            except distributed.scheduler.KilledWorker:
+                text = f"--memory {self._memory}: a worker ends before it has read anything; give more, such as 2GB"
+                raise InputError(text) from None
         return self._client
 
     def _local(self) -> Any:
@@ -69,7 +74,11 @@ class Workers:
         import dask
 
         # A batch that loses two workers is suspect, and goes on item by item. Nobody looks at the profiles of workers.
-        settings = {"distributed.scheduler.allowed-failures": 1, "distributed.worker.profile.enabled": False}
+        # A worker that paused near its limit would wait for ever: what it holds are libraries.
+        settings = {
+            "distributed.scheduler.allowed-failures": 1, "distributed.worker.profile.enabled": False,
+            **{f"distributed.worker.memory.{way}": False for way in ("target", "spill", "pause")},
+        }  # fmt: skip
         distributed = library("distributed")
         runner = distributed.utils.LoopRunner(asynchronous=False)
         resource_tracker.ensure_running()  # the thread that starts it gets Ctrl-C again
@@ -142,6 +151,11 @@ def _without_ctrl_c() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def load_engine() -> None:
+    """Import what a worker needs for any recording."""
+    import idloop.estimation  # noqa: F401
 
 
 def each(function: Callable[..., R], batch: Sequence[T], *shared: Any) -> list[R]:
