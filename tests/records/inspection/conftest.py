@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -31,7 +32,7 @@ def make_axis() -> Callable[..., Axis]:
             position[k], velocity[k] = p, v
             applied = float(sent[k]) if drive is None else drive(float(sent[k]))
             for _ in range(4):
-                v += 0.25 / rate * (gain * applied - 5.0 * v - 4.0 * np.tanh(v / 0.01))
+                v += 0.25 / rate * (gain * applied - 5.0 * v - 4.0 * math.tanh(v / 0.01))
                 p += 0.25 / rate * v
         position = size * (position + 2e-5 * np.std(position) * rng.normal(size=count))
         velocity = size * (velocity + 2e-3 * np.std(velocity) * rng.normal(size=count))

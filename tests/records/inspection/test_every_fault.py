@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
@@ -56,7 +57,7 @@ def log(drive: Callable[[np.ndarray], np.ndarray] = np.asarray, kind: str = "ste
         if loop:
             applied[k] = command[k] = 4.0 * (SINES[k] - position[k]) - 0.1 * velocity[k]
         for _ in range(4):
-            v += 0.25 / RATE * (gain * applied[k] - 5.0 * v - 4.0 * np.tanh(v / 0.01))
+            v += 0.25 / RATE * (gain * applied[k] - 5.0 * v - 4.0 * math.tanh(v / 0.01))
             v = float(np.clip(v, -limit, limit))
             p += 0.25 / RATE * v
     stamp = 10**9 + (1e9 * np.arange(COUNT) / RATE).astype(np.int64)

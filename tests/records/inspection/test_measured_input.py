@@ -1,5 +1,7 @@
 """A command that was measured acts around its stamps; a held one from them on, in open loop and in closed loop."""
 
+import math
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -22,7 +24,7 @@ def moved(torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     for k in range(COUNT):
         position[k], velocity[k] = q, v
         for value in torque[k * FINE : (k + 1) * FINE]:
-            v += STEP / FINE / INERTIA * (value - DRAG * v - DRY * np.tanh(v / 0.02))
+            v += STEP / FINE / INERTIA * (value - DRAG * v - DRY * math.tanh(v / 0.02))
             q += STEP / FINE * v
     return position, velocity
 
@@ -55,7 +57,7 @@ def test_a_held_command_of_a_noisy_loop_is_not_taken_for_a_measured_one(seed: in
         output[k] = np.array([q, v]) + noise[k]
         command[k] = 4.0 * (reference[k] - output[k, 0]) - 0.3 * output[k, 1]
         for _ in range(FINE):
-            v += STEP / FINE / INERTIA * (command[k] - DRAG * v - DRY * np.tanh(v / 0.02))
+            v += STEP / FINE / INERTIA * (command[k] - DRAG * v - DRY * math.tanh(v / 0.02))
             q += STEP / FINE * v
     assert said(command, {"j.position": output[:, 0], "j.velocity": output[:, 1]}) == []
 

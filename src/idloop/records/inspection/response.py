@@ -135,7 +135,7 @@ class Response:
         which = np.flatnonzero(self.known) if rows is None else rows
         target, table = self.acceleration[which], np.column_stack([self.command, self.others, *over])[which]
         values, errors, left = regress(target, table)
-        alone = regress(target, table[:, 1:])[2]
+        alone = unexplained(target, table[:, 1:])
         return Gain(float(values[0]), float(errors[0]), 1.0 - left / alone if alone > 0.0 else 0.0)
 
 
@@ -160,11 +160,23 @@ def regress(target: Floats, table: Floats) -> tuple[Floats, Floats, float]:
     squares = np.array([scaled[part].T @ scaled[part] for part in parts])
     products = np.array([scaled[part].T @ target[part] for part in parts])
     whole, product = squares.sum(axis=0), products.sum(axis=0)
-    values = np.linalg.pinv(whole, rcond=1e-10, hermitian=True) @ product
-    others = np.linalg.pinv(whole - squares, rcond=1e-10, hermitian=True) @ (product - products)[:, :, None]
-    errors = np.sqrt((PARTS - 1.0) * np.var(others[:, :, 0], axis=0))
-    left = float(np.mean((target - scaled @ values) ** 2))
-    return values / size, errors / size, left
+    values, *others = _solve(np.array([whole, *(whole - squares)]), np.array([product, *(product - products)]))
+    errors = np.sqrt((PARTS - 1.0) * np.var(others, axis=0))
+    return values / size, errors / size, float(np.mean((target - scaled @ values) ** 2))
+
+
+def unexplained(target: Floats, table: Floats) -> float:
+    """Mean square of the residuals of least squares."""
+    scaled = table / np.maximum(np.sqrt(np.mean(table**2, axis=0)), 1e-300)
+    return float(np.mean((target - scaled @ _solve(scaled.T @ scaled, scaled.T @ target)) ** 2))
+
+
+def _solve(squares: Floats, products: Floats) -> Floats:
+    """Solve normal equations, one or a stack of them; directions that no row has are left out."""
+    levels, vectors = np.linalg.eigh(squares)
+    inverse = np.divide(1.0, levels, out=np.zeros_like(levels), where=levels > 1e-10 * levels[..., -1:])
+    turned = vectors.swapaxes(-1, -2) @ products[..., None]
+    return np.asarray((vectors @ (inverse[..., None] * turned))[..., 0])
 
 
 _known: WeakKeyDictionary[Axis, list[Response]] = WeakKeyDictionary()
@@ -240,13 +252,12 @@ def _response(
     if np.std(target) == 0.0 or np.std(rows[:, 0]) == 0.0:
         return None
     values, errors, left = regress(target, rows)
-    alone = regress(target, rows[:, 1:])[2]
-    unexplained = regress(rows[:, 0], rows[:, 1:plain])[2]
+    alone = unexplained(target, rows[:, 1:])
     return Response(
         gain=float(values[0]),
         error=float(errors[0]),
         share=1.0 - left / alone if alone > 0.0 else 0.0,
-        motion_share=1.0 - unexplained / float(np.var(rows[:, 0])),
+        motion_share=1.0 - unexplained(rows[:, 0], rows[:, 1:plain]) / float(np.var(rows[:, 0])),
         functions=functions,
         acceleration=acceleration,
         command=table[:, 0],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import replace
 
@@ -110,7 +111,7 @@ def test_a_load_that_is_moved_both_ways_has_two_levels_and_no_lost_sign(make_axi
         command = 0.3 * (target - speed) + state[0] + weight
         rows.append((speed, command))
         for _ in range(4):
-            speed += 0.00125 * (50.0 * (command - weight) - 5.0 * speed - 4.0 * np.tanh(speed / 0.01))
+            speed += 0.00125 * (50.0 * (command - weight) - 5.0 * speed - 4.0 * math.tanh(speed / 0.01))
     speed, command = np.array(rows).T
     axis = replace(
         make_axis(count=speed.size),
@@ -326,7 +327,7 @@ def test_a_loop_without_its_reference(recorded):
     for k in range(4000):
         position[k], velocity[k] = p + 1e-4 * rng.normal(), v + 1e-2 * rng.normal()
         command[k] = 40.0 * (np.sin(2.0 * time[k]) + np.sin(5.1 * time[k]) - position[k]) - 5.0 * velocity[k]
-        v += 0.002 * (command[k] - 2.0 * v - 0.5 * np.tanh(v / 0.01))
+        v += 0.002 * (command[k] - 2.0 * v - 0.5 * math.tanh(v / 0.01))
         p += 0.002 * v
     axis = Axis("j", time, position, velocity, time, command, "j.effort", has_reference=recorded)
     assert ("unrecorded_reference" in kinds(axis)) == (not recorded)
@@ -378,7 +379,7 @@ def test_a_limit_of_the_speed_is_none_of_the_force(limit):
         force = float(np.clip(command[k], -3.0, 3.0)) if limit == "force" else float(command[k])
         for _ in range(4):
             driven = limit == "force" or abs(v) < 2.0 or v * force < 0.0
-            v += (force * driven - v - 0.5 * np.tanh(v / 0.01)) / (1.2 * rate)
+            v += (force * driven - v - 0.5 * math.tanh(v / 0.01)) / (1.2 * rate)
             p += 0.25 * v / rate
     time = np.arange(count) / rate
     position, velocity = position + 3e-4 * rng.normal(size=count), velocity + 0.01 * rng.normal(size=count)

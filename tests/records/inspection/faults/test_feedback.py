@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -16,7 +18,7 @@ def _axis(seed: int, reference: np.ndarray, *, closed: bool) -> Axis:
     for k, wanted in enumerate(reference):
         position[k], velocity[k] = np.round(place + 1e-4 * rng.normal(), 3), speed + 1e-2 * rng.normal()
         command[k] = 40.0 * (wanted - position[k]) - 5.0 * velocity[k] if closed else wanted
-        speed += period * ((1.0 if closed else 20.0) * command[k] - 3.0 * speed - 0.5 * np.tanh(speed / 0.01))
+        speed += period * ((1.0 if closed else 20.0) * command[k] - 3.0 * speed - 0.5 * math.tanh(speed / 0.01))
         place += period * speed
     time = period * np.arange(reference.size)
     return Axis("j", time, position, velocity, time, command, "j.effort")

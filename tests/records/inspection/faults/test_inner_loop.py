@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -20,7 +21,7 @@ def _looped(make_axis, stiffness, damping, unit):
         position[k], velocity[k] = p, v
         for _ in range(10):
             force = stiffness * (wanted - p) - damping * v
-            v += 5e-4 * (50.0 * force - 5.0 * v - 2.0 * np.tanh(v / 0.01))
+            v += 5e-4 * (50.0 * force - 5.0 * v - 2.0 * math.tanh(v / 0.01))
             p += 5e-4 * v
     position += 2e-4 * np.random.default_rng(0).normal(size=time.size)
     axis = make_axis(count=time.size, command=set_point)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import fault
-from idloop.records.inspection.response import dry, regress, responses
+from idloop.records.inspection.response import dry, regress, responses, unexplained
 
 Floats = NDArray[np.float64]
 
@@ -51,9 +51,9 @@ def check(axis: Axis) -> list[Finding]:
         if np.count_nonzero(known) < table.shape[1] * 4:
             continue
         target, rows = one.acceleration[known], table[known]
-        own = regress(rows[:, 0], rows[:, 1:])[2]
+        own = unexplained(rows[:, 0], rows[:, 1:])
         values, errors, left = regress(target, rows)
-        without = regress(target, rows[:, 1:])[2]
+        without = unexplained(target, rows[:, 1:])
         more = float(values[0] / values[1]) if values[1] > _ERRORS * errors[1] else 0.0
         explains = 1.0 - left / without if without > 0.0 else 0.0
         if own < _OWN * float(np.mean(rows[:, 0] ** 2)) or explains < _EXPLAINS:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import fault
-from idloop.records.inspection.response import PLAIN, Response, regress, response, responses
+from idloop.records.inspection.response import PLAIN, Response, regress, response, responses, unexplained
 
 Floats = NDArray[np.float64]
 
@@ -87,7 +87,7 @@ def _taken(axis: Axis, balance: Response) -> float:
     others = [powers, np.sin(place), np.cos(place), balance.acceleration[moving]]
     table = np.column_stack([speed, *others])
     values, errors, left = regress(command, table)
-    alone = regress(command, table[:, 1:])[2]
+    alone = unexplained(command, table[:, 1:])
     top = float(abs(values[0]) * np.max(np.abs(speed)))
     slope = values[0] < -_CERTAIN * errors[0] and left < (1.0 - _RUNS) * alone
     return taken if slope and abs(values[1]) < _AT_REST * top else 0.0

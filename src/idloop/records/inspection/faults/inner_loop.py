@@ -7,7 +7,7 @@ import numpy as np
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis, Floats
 from idloop.records.inspection.faults.fault import fault
-from idloop.records.inspection.response import PLAIN, Response, regress, responses
+from idloop.records.inspection.response import PLAIN, Response, regress, responses, unexplained
 from idloop.records.tables.base_units import base_unit
 
 KIND = "inner_loop"
@@ -117,7 +117,7 @@ def _balance(one: Response) -> tuple[float, float, float, float]:
     speed, friction, constant, place = one.others[one.known][:, :_WITH_POSITION].T
     moves = np.column_stack([speed, friction, one.acceleration[one.known], constant])
     values, errors, left = regress(command, np.column_stack([place, moves]))
-    alone = regress(command, moves)[2]
+    alone = unexplained(command, moves)
     power = float(np.var(command))
     share, own = (1.0 - left / whole if whole > 0.0 else 0.0 for whole in (power, alone))
     return float(values[0]), float(errors[0]), share, own

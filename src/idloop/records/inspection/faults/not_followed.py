@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import fault
-from idloop.records.inspection.response import dry, regress, responses
+from idloop.records.inspection.response import dry, regress, responses, unexplained
 
 Floats = NDArray[np.float64]
 
@@ -52,7 +52,7 @@ def check(axis: Axis, slower: float = np.inf) -> list[Finding]:
                 continue
             target = found.acceleration[known]
             values, errors, left = regress(target, table[known])
-            without = regress(target, table[known][:, 1:])[2]
+            without = unexplained(target, table[known][:, 1:])
             explains = 1.0 - left / without if without > 0.0 else 0.0
             certain = values[0] < -_ERRORS * errors[0] and values[1] > _ERRORS * errors[1]
             if certain and explains > _EXPLAINS and values[1] + values[0] < _GAIN * values[1]:
