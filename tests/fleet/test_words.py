@@ -185,10 +185,10 @@ def test_every_number_of_a_joint_is_in_the_unit_of_its_parameter():
     (row,) = kind_table({"kinds": [kind]}).rows
     assert (float(row[3]), row[4], row[-1]) == (
         pytest.approx(100.0 * kind["mean"], rel=1e-3),
-        "% of the drive force",
+        "% of drive force",
         "-",
     )
-    assert level_table([parts]).rows[0][3:8:4] == (f"{100.0 * share[0, 0]:.4g}", "% of the drive force")
+    assert level_table([parts]).rows[0][3:8:4] == (f"{100.0 * share[0, 0]:.4g}", "% of drive force")
     assert all(one["low"] <= one["level"] <= one["high"] for one in rows)
 
 

@@ -26,7 +26,7 @@ Z95 = 1.959963984540054
 _BANDS = ((2.5, 97.5), (16.0, 84.0))
 _COLOURS = (1.5, 6.0)  # standard deviations of the palest colour and of the strongest one
 _DAY = 86_400_000.0  # [ms]
-_AXES = {FORCE_ERROR: "force error, unseen"}
+_AXES = {FORCE_ERROR: "force error"}
 
 
 def deviations(components: Sequence[Components]) -> tuple[list[tuple[str, str]], Array, Array, NDArray[np.str_]]:
@@ -98,22 +98,16 @@ def heat_map(
         "date", "joint", width=1.0, height=0.9, source=ColumnDataSource(data), line_color=None, fill_color=fill,
         nonselection_fill_alpha=1.0,
     )  # fmt: skip
-    plot.hbar(
-        boxes,
-        left=0.0,
-        right=len(dates),
-        height=1.0,
-        fill_color=None,
-        line_color=LIGHT.text,
-        line_width=2.5,
-        name=FRAME,
-    )
+    # A light line within a dark one stands out from any cell, on a light and on a dark page.
+    for colour, width in ((LIGHT.text, 5.0), (LIGHT.surface, 2.0)):
+        look = {"fill_color": None, "line_color": colour, "line_width": width}
+        plot.hbar(boxes, left=0.0, right=len(dates), height=0.9, name=FRAME, **look)
     words = {"font": FONT, "font_size": "11px", "font_style": "normal", "color": LIGHT.muted}
-    look: dict[str, Any] = {
+    texts: dict[str, Any] = {
         f"{part}_text_{key}": one for part in ("title", "major_label") for key, one in words.items()
     }
     title = "deviation from the kind, in standard deviations; the ends of the scale include what is beyond them"
-    bar = ColorBar(color_mapper=fill["transform"], title=title, height=8, background_fill_color=LIGHT.surface, **look)
+    bar = ColorBar(color_mapper=fill["transform"], title=title, height=8, background_fill_color=LIGHT.surface, **texts)
     plot.add_layout(bar, "above")
     tips = [
         ("joint", "@joint"), ("date", "@date"), ("parameter", "@parameter"),

@@ -143,8 +143,8 @@ def _recording_table(
     parameters = [one.series.parameter for one in components]
     return Table.of(
         (
-            "robot", "joint", "date", *heads, "force error, fitted [%]", "force residual (rms)", "duration [s]", "bag",
-            "notes",
+            "robot", "joint", "date", *heads, "force error of the fit [% of drive force]",
+            "force residual (rms)", "duration [s]", "bag", "notes",
         ),
         (
             (

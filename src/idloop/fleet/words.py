@@ -258,7 +258,7 @@ def kind_text(kind: str, kinds: Iterable[str]) -> str:
 
 def display(parameter: str, unit: str) -> tuple[float, str]:
     """Factor and unit with which a parameter is shown: an error of the force in percent."""
-    return (100.0, "% of the drive force") if parameter == FORCE_ERROR else (1.0, unit)
+    return (100.0, "% of drive force") if parameter == FORCE_ERROR else (1.0, unit)
 
 
 def kind_table(document: Mapping[str, Any]) -> Table:
