@@ -40,8 +40,14 @@ def test_arrays_texts_and_numbers(path):
     assert (found["gain"], found["name"]) == (2.5, "motor")
 
 
-def test_objects_are_not_sent(path):
-    assert read_isolated(path, "test", lambda: {"o": np.array([{}], dtype=object)}) == {"o": None}
+def test_an_array_of_texts_and_arrays_is_sent_and_what_is_neither_is_not(path):
+    several = np.array(["a", np.arange(3.0), object()], dtype=object)
+    found = read_isolated(path, "test", lambda: {"several": several, "o": np.array([[{}]], dtype=object), "c": 1j})
+    assert (found["o"], found["c"]) == (None, None)
+    assert found["several"].dtype == object
+    text, array, nothing = found["several"]
+    assert (text, nothing) == ("a", None)
+    np.testing.assert_array_equal(array, np.arange(3.0))
 
 
 def test_its_error_is_raised(path):

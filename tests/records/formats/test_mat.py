@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import io
+import struct
+import zlib
+
 import h5py
 import numpy as np
 import pytest
@@ -9,6 +13,7 @@ from scipy.io import savemat
 from tests.records.formats.writers import mat_hdf5
 
 from idloop.errors import InputError
+from idloop.records.formats import isolated
 from idloop.records.tables.table_files import read_table
 
 T, U = np.arange(50) * 0.01, np.sin(np.arange(50.0))
@@ -128,3 +133,83 @@ def test_series_of_two_lengths_have_the_clock_of_theirs(tmp_path):
     for more in ({"t_b": T + 1.0}, {"v": U[:40]}):
         savemat(tmp_path / "other.mat", {"t": T, "u": U} | more)
         assert not read_table(tmp_path / "other.mat").clocks
+
+
+def written(content, **options):
+    file = io.BytesIO()
+    savemat(file, content, **options)
+    return file.getvalue()
+
+
+NUMBERS = written({"t": np.arange(40.0)})
+HEAD, TAG = NUMBERS[:128], struct.pack("<II", 9, 320)  # 40 numbers of eight bytes
+CUT = zlib.compress(NUMBERS[128:])[:-6]
+TWO = written({"log": {"t": np.arange(3.0), "u": np.arange(3.0)}})
+STRUCTURE = struct.pack("<IIIIII", 6, 8, 2, 0, 5, 8)
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        pytest.param(NUMBERS.replace(TAG, struct.pack("<II", 0x89, 320)), id="a type that there is not"),
+        pytest.param(NUMBERS.replace(TAG, struct.pack("<II", 14, 320)), id="numbers of the type of a variable"),
+        pytest.param(NUMBERS.replace(TAG, struct.pack("<II", 9, 328)), id="more bytes than are left"),
+        pytest.param(NUMBERS[:-3], id="cut in a variable"),
+        pytest.param(NUMBERS[:132], id="cut in a tag"),
+        pytest.param(NUMBERS[:100], id="cut in its header"),
+        pytest.param(HEAD + struct.pack("<II", 5, 0), id="no variable"),
+        pytest.param(HEAD + struct.pack("<II", 14, 0), id="a variable without its flags"),
+        pytest.param(HEAD + struct.pack("<IIII", 15, 8, 1, 2), id="damaged compression"),
+        pytest.param(HEAD + struct.pack("<II", 15, len(CUT)) + CUT, id="compression cut off"),
+        pytest.param(
+            TWO.replace(STRUCTURE + struct.pack("<ii", 1, 1), STRUCTURE + struct.pack("<ii", 1, 2)),
+            id="a structure with fewer values than names",
+        ),
+    ],
+)
+def test_tags_that_lie_end_no_more_than_the_reader(tmp_path, data):
+    assert data != NUMBERS
+    path = tmp_path / "run.mat"
+    path.write_bytes(data)
+    with pytest.raises(
+        InputError, match=r"run\.mat: not a readable MAT file .*; check the copy of the file"
+    ) as refused:
+        read_table(path)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_cell_within_cells_is_what_it_holds(tmp_path):
+    cell = T
+    for _ in range(150):
+        box = np.empty(1, dtype=object)
+        box[0] = cell
+        cell = box
+    (tmp_path / "deep.mat").write_bytes(written({"deep": cell}))
+    np.testing.assert_array_equal(read_table(tmp_path / "deep.mat").columns["deep"], T)
+
+
+def test_version_4_and_matrices_of_which_most_is_zero(tmp_path):
+    from scipy.sparse import csc_array
+
+    (tmp_path / "old.mat").write_bytes(written({"t": T}, format="4"))
+    (tmp_path / "sparse.mat").write_bytes(written({"t": T, "s": csc_array(np.eye(3))}))
+    for name in ("old.mat", "sparse.mat"):
+        assert set(read_table(tmp_path / name).columns) == {"t"}
+
+
+def test_what_unpacks_to_more_than_the_limit_is_refused_in_one_line(tmp_path, monkeypatch):
+    path = tmp_path / "zeros.mat"
+    path.write_bytes(written({"t": T, "u": np.zeros(20_000_000)}, do_compression=True))
+    assert path.stat().st_size < 300_000
+    monkeypatch.setattr(isolated, "_ROOM", 64_000_000)
+    with pytest.raises(InputError, match=r"zeros\.mat: its values take more than") as refused:
+        read_table(path)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_file_larger_than_the_limit_is_not_opened(tmp_path):
+    with (tmp_path / "a.mat").open("wb") as file:
+        file.write(NUMBERS)
+        file.truncate(1 << 40)
+    with pytest.raises(InputError, match="the file has more than 2 GiB"):
+        read_table(tmp_path / "a.mat")

@@ -18,7 +18,6 @@ from idloop.records.formats.isolated import read_isolated
 from idloop.records.formats.mat_hdf5 import read_mat_hdf5
 from idloop.records.formats.mat_objects import Objects, Reference
 from idloop.records.formats.tree import table_of_tree
-from idloop.records.tables.mat_structure import mat_damage
 from idloop.records.tables.table import Table
 
 # Bytes of the header of a file before its version.
@@ -40,7 +39,7 @@ def read_mat(path: Path, _: Options) -> Table:
     if HDF5_SIGNATURE in head:
         tree, objects = read_isolated(path, "MATLAB 7.3", lambda: read_mat_hdf5(path))
     else:
-        tree, objects = _load(path)
+        tree, objects = read_isolated(path, "MAT", lambda: _load(path))
     found = {name: series for name, value in tree.items() if (series := series_of_iddata(value)) is not None}
     table = table_of_tree(path, {**tree, **{name: columns for name, (columns, _) in found.items()}})
     # Windows of several experiments hold for the stamps of one set of data.
@@ -59,13 +58,8 @@ def _load(path: Path) -> tuple[dict[str, Any], list[str]]:
 
     try:
         data = path.read_bytes()
-        damage = mat_damage(data)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
-    if damage:
-        raise InputError(f"{path}: not a readable MAT file ({damage}); check the copy of the file")
     try:
         with warnings.catch_warnings():
             # Objects have no names where the names of variables are.
@@ -73,6 +67,8 @@ def _load(path: Path) -> tuple[dict[str, Any], list[str]]:
             content = loadmat(io.BytesIO(data), simplify_cells=True)
             if any(type(value).__name__ == "MatlabOpaque" for value in content.values()):
                 return _with_objects(data)
+    except MemoryError:
+        raise InputError(f"{path}: its values take more than {MOST_TABLE >> 30} GiB; save fewer of them") from None
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     except Exception as error:  # noqa: BLE001 - any parsing error means a damaged file
@@ -87,10 +83,7 @@ def _with_objects(data: bytes) -> tuple[dict[str, Any], list[str]]:
     variables, subsystem = _variables(data)
     cells: list[Any] = []
     if subsystem:
-        inner = b"MATLAB 5.0 MAT-file".ljust(_SUBSYSTEM) + subsystem[:4] + subsystem[8:]
-        if mat_damage(inner):
-            raise ValueError(mat_damage(inner))
-        cells = _cells(inner)
+        cells = _cells(b"MATLAB 5.0 MAT-file".ljust(_SUBSYSTEM) + subsystem[:4] + subsystem[8:])
     objects = Objects(cells)
     tree = {name: objects.resolved(value, name) for name, value in variables.items()}
     return {name: value for name, value in tree.items() if value is not None}, objects.unread
