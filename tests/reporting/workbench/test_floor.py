@@ -24,7 +24,7 @@ def floors(page):
 def seen(source):
     """The page of a browser that looks at it."""
     page = Page(Document(), source, "light")
-    page.look["seen"] = True
+    page.look |= {"seen": True, "near": ["ladder"]}
     draw(page)
     return page
 

@@ -110,6 +110,22 @@ def test_figures_follow_new_findings_and_the_page_keeps_no_old_ones(site, source
 
 
 @pytest.mark.slow
+def test_a_live_graph_draws_a_figure_from_when_it_comes_near_to_sight(site, source, visit):
+    found = assess(source.model, measured_record(source.model), lambda share, text: None)
+    source.state.change(assessment=found, missing=None)
+    visitor = visit(site.address)
+    page = visitor.page
+    page.set_viewport_size({"width": 1500, "height": 400})
+    visitor.open()
+    count = "place => Bokeh.documents[0].get_model_by_name(place).children.length"
+    page.wait_for_function(count, arg="ladder")  # beside the strips, and made after those below them
+    assert page.evaluate(count, "where") == 0
+    page.locator("#where-panel").scroll_into_view_if_needed()
+    page.wait_for_function(count, arg="where")
+    page.goto("about:blank")
+
+
+@pytest.mark.slow
 def test_the_evidence_is_drawn_as_it_grows_and_said_in_numbers(site, source, visit):
     visitor = visit(site.address)
     page = visitor.page

@@ -114,15 +114,15 @@ class Page:
     Attributes
     ----------
     look : dict
-        What the reader has chosen: theme, error and variable of where it fails; and whether the page can be seen
-        at all.
+        What the reader has chosen: theme, error and variable of where it fails; whether the page can be seen at all;
+        and the places of figures that have come near to sight.
     """
 
     def __init__(self, doc: Document, source: Source, theme: str) -> None:
         self.source = source
         self.signals: Signals = source.signals
         # The page itself is there sooner when no figure is drawn before the browser asks for them.
-        self.look: dict[str, Any] = {"theme": theme, "error": "", "variable": "", "seen": False}
+        self.look: dict[str, Any] = {"theme": theme, "error": "", "variable": "", "seen": False, "near": []}
         self._doc = doc
         self._drawn: dict[str, tuple[Any, Any]] = {}
         self.choice = ColumnDataSource(name="look", data={"json": [json.dumps(self.look)]})
@@ -149,6 +149,7 @@ class Page:
             "error": lambda v: isinstance(v, str),
             "variable": lambda v: v in VARIABLES or not v,
             "seen": lambda v: isinstance(v, bool),
+            "near": lambda v: isinstance(v, list) and set(map(str, v)) <= set(FIGURES),
         }
         for name, fits in rules.items():
             if name in look and fits(look[name]):
@@ -182,7 +183,11 @@ class Page:
         self._doc.add_next_tick_callback(self.tick)  # type: ignore[arg-type] # Bokeh awaits it
 
     def _new_finding(self, snapshot: Snapshot) -> tuple[str, Figures, bool] | None:
-        """Place of the first finding that is new, what makes its figures, and whether they are drawn anew."""
+        """Place of the first finding that is new, what makes its figures, and whether they are drawn anew.
+
+        A figure costs the browser 5 MB: those of a live graph, which is watched for hours, are drawn from when the
+        reader has come near to them. A recording has all of them, on paper too.
+        """
         theme = self.look["theme"]
         parts: dict[str, tuple[Any, Figures]] = {
             "where": (snapshot.assessment, self._where),
@@ -193,6 +198,8 @@ class Page:
             "next": (snapshot.suggestion, self._next),
         }
         for name, (finding, make) in parts.items():
+            if snapshot.live and name not in self.look["near"]:
+                continue
             look = (theme, self.look["error"], self.look["variable"]) if finding is snapshot.assessment else (theme,)
             before = self._drawn.get(name)
             if before is None or before[0] is not finding or before[1] != look:

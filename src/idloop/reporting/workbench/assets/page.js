@@ -188,10 +188,20 @@
     const wanted = stored ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
     // Before anything is drawn: a figure that changes its colours is drawn a second time.
     setTheme(wanted, stored !== null);
-    choose({ seen: document.visibilityState === "visible" });
+    choose({ seen: document.visibilityState === "visible", near: [...near] });
     performance.mark("idloop-figures");
     document.body.dataset.ready = "true";
   }
+
+  // Of a live graph a figure is drawn from when it has come near to sight; it stays from then on.
+  const near = new Set();
+  const sight = new IntersectionObserver((found) => {
+    const come = found.filter((one) => one.isIntersecting);
+    if (!come.length) return;
+    for (const { target } of come) { near.add(target.dataset.figures); sight.unobserve(target); }
+    choose({ near: [...near] });
+  }, { rootMargin: "200px" });
+  for (const one of document.querySelectorAll("main [data-figures]")) sight.observe(one);
 
   function setTheme(theme, keep) {
     if (keep) localStorage.setItem("idloop_theme", theme);
