@@ -23,7 +23,8 @@ def recorded(machine: Model, rate: float, seconds: float) -> Record:
     return Record("run", time, command, time, position, "command", "A", ("axis.position",), ("rad",))
 
 
-@pytest.mark.parametrize("criterion", ["auto", "simulation"])
+# The short form of `auto` is the diagnosis below.
+@pytest.mark.parametrize("criterion", [pytest.param("auto", marks=pytest.mark.slow), "simulation"])
 def test_a_play_that_the_free_run_shows_is_named(criterion: str) -> None:
     plain = axis_by_current(NOISE)
     record = recorded(plain.with_effects(["backlash@position[axis](gap=0.3)"]), 500.0, 14.0)
@@ -40,7 +41,7 @@ def test_a_diagnosis_names_what_the_ladder_adds() -> None:
     assert (found.criterion, found.set) == ("simulation", ("backlash@position[axis]",))
 
 
-@pytest.mark.parametrize("seed", [3, 8])
+@pytest.mark.parametrize("seed", [3, pytest.param(8, marks=pytest.mark.slow)])
 def test_a_disturbance_with_a_memory_is_no_effect(seed: int) -> None:
     """It adds up in a free run to errors as slow as the record, which some effect always fits."""
     plain = load_model("axis")

@@ -48,7 +48,9 @@ def in_a_loop(seed: int, torque: float, level: float) -> tuple[Model, Record]:
     return model, Record("held", time, command, time, reading[:, None], "axis.effort", model.input.unit, names, units)
 
 
-@pytest.mark.parametrize("seed", [0, 1, 3])  # of 2 the balance has 9.3 units, where 10.0 name an effect
+@pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 3))]
+)  # of 2 the balance has 9.3 units, where 10.0 name an effect
 def test_a_balance_takes_a_loop_that_answers_a_disturbance_for_the_axis(seed):
     model, record = in_a_loop(seed, torque=0.03, level=0.0)
     assert diagnose(model, [record], criterion="force").set
@@ -90,14 +92,18 @@ def slowly_moved(coulomb: float) -> tuple[Model, Record]:
     return model, Record("slow", time, command, time, reading[:, None], "axis.effort", model.input.unit, names, units)
 
 
-def test_an_inertia_that_friction_hides_is_decided_by_the_force():
+@pytest.mark.parametrize(
+    "effects",
+    [("coulomb_friction", "backlash", "input_offset"), pytest.param(None, marks=pytest.mark.slow, id="all")],
+)
+def test_an_inertia_that_friction_hides_is_decided_by_the_force(effects):
     model, record = slowly_moved(coulomb=0.3)
     estimation = prepare_estimation(model, [record], "prediction")
     balance = DecidingView(model, estimation, {}).balance
     assert balance is not None
     # As fitted, without the friction, it is a machine faster than the samples.
     assert not estimation.resolves(balance.model)
-    found = diagnose(model, [record])
+    found = diagnose(model, [record], effects=effects)
     assert found.criterion == "force"
     assert "coulomb_friction@axis" in found.set
 
@@ -124,8 +130,10 @@ def moved_slowly(inertia: float, friction: float, weight: float, wander: float, 
     )
 
 
-@pytest.mark.parametrize("inertia", [1e-5, 2e-3])
-@pytest.mark.parametrize("start", [1e-6, 0.1])
+@pytest.mark.parametrize(
+    ("start", "inertia"),
+    [(0.1, 1e-5), (1e-6, 2e-3), *(pytest.param(*one, marks=pytest.mark.slow) for one in ((1e-6, 1e-5), (0.1, 2e-3)))],
+)
 def test_friction_that_moves_a_joint_is_found_where_its_inertia_is_not_seen(inertia, start):
     """From any start, also one that the samples cannot show."""
     model = load_model("axis")

@@ -173,18 +173,39 @@ def test_an_effect_that_held_out_records_do_not_have_is_not_named():
     assert "does not carry over" in step.passed_over["load_torque@axis"]
 
 
-def test_one_held_out_record_whose_errors_happen_to_be_small_does_not_hide_an_effect(data_dir, tmp_path):
-    """With an offset alone this record has smaller errors than any other, and with friction errors like theirs."""
+@pytest.fixture(scope="module")
+def steps_of_torque(data_dir, tmp_path_factory) -> tuple[Model, list[Record], list[Record]]:
+    """A measured motor: model, records, and one to hold out.
+
+    With an offset alone that one has smaller errors than any other, and with friction errors like theirs.
+    """
     folder = data_dir / "hsm150"
     if not folder.is_dir():
         pytest.skip(f"no {folder}: set IDLOOP_DATA to the folder of the measured data")
-    model = load_model(folder / "model.yaml")
-    records = {}
+    model, bags, records = load_model(folder / "model.yaml"), tmp_path_factory.mktemp("bags"), {}
     for source in sorted(folder.glob("*.csv")):
-        import_bag(source, tmp_path / source.stem, str(folder / "map.yaml"))
-        records[source.stem] = read_record(tmp_path / source.stem, model)
+        import_bag(source, bags / source.stem, str(folder / "map.yaml"))
+        records[source.stem] = read_record(bags / source.stem, model)
     held_out = [records.pop("neg_0.045_1")]
-    ladder = refine(model, list(records.values()), held_out)
+    return model, list(records.values()), held_out
+
+
+def test_one_held_out_record_whose_errors_happen_to_be_small_does_not_hide_friction(steps_of_torque):
+    model, records, held_out = steps_of_torque
+    estimation = prepare_estimation(model, records, "prediction")
+    view = ForceView(estimation, Options(), prepare(model, held_out))
+    step = view.evaluate(requested_force_fit(model, estimation, {}))
+    assert step.names == ("coulomb_friction@motor",)
+    assert step.tied[0].names in (
+        ("coulomb_friction@motor", "input_offset@input"),
+        ("coulomb_friction@motor", "load_torque@motor"),
+    )
+
+
+@pytest.mark.slow
+def test_nor_does_it_hide_an_effect_from_the_ladder(steps_of_torque):
+    model, records, held_out = steps_of_torque
+    ladder = refine(model, records, held_out)
     assert ladder.added[:2] in (
         ("coulomb_friction@motor", "load_torque@motor"),
         ("coulomb_friction@motor", "input_offset@input"),
@@ -232,7 +253,7 @@ drive: {gain: {value: 1.0}}
 """
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_traces_are_taken_beside_the_values_of_the_coarse_windows(seed):
     """On a slow joint the inertia hardly shows: the values of two sets of windows differ by a factor of five."""
     rng = np.random.default_rng(seed)

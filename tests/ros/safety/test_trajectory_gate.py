@@ -77,6 +77,13 @@ class Run:
             self.told.append(np.concatenate(self.arm.at(self.now)))
         return self
 
+    def finish(self, seconds):
+        """Let time pass until the motion has ended, no longer than so long."""
+        while seconds > 0.0 and not (self.gate.share_done == 1.0 and self.speed == 0.0):
+            self.go(0.2)
+            seconds -= 0.2
+        return self.go(0.2)
+
     @property
     def speed(self):
         found = float(np.max(np.abs(self.told[-1][2:])))
@@ -374,7 +381,7 @@ def test_whatever_happens_whenever_the_arm_is_never_told_to_accelerate_more_than
             one.give(one.gate.deactivate(one.now))
             one.go(lasting)
             one.gate.activate()
-    one.go(10.0)
+    one.finish(10.0)
     assert one.within_acceleration()
     assert one.on_path() < 1e-5
     assert one.speed == 0.0
