@@ -50,6 +50,8 @@ def test_a_trend_is_that_of_the_numbers_that_are_read(view, before, after, trend
 
 
 def test_what_is_not_known_is_no_score():
+    known = {"fit": {"a": 90.0, "b": 80.0}, "ahead": {"a": 99.96, "b": float("nan")}, "steps": 10}
+    assert [one.beside for one in scores_of(known).values()] == ["99.96 % 10 steps ahead", ""]
     assert scores_of({}) == {}
     assert list(scores_of({"fit": {"a": 1.0}, "force": None})) == ["a"]
     assert scores_of({"fit": {"a": float("nan")}})["a"].text == "–"

@@ -39,6 +39,8 @@ class Score:
         What it is of: "unseen data", "run2 (unseen)"; empty where that is said beside it.
     model : str
         Version of the model, see `idloop.reporting.workbench.state.model_version`; empty where there is only one.
+    predicted, steps : float or None, int
+        FIT of the prediction of the same output so many samples ahead [%]; None where not known.
     """
 
     view: str
@@ -46,6 +48,8 @@ class Score:
     value: float | None
     data: str = ""
     model: str = ""
+    predicted: float | None = None
+    steps: int = 0
 
     @property
     def name(self) -> str:
@@ -56,6 +60,11 @@ class Score:
     def text(self) -> str:
         """The number with its unit, or words where it says nothing."""
         return fit_text(self.value, 3, " %") if self.view == FREE_RUN else force_text(self.value, 3, " %")
+
+    @property
+    def beside(self) -> str:
+        """The same output predicted: "99.9 % 10 steps ahead"; empty where that is not known."""
+        return "" if self.predicted is None else f"{fit_text(self.predicted, 3, ' %')} {self.steps} steps ahead"
 
     @property
     def cell(self) -> str:
@@ -84,7 +93,8 @@ class Score:
 
     def to_dict(self) -> dict[str, Any]:
         """What a page shows of it."""
-        own = {name: getattr(self, name) for name in ("view", "quantity", "value", "data", "name", "text", "about")}
+        names = ("view", "quantity", "value", "data", "name", "text", "about", "beside")
+        own = {name: getattr(self, name) for name in names}
         return {**own, "share": self.share}
 
 
@@ -96,7 +106,11 @@ def scores_of(errors: Mapping[str, Any], data: str = "", model: str = "") -> dic
     dict
         The outputs whose FIT is known, then the drive force where it is.
     """
-    found = {name: Score(FREE_RUN, name, _finite(fit), data, model) for name, fit in errors.get("fit", {}).items()}
+    ahead, steps = errors.get("ahead", {}), int(errors.get("steps", 0))
+    found = {
+        name: Score(FREE_RUN, name, _finite(fit), data, model, _finite(ahead.get(name)), steps)
+        for name, fit in errors.get("fit", {}).items()
+    }
     force = _finite(errors.get("force"))
     return found if force is None else {**found, DRIVE_FORCE: Score(FORCE, DRIVE_FORCE, force, data, model)}
 
@@ -122,9 +136,14 @@ def disagreements(ladder: Ladder) -> list[str]:
 
 
 def comparison_errors(comparison: Comparison) -> dict[str, Any]:
-    """Errors of a comparison as `idloop.diagnosis.model_errors` has those of a step, of one record."""
+    """Errors of a comparison as `idloop.diagnosis.model_errors` has those of a step, and those of its predictions."""
     force = comparison.force
-    return {"fit": comparison.fit, "force": force.relative if force is not None and force.trusted else None}
+    return {
+        "fit": comparison.fit,
+        "ahead": comparison.fit_ahead,
+        "steps": comparison.steps,
+        "force": force.relative if force is not None and force.trusted else None,
+    }
 
 
 def judging(ladder: Ladder) -> str:

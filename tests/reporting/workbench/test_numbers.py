@@ -278,6 +278,9 @@ def check(site, page, said, unseen, folder, capsys):
         assert last["fit"][name] == pytest.approx(fit, abs=0.02)
         head = page.inner_text(f"#fits [data-output='{name}'] .value")
         assert stands(head.split()[0], "", np.array([fit])), (head, fit)
+        ahead = page.inner_text(f"#fits [data-output='{name}'] .what:last-child").replace("\u00a0", " ")
+        assert ahead.endswith(f" % {one['ahead']['steps']} steps ahead")
+        assert stands(ahead.split()[0], "", np.array([one["ahead"]["fit"][name]])), ahead
         steps = page.locator(f"#steps li:last-child [data-output='{name}']").inner_text()
         assert head.replace("\u00a0", " ") in steps.replace("\u00a0", " ")
     if last["force"] is not None:

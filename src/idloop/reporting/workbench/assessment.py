@@ -42,7 +42,8 @@ class Assessment:
     error : array, shape (n, p)
         Measured minus free run.
     errors : dict
-        ``fit`` of the free run by output [%] and ``force``, as a step of a ladder has them.
+        ``fit`` of the free run by output [%] and ``force``, as a step of a ladder has them, and ``ahead``, the FIT of
+        the prediction ``steps`` samples ahead.
     frequency : FrequencyView or None
         Bode plot and poles.
     residual_tests : tuple of ResidualFinding

@@ -216,7 +216,8 @@
     return make("div", { class: `fit ${one.view === "force" ? "error" : ""}`, "data-output": one.view === "force" ? "force" : one.quantity, title: one.about },
       make("div", { class: "value" }, pending ? "…" : one.text),
       make("div", { class: "bar" }, make("i", { style: `width:${pending ? 0 : 100 * one.share}%` })),
-      make("div", { class: "what" }, `${one.name}, ${pending ? COMPUTING : one.data}`));
+      make("div", { class: "what" }, `${one.name}, ${pending ? COMPUTING : one.data}`),
+      one.beside && !pending ? make("div", { class: "what", title: "FIT of the prediction, in which the measurements correct the model until so many samples before." }, one.beside) : null);
   }
 
   function showHead(s) {
