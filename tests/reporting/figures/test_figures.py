@@ -93,6 +93,14 @@ def test_the_error_along_every_variable_has_names_and_units(maps, variable):
     assert len(plot.above[0].items) == 2
 
 
+def test_a_long_title_has_two_lines_for_a_phone(maps):
+    label, one = maps[0]
+    long = replace(one, kind="prediction error 10 steps (0.05 s) ahead")
+    short, title = (error_along([(label, each)], "velocity").title.text for each in (one, long))
+    assert "\n" not in short
+    assert title == f"{one.name}:\n{long.kind}"
+
+
 def test_bins_say_what_the_breakdown_says(maps):
     breakdown = maps[0][1].along("velocity")
     drawn = bins(breakdown)

@@ -24,6 +24,8 @@ from idloop.validation.breakdown import Breakdown
 from idloop.validation.variables import TITLES
 from idloop.validation.where import ErrorMap
 
+LONGEST_TITLE = 44  # letters that a figure on a phone holds in one line
+
 
 def error_along(maps: Sequence[tuple[str, ErrorMap]], variable: str, theme: Theme = LIGHT) -> figure | None:
     """Draw the error of models along one variable, bin by bin.
@@ -131,8 +133,9 @@ def error_in_time(maps: Sequence[tuple[str, ErrorMap]], theme: Theme = LIGHT, bu
 def _head(plot: figure, one: ErrorMap) -> None:
     """Write above a figure which error it is of."""
     heading: Any = plot.title
-    heading.text = measured_error(one)
-    plot.height = int(plot.height or 0) + 18
+    text = measured_error(one)
+    heading.text = text if len(text) <= LONGEST_TITLE else text.replace(": ", ":\n", 1)
+    plot.height = int(plot.height or 0) + 18 * (1 + heading.text.count("\n"))
 
 
 def _draw(plot: figure, breakdown: Breakdown, colour: str) -> list[Any]:
