@@ -81,11 +81,19 @@ def _read_model(path: Path, target: Path) -> object:
     return model.to_yaml()
 
 
-def _models() -> list[bytes]:
+def _presets() -> list[bytes]:
     from idloop.physics import load_model
     from idloop.physics.model_file import preset_names
 
     return [load_model(name).to_yaml().encode() for name in preset_names()]
+
+
+def _models() -> list[bytes]:
+    from idloop.physics import Engine, load_model
+
+    # What is compiled comes from numba's cache as pickles, which no reader may open.
+    Engine(load_model("axis")).layout(None)
+    return _presets()
 
 
 def _read_controller(path: Path, target: Path) -> object:
@@ -563,7 +571,7 @@ def readers() -> list[Reader]:
     ]
     return [
         Reader("model", ".yaml", _read_model, _models, (documents, "idloop.physics.model",
-               "idloop.physics.model_file", "idloop.physics.schema"), _names_in(_models())),
+               "idloop.physics.model_file", "idloop.physics.schema"), _names_in(_presets())),
         Reader("controller", ".yaml", _read_controller, _controllers, (documents, "idloop.control"),
                _names_in(_controllers())),
         Reader("experiment", ".yaml", _read_experiment, _experiments, (documents, "idloop.signals"),
