@@ -76,6 +76,20 @@ def test_a_command_without_visible_effect_that_never_changes_its_sign_may_have_l
     assert ("check that the sign of j.effort was recorded" in found.cure) == lost
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_an_arm_whose_weight_is_far_larger_than_what_accelerates_it_is_excited(make_axis, seed):
+    rng = np.random.default_rng(seed)
+    time, size = np.arange(3000) / 200, np.array([1.5, 1.2, 0.9])
+    turns, phases = np.array([1.3, 2.1, 3.4]), rng.uniform(0.0, 6.0, 3)
+    angle = np.sin(np.outer(time, turns) + phases) @ size
+    speed = np.cos(np.outer(time, turns) + phases) @ (turns * size)
+    acceleration = -np.sin(np.outer(time, turns) + phases) @ (turns**2 * size)
+    noise = 0.05 * rng.normal(size=time.size)
+    torque = 0.1 * acceleration + 0.5 * speed + 0.5 * np.sign(speed) + 6.0 * np.sin(angle + 0.4) + noise
+    arm = replace(make_axis(count=3000), position=angle, velocity=speed, command=torque)
+    assert "weak_excitation" not in kinds(arm)
+
+
 def test_a_late_velocity_is_measured_in_milliseconds(make_axis):
     axis = make_axis()
     slow = lfilter([0.1], [1.0, -0.9], axis.velocity)  # 9 samples of 5 ms late

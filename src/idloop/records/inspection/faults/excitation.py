@@ -122,6 +122,9 @@ def _slow(axis: Axis) -> list[Finding]:
     plain = [one for one in responses(axis) if one.functions.power == PLAIN]
     if plain:
         visible |= any(abs(one.certainty) > _ERRORS or one.share > _VISIBLE for one in plain)
+        # A weight may be far larger than what accelerates its arm.
+        beside = [one.gain_of(beside_position=True) for one in plain]
+        visible |= any(one.certainty > _ERRORS and one.share > _VISIBLE for one in beside)
         found = max(plain, key=lambda one: abs(one.certainty))
     if visible and found.motion_share < _ALL:
         return []
