@@ -208,3 +208,19 @@ def test_a_record_of_a_frame(model):
     np.testing.assert_allclose(record.output[:, 0], frame["theta"])
     with pytest.raises(idloop.InputError, match="no column 'thta'"):
         idloop.Record.from_frame(frame, model, time="t", command="u", outputs={"motor.position": "thta"})
+
+
+@pytest.mark.parametrize(
+    ("effect", "values"),
+    [
+        ("saturation@input", {"limit": 0.5}),
+        ("compliance@axis", {"stiffness": 40.0, "damping": 0.02, "split": 0.5}),
+    ],
+)
+def test_an_effect_that_begins_without_influence_starts_from_what_the_records_suggest(effect, values):
+    plain = idloop.load_model("axis")
+    given = ", ".join(f"{name}={value}" for name, value in values.items())
+    excitation = idloop.excitation("multisine", sample_time=0.002, duration=8.0, amplitude=1.0)
+    record = idloop.simulate(plain.with_effects([f"{effect}({given})"]), excitation, seed=1)
+    found = idloop.fit(plain.with_effects([effect]), record).values
+    assert {name: found[f"{effect}.{name}"] for name in values} == pytest.approx(values, rel=0.01)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -133,6 +134,11 @@ def fit(
     from idloop.validation import compare
 
     train, validation = as_records(records), as_records(validate)
+    if not all(map(math.isfinite, model.theta)):
+        from idloop.diagnosis.search.non_local_search import from_trial_values
+
+        progress(0.0, "finding values to start from")
+        model = from_trial_values(model, train)
     result = fit_model(model, train, criterion=criterion, progress=part(progress, 0.0, 0.9))
     progress(0.9, "comparing")
     seen, unseen = ([compare(result.model, record) for record in part_] for part_ in (train, validation))

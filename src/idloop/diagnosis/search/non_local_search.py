@@ -31,13 +31,14 @@ from idloop.diagnosis.search.confirm import (
     starts,
 )
 from idloop.errors import IdloopError
-from idloop.estimation.likelihood.estimation_problem import EstimationProblem
+from idloop.estimation.likelihood.estimation_problem import EstimationProblem, prepare_estimation
 from idloop.estimation.likelihood.parallel import in_parallel
 from idloop.estimation.likelihood.refit import Refit, refit_or_none
 from idloop.physics.effect import COUPLING, INPUT
 from idloop.physics.model import Model
 from idloop.physics.parameter import Parameter
 from idloop.physics.schema import BODY_PARAMETERS, COUPLING_PARAMETERS
+from idloop.records import Record
 
 # An inertia, a stiffness or a gain that the fit has changed by this factor is far from nominal.
 _FAR = 5.0
@@ -61,6 +62,26 @@ def non_local_searches(
     if far_from_nominal(parent.model, start.values) or not responds:
         found += _restarted_near_nominal(estimation, parent, start.values, effects, seed)
     return by_gain(found)
+
+
+def from_trial_values(model: Model, records: Sequence[Record]) -> Model:
+    """The model with values to start from for its effects that begin without influence, such as an infinite stiffness.
+
+    No slope leads away from there: of the values that the effect tries on the records, the likeliest after one round.
+    """
+    for active in model.effects:
+        own = [name for name in model.free if name.startswith(f"{active.name}.")]
+        if all(math.isfinite(model.values[name]) for name in own):
+            continue
+        plain = model.without_effect(active.name)
+        estimation = prepare_estimation(plain, records, "prediction")
+        found = [one for one in proposals(plain, [active.effect.name], estimation.conditions) if one.at == active.at]
+        scales = Sizes(plain, estimation).at(active.effect.site, active.at)
+        trials = [trial for one in found for alternative in one.alternatives(scales) for trial in alternative]
+        choices = [{name: trial.get(name.rpartition(".")[2], model.values[name]) for name in own} for trial in trials]
+        for fit in _searched(estimation, model, choices, most=1):
+            model = model.with_values({name: fit.model.values[name] for name in own})
+    return model
 
 
 def whitened(fit: Refit) -> bool:
