@@ -12,7 +12,7 @@ from idloop.diagnosis.evidence.deciding_view import DecidingView, as_predicted, 
 from idloop.diagnosis.evidence.force_view import ForceView
 from idloop.diagnosis.evidence.free_run_view import free_run_view
 from idloop.diagnosis.evidence.prediction_view import PredictionView, delay_or_lag
-from idloop.diagnosis.model_errors import explains_less
+from idloop.diagnosis.model_errors import explains_less, runs_worse
 from idloop.diagnosis.options import (
     FORCE,
     MINIMUM_IMPROVEMENT,
@@ -82,14 +82,22 @@ def diagnose(
     scale = common_scale(CachingEngine(model), prepare(model, records))
     if scale is not None:
         model = scale.fixed(model)
+
+    def by_errors() -> Diagnosis:
+        estimation = diagnosis_problem(model, records, kind)
+        return _by_errors(PredictionView(estimation, model, options.within(0.5, 0.9)), refit(estimation, model))
+
     found = _by_force(model, records, criterion, options.within(0.0, 0.3)) if criterion in ("auto", FORCE) else None
+    if criterion == "auto" and found is not None and (found.best is None or _runs_worse(found.model, found, records)):
+        # A body that nobody measures moves an axis as no force balance shows.
+        other, reached = by_errors(), found.model if found.best is None else found.best.model
+        found = found if other.best is None or _runs_worse(reached, other, records) else other
     # Without a balance the free run is asked first, and after what leaves nothing else, as by `refine`.
     asked = criterion == "auto" and found is None
     if asked:
         found = _by_free_run(model, records, options.within(0.3, 0.5))
     if found is None:
-        estimation = diagnosis_problem(model, records, kind)
-        found = _by_errors(PredictionView(estimation, model, options.within(0.5, 0.9)), refit(estimation, model))
+        found = by_errors()
     if criterion == "auto" and not asked and found.verdict in NOISE_VERDICTS and not found.response.uninformative:
         found = _by_free_run(found.model, records, options.within(0.9, 1.0)) or found
     options.report(1.0, "done")
@@ -100,6 +108,12 @@ def diagnose(
     added = [rung.added.name for rung in found.rungs]
     findings = (*found.gate.findings, *findings_of_model(model, reached, added, found.response, undetermined))
     return replace(found, gate=replace(found.gate, findings=findings))
+
+
+def _runs_worse(before: Model | None, found: Diagnosis, records: Sequence[Record]) -> bool:
+    """Whether the free run is worse with the effect that a diagnosis names; no where either model is unknown."""
+    after = None if found.best is None else found.best.model
+    return before is not None and after is not None and runs_worse(before, after, records)
 
 
 def _by_errors(view: PredictionView, fit: Refit) -> Diagnosis:

@@ -44,9 +44,12 @@ def explains_less(before: Model, after: Model, records: Sequence[Record]) -> boo
     there the free run decides.
     """
     was, now = (model_errors(one, records) for one in (before, after))
-    if after.inner_couplings or was["force"] is None:
+    if after.inner_couplings:
+        # Where it is started anew, the motion of the part that nobody measures is not known.
+        return _grow(was, now, _WORSE) and _grow(was, now, _WORSE, of="nrmse")
+    if was["force"] is None:
         # Without a balance a free run also gathers what a disturbance leaves.
-        return _grow(was, now, _WORSE if after.inner_couplings else _FAR_WORSE)
+        return _grow(was, now, _FAR_WORSE)
     # Below its own error a force balance separates no models.
     return now["force"] is None or now["force"] > _WORSE * max(was["force"], LEAST_UNEXPLAINED)
 
@@ -56,9 +59,9 @@ def runs_worse(before: Model, after: Model, records: Sequence[Record]) -> bool:
     return _grow(model_errors(before, records), model_errors(after, records), _WORSE)
 
 
-def _grow(was: dict[str, Any], now: dict[str, Any], most: float) -> bool:
-    """Whether errors of a restarted free run grow by more than a factor."""
-    return any(error > most * was["anew"].get(name, np.inf) for name, error in now["anew"].items())
+def _grow(was: dict[str, Any], now: dict[str, Any], most: float, of: str = "anew") -> bool:
+    """Whether errors of a free run, restarted where nothing else is asked for, grow by more than a factor."""
+    return any(error > most * was[of].get(name, np.inf) for name, error in now[of].items())
 
 
 def _errors(model: Model, record: Record) -> dict[str, Any]:

@@ -105,6 +105,8 @@ def refine(
             # Without a balance the free run is asked first.
             found = found or (ladder if ladder is not None else task.by_free_run(start, None))
             found = task.by_errors(start if found is None else found.model, found, PREDICTION, last)
+            if last is not None:
+                found = task.or_by_errors(start, ladder, found)
     if found is None:
         found = task.by_errors(start, ladder, kind)
     if criterion == "auto" and found.verdict in NOISE_VERDICTS and not found.response.uninformative:
@@ -198,6 +200,16 @@ class _Refinement:
                 found = _with_resolution(found, candidate)
         return found
 
+    def or_by_errors(self, start: Model, ladder: Ladder | None, found: Ladder) -> Ladder:
+        """What predictions find, where what the balance has found runs worse than the model without it.
+
+        A body that nobody measures moves an axis as no force balance shows.
+        """
+        if not found.added or not self._runs_worse(found.steps[0].model, found.model):
+            return found
+        other = self.by_errors(start, ladder, PREDICTION)
+        return found if self._runs_worse(found.model, other.model) else other
+
     def by_free_run(self, start: Model, ladder: Ladder | None) -> Ladder | None:
         """Climb by free-run errors where a free run is far off; the same ladder where they show nothing."""
         asked = free_run_view(start, self.records, self.validation, self.options, near=ladder is not None)
@@ -223,7 +235,7 @@ class _Refinement:
         # Predictions would take for noise what the balance leaves beyond its noise: they evaluate only what the balance
         # cannot show. Where they need no whitening they are the more sensitive view.
         balanced = last.reliable and any(fit.problem.orders)
-        view = view.beside(ladder.model, balanced=balanced)
+        view = view.beside(ladder.model, last.model if balanced else None)
         if view.choices(ladder.model) == []:
             return ladder
         more, _ = replace(self._climb(view, PREDICTION), reduces=True)(fit, ladder)
@@ -283,7 +295,7 @@ class _Refinement:
         return ladder
 
     def _runs_worse(self, before: Model, after: Model) -> bool:
-        return runs_worse(before, after, self.validation or self.records)
+        return any(runs_worse(before, after, some) for some in (self.records, self.validation) if some)
 
     def _worse(self, before: Model, after: Model) -> bool:
         return explains_less(before, after, self.validation or self.records)

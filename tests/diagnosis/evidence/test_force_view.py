@@ -369,3 +369,13 @@ def test_what_free_parameters_can_imitate_takes_no_place_of_other_effects(monkey
     step = evaluated(model, record)
     assert step.gate.why["dead_zone@input"] == "on this data the free parameters can do the same"
     assert "input_offset@input" in {name for one in step.evaluated for name in one.names}
+
+
+@pytest.mark.parametrize(("stiffness", "simpler"), [(1e4, True), (0.5, False)])
+def test_an_effect_goes_where_the_simpler_one_that_it_contains_explains_as_much(stiffness: float, simpler: bool):
+    model = load_model("axis").with_effects([f"presliding_friction@axis(level=0.2, stiffness={stiffness})"])
+    record = turned(model)
+    estimation = prepare_estimation(model, [record], "prediction")
+    view = ForceView(estimation, Options())
+    smaller = view.without(requested_force_fit(model, estimation, {}), "presliding_friction@axis")
+    assert (smaller is not None) is simpler

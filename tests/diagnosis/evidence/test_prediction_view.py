@@ -99,7 +99,7 @@ def test_beside_a_balance_the_motion_follows_the_command(monkeypatch: pytest.Mon
     monkeypatch.setattr(non_local_search, "_restarted_near_nominal", lambda *_: [])
     parent = refit(estimation, model)
     alone = view.evaluate(parent)
-    balanced = view.beside(model, balanced=True).evaluate(parent)
+    balanced = view.beside(model, model).evaluate(parent)
     assert alone.response is not CommandResponse.FOLLOWS
     assert balanced.response is CommandResponse.FOLLOWS
     assert balanced.verdict() == (ADEQUATE, ())

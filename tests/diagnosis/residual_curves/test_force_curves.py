@@ -1,12 +1,14 @@
-"""A force over the velocity that remains, as it is drawn."""
+"""Curves that remain over velocity and time, as they are drawn and worded."""
 
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from tests.diagnosis.conftest import record_of
 
 from idloop.diagnosis.evidence.deciding_view import requested_force_fit
 from idloop.diagnosis.residual_curves.force_curves import force_curves
+from idloop.diagnosis.residual_curves.unknown_structure import Curve
 from idloop.estimation.likelihood.estimation_problem import prepare_estimation
 from idloop.physics import load_model
 
@@ -29,3 +31,10 @@ def test_a_remaining_force_is_drawn_as_the_fitted_model_leaves_it() -> None:
     for taken in (speed, np.sign(speed)):
         part = abs(along @ taken) / np.linalg.norm(along) / np.linalg.norm(taken)
         assert part < 0.1, part
+
+
+@pytest.mark.parametrize("over", ["time", "axis.position"])
+def test_what_changes_with_the_time_may_be_the_frequency_of_a_sweep(over: str):
+    curve = Curve("drive", "-", over, "s" if over == "time" else "rad", np.linspace(0.0, 9.0, 4), closed=False)
+    found = curve.structure("the errors of the force", 1e-4, np.array([0.0, 0.1, 0.2, 0.3]), np.full(4, 0.01), 0.5)
+    assert ("the frequency of a sweep" in found.text) is (over == "time")

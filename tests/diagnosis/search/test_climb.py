@@ -7,6 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pytest
 
 from idloop.diagnosis.evidence.predictive import Evidence, Scores
 from idloop.diagnosis.screening.proposals import proposals
@@ -147,6 +148,29 @@ def test_a_model_that_is_worse_in_the_other_view_ends_the_ladder_with_what_was_t
     assert ladder.steps == before.steps
     assert ladder.verdict == "adequate"
     assert ladder.passed_over == {DRAG: "with it the model explains less of the records"}
+
+
+class Late(Fickle):
+    """Explains more with an earlier command."""
+
+    asked = 0
+
+    def with_timing(self, step: SearchStep[Any]) -> tuple[View[Any], Any]:
+        self.asked += 1
+        return Fickle(dropping=False), Fit(step.parent.model.with_values({"axis.viscous_friction": 9.0}))
+
+
+@pytest.mark.parametrize("worse", [False, True])
+def test_an_earlier_command_whose_values_explain_less_of_the_force_is_refused_once(worse: bool) -> None:
+    view = Late(dropping=False)
+    guarded = Climb(
+        view, (), (), "prediction", 0.01, 8, lambda share, text: None,
+        worse=lambda one, other: worse and other.values["axis.viscous_friction"] == 9.0,
+    )  # fmt: skip
+    ladder, _ = guarded(Fit(load_model("axis")))
+    assert (ladder.model.values["axis.viscous_friction"] == 9.0) is not worse
+    assert set(ladder.added) == {FRICTION, DRAG}
+    assert view.asked == 1
 
 
 class Predicted(Answers):

@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnosis.evidence.predictive import Scores, scores_of, scores_without_refit
+from idloop.diagnosis.evidence.predictive import Evidence, Scores, scores_of, scores_without_refit
 from idloop.diagnosis.evidence.undetermined_strength import undetermined_with
 from idloop.diagnosis.identifiability import NOT_REPEATED, OWN_PART, Gate, excitation_findings
 from idloop.diagnosis.options import FORCE, Options
@@ -46,7 +46,7 @@ from idloop.estimation.likelihood.parallel import in_parallel
 from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.estimation.statistics.undetermined import standard_errors
 from idloop.physics.effect import INPUT, OUTPUT
-from idloop.physics.model import Model
+from idloop.physics.model import Model, values_of
 from idloop.physics.trial import Trial
 
 Array = NDArray[np.float64]
@@ -96,11 +96,7 @@ class ForceStep(SearchStep[WeakFit]):
 
         What reduces drive force and unexplained force alike explains nothing.
         """
-        return min(one.evidence.improvement, 1.0 - math.exp(-self._fall(one)))
-
-    def _fall(self, one: EvaluatedModel[WeakFit]) -> float:
-        """Mean logarithm by which the relative force errors of the bodies fall."""
-        return _log_mean(self.subsampled.relative_by_body) - _log_mean(one.fit.relative_by_body)
+        return _improvement(one.evidence, self.subsampled, one.fit)
 
     def practically_significant(self, one: EvaluatedModel[WeakFit]) -> bool:
         """Whether it reduces errors enough, on held-out records as well."""
@@ -109,7 +105,7 @@ class ForceStep(SearchStep[WeakFit]):
     def _part(self, one: EvaluatedModel[WeakFit]) -> float:
         """Part of the power of the errors of all bodies that it explains, of those that no noise accounts for."""
         noise = self.subsampled.noise_share
-        left = max(1.0 - one.evidence.improvement, math.exp(-len(noise) * self._fall(one)))
+        left = max(1.0 - one.evidence.improvement, math.exp(-len(noise) * _fall(self.subsampled, one.fit)))
         return (1.0 - left**2) / max(1.0 - float(np.max(noise)) ** 2, 1e-300)
 
     def _carries_over(self, one: EvaluatedModel[WeakFit]) -> bool:
@@ -270,18 +266,41 @@ class ForceView(View[WeakFit]):
         return None if found is None else fitted_model(found)
 
     def without(self, fit: WeakFit, name: str) -> WeakFit | None:
-        """The model without one of its effects, where its evidence is no less; else None."""
+        """The model without one of its effects, where its evidence is no less; else None.
+
+        Or where it is no less with the simpler effect that this one contains, which is then evaluated again.
+        """
         fit = fit.subsampled(ENOUGH)
-        smaller = fit_in(fit.form, fit.model.without_effect(name), fit.shift)
-        if smaller is None:
+        active = next(one for one in fit.model.effects if one.name == name)
+        model, values = fit.model.without_effect(name), values_of(active, fit.model.values)
+        simpler = [
+            model.with_effect(simple, active.at, **{theirs: values[own] for theirs, own in shared.items()})
+            for simple, shared in active.effect.contains.items()
+            if f"{simple}@{active.at}" not in model.effect_names
+        ]
+        smaller, *others = (fit_in(fit.form, one, fit.shift) for one in (model, *simpler))
+        if smaller is None or not any(self._equals(one, fit) for one in (smaller, *others) if one is not None):
             return None
+        return self.refit_thoroughly(smaller)
+
+    def _equals(self, other: WeakFit, fit: WeakFit) -> bool:
+        """Whether a model fitted to the same windows has no less evidence."""
         try:
-            evidence = scores_of(fit).against(scores_of(smaller))
+            evidence = scores_of(fit).against(scores_of(other))
         except (IdloopError, np.linalg.LinAlgError):
-            return None
+            return False
         level, least = self.options.level, self.options.minimum_improvement
-        needed = evidence.improvement >= least and evidence.log >= math.log(1.0 / level)
-        return None if needed else self.refit_thoroughly(smaller)
+        return _improvement(evidence, other, fit) < least or evidence.log < math.log(1.0 / level)
+
+
+def _improvement(evidence: Evidence, before: WeakFit, after: WeakFit) -> float:
+    """Part by which errors fall: the smaller one of that on unseen samples and that of the force error."""
+    return min(evidence.improvement, 1.0 - math.exp(-_fall(before, after)))
+
+
+def _fall(before: WeakFit, after: WeakFit) -> float:
+    """Mean logarithm by which the relative force errors of the bodies fall."""
+    return _log_mean(before.relative_by_body) - _log_mean(after.relative_by_body)
 
 
 def _surest(evaluated: Iterable[EvaluatedModel[WeakFit]]) -> list[EvaluatedModel[WeakFit]]:

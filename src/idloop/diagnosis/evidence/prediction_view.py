@@ -167,9 +167,9 @@ class PredictionView(View[Refit]):
     promised: float = 0.0  # part of the power of the errors that an effect's trace must promise for it to be fitted
     support: EstimationProblem | None = None  # in which an effect that is named must gain likelihood as well
 
-    def beside(self, model: Model, *, balanced: bool) -> PredictionView:
-        """The same view from a model that the force balance has reached; `balanced`: see the class."""
-        return replace(self, start=model, force_model=model if balanced else None)
+    def beside(self, model: Model, balanced: Model | None) -> PredictionView:
+        """The same view from another model on; `balanced`: what the force balance has reached, see the class."""
+        return replace(self, start=model, force_model=balanced)
 
     def choices(self, model: Model) -> Sequence[str] | None:
         """Effects to choose from beside a model; None for the whole catalogue."""
@@ -544,7 +544,9 @@ def _absorbed_by_noise(fit: Refit) -> bool:
 
 
 def _with_unreliable_score(screened: list[Screened], parent: Refit) -> list[Screened]:
-    """Effects with an unreliable score: those that would replace a simpler one, and slow forces.
+    """Effects with an unreliable score: those that would replace a simpler one or split a body, and slow forces.
+
+    What was fitted may describe a part of the split body alone, far from the values that both parts ask for.
 
     A long memory of the noise may absorb the latter; of those that act on all bodies alike, the first body's counts.
     """
@@ -556,4 +558,8 @@ def _with_unreliable_score(screened: list[Screened], parent: Refit) -> list[Scre
         alike = proposal.effect.anywhere and proposal.at not in (INPUT, parent.model.bodies[0])
         return remembers and proposal.effect.slow and not alike
 
-    return [s for s in screened if s.traces and (s.proposal.replaces is not None or slow(s.proposal))]
+    return [
+        s
+        for s in screened
+        if s.traces and (s.proposal.replaces is not None or s.proposal.effect.splits or slow(s.proposal))
+    ]

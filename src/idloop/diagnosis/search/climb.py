@@ -38,6 +38,7 @@ class Climb(Generic[FitT]):
         """Climb from a fitted model, on from a ladder where one is given, to the fit of the last model."""
         given = ladder
         kept, added, reduced = set[str](), set[str](), not self.reduces
+        timing_refused = False
         while True:
             count = 0 if ladder is None else len(ladder.added)
             self.report(count / (count + 2.0), f"evaluating effects beside {count}" if count else "evaluating effects")
@@ -55,10 +56,12 @@ class Climb(Generic[FitT]):
                     continue
             room = bool(step.tied) and count + len(step.tied[0].proposals) <= self.most
             # A missing effect may hide the timing of the command: it is looked at again once effects were added.
-            timed = self.view.with_timing(step) if added or room else None
+            timed = self.view.with_timing(step) if (added or room) and not timing_refused else None
             if timed is not None:
-                view, fit = timed
-                return replace(self, view=view)(fit, self._with_values(ladder, step.reported(fit)))
+                view, after = timed[0], step.reported(timed[1])
+                timing_refused = self.worse is not None and self.worse(ladder.model, after)
+                if not timing_refused:
+                    return replace(self, view=view)(timed[1], self._with_values(ladder, after))
             step, found = self._first_that_serves(step, ladder.model) if room else (step, None)
             if found is None:
                 break

@@ -19,6 +19,7 @@ from idloop.estimation.likelihood.parallel import in_parallel
 from idloop.estimation.likelihood.refit import STRENGTH_FACTORS, Refit, refit, refit_or_none
 from idloop.estimation.observer.innovations import WALK
 from idloop.physics.model import Model
+from idloop.physics.parameter import Parameter
 from idloop.physics.trial import Trial
 
 Array = NDArray[np.float64]
@@ -156,13 +157,21 @@ def _confirm(estimation: EstimationProblem, parent: Refit, screened: Screened) -
         key = (*(trace.trials[0].get(name, 0.0) for name in integers), alone)
         groups.setdefault(key, []).extend((values, trace.shift) for values in starts(proposal, trace, place == 0))
     best: Refit | None = None
-    for model, group in [(proposal.model(group[0][0]), group) for group in groups.values()]:
-        thetas = [theta for values, shift in group for theta in points(parent, proposal.model(values), shift)]
+    searches = [
+        (proposal.model(group[0][0]), [at for one, shift in group for at in points(parent, proposal.model(one), shift)])
+        for group in groups.values()
+    ]
+    if proposal.effect.splits:
+        trials = [trial for trace in screened.traces for trial in trace.trials]
+        near = proposal.model(trials[0]), [_of_the_near_part(parent, proposal, one) for one in trials]
+        searches = [near, *searches]
+    for model, thetas in searches:
         found = first_round(estimation, model, thetas, parent)
         if found is not None and (best is None or found.log_likelihood > best.log_likelihood):
             best = found
         # Another shape is tried only while none has explained anything.
-        if best is not None and best.log_likelihood - parent.log_likelihood > 0.25 * screened.statistic > 0.0:
+        explained = 0.0 if best is None else best.log_likelihood - parent.log_likelihood
+        if explained > 0.25 * screened.statistic > 0.0 and not proposal.effect.splits:
             break
     if best is None:
         return None
@@ -217,6 +226,24 @@ def points(parent: Refit, start: Model, shift: Array | None) -> list[Array]:
     if shift is not None:
         known.append({name: known[0][name] + d for name, d in zip(parent.model.free, shift, strict=True)})
     return [np.array([values.get(name, start.values[name]) for name in start.free]) for values in known]
+
+
+def _of_the_near_part(parent: Refit, proposal: Proposal, trial: Trial) -> Array:
+    """Free parameters to start from where the fitted inertia is that of the near part of the split body alone.
+
+    Fast motion shows the near part, slow motion both. Where the inertia is known, all forces are smaller instead.
+    """
+    near, start = 1.0 - trial["split"], proposal.model(trial)
+    inertia = f"{proposal.at}.inertia"
+    fitted = dict(zip(parent.model.free, parent.point, strict=False))
+
+    def factor(one: Parameter) -> float:
+        own, is_force = one.name not in fitted, one.unit.startswith(start.units.force)
+        if inertia in fitted:
+            return 1.0 / near if one.name == inertia or (own and is_force) else 1.0
+        return near if is_force and not own else 1.0
+
+    return np.array([fitted.get(one.name, one.value) * factor(one) for one in start.parameters if one.free])
 
 
 def starts(proposal: Proposal, trace: Trace, fan: bool = False) -> list[Trial]:
