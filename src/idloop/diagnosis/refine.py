@@ -208,7 +208,7 @@ class _Refinement:
         if not found.added or not self._runs_worse(found.steps[0].model, found.model):
             return found
         other = self.by_errors(start, ladder, PREDICTION)
-        return found if self._runs_worse(found.model, other.model) else other
+        return found if not other.added or self._runs_worse(found.model, other.model) else other
 
     def by_free_run(self, start: Model, ladder: Ladder | None) -> Ladder | None:
         """Climb by free-run errors where a free run is far off; the same ladder where they show nothing."""
