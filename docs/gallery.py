@@ -44,11 +44,13 @@ def picture_of_workbench(folder: Path) -> None:
     where = folder / "begun"
     with subprocess.Popen([*PROGRAM, *words], stdout=subprocess.PIPE, text=True, cwd=where) as served:
         assert served.stdout is not None  # noqa: S101  (it is a pipe)
-        text = ""
-        while not text.rstrip().endswith("}"):
-            text += served.stdout.readline()
-        take_picture(json.loads(text)["address"], PICTURES / "workbench.png")
-        served.terminate()
+        try:
+            text = ""
+            while not text.rstrip().endswith("}"):
+                text += served.stdout.readline()
+            take_picture(json.loads(text)["address"], PICTURES / "workbench.png")
+        finally:
+            served.terminate()
 
 
 def main() -> None:
