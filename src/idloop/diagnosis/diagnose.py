@@ -111,7 +111,7 @@ def diagnose(
 
 
 def _runs_worse(before: Model | None, found: Diagnosis, records: Sequence[Record]) -> bool:
-    """Whether the free run is worse with the effect that a diagnosis names; no where either model is unknown."""
+    """Whether the free run is worse with the effect that a diagnosis names; False where either model is unknown."""
     after = None if found.best is None else found.best.model
     return before is not None and after is not None and runs_worse(before, after, records)
 

@@ -106,7 +106,7 @@ def refine(
             found = found or (ladder if ladder is not None else task.by_free_run(start, None))
             found = task.by_errors(start if found is None else found.model, found, PREDICTION, last)
             if last is not None:
-                found = task.or_by_errors(start, ladder, found)
+                found = task.checked_by_free_run(start, ladder, found)
     if found is None:
         found = task.by_errors(start, ladder, kind)
     if criterion == "auto" and found.verdict in NOISE_VERDICTS and not found.response.uninformative:
@@ -200,8 +200,8 @@ class _Refinement:
                 found = _with_resolution(found, candidate)
         return found
 
-    def or_by_errors(self, start: Model, ladder: Ladder | None, found: Ladder) -> Ladder:
-        """What predictions find, where what the balance has found runs worse than the model without it.
+    def checked_by_free_run(self, start: Model, ladder: Ladder | None, found: Ladder) -> Ladder:
+        """The same ladder, or that of predictions where its free run is worse than without its effects.
 
         A body that nobody measures moves an axis as no force balance shows.
         """

@@ -546,9 +546,8 @@ def _absorbed_by_noise(fit: Refit) -> bool:
 def _with_unreliable_score(screened: list[Screened], parent: Refit) -> list[Screened]:
     """Effects with an unreliable score: those that would replace a simpler one or split a body, and slow forces.
 
-    What was fitted may describe a part of the split body alone, far from the values that both parts ask for.
-
-    A long memory of the noise may absorb the latter; of those that act on all bodies alike, the first body's counts.
+    The fitted values may be those of one part of a split body, far from those of both. A long memory of the noise may
+    absorb slow forces; of those that act on all bodies alike, the first body's counts.
     """
     if not isinstance(parent.criterion, InnovationCriterion):
         return []

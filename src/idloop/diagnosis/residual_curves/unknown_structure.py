@@ -146,7 +146,7 @@ class Curve:
             size = f"{100.0 * apart:.3g} %" if self.of_unit == "-" else f"{short(apart)} {self.of_unit}"
             text += f"by {size} from its minimum to its maximum, as fitted"
             if self.over == "time":
-                text += "; the frequency of a sweep, or another joint, that changes with the time would look the same"
+                text += "; the frequency of a sweep or the motion of another joint would look the same"
         else:
             text += f"a fitted {self.of} of up to {short(float(np.max(np.abs(force))))} {self.of_unit} remains"
         return UnknownStructure(self.over, self.unit, self.of_unit, at, force, band, share, text, period, self.of)
