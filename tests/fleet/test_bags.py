@@ -11,6 +11,7 @@ import pytest
 from pyarrow import parquet
 
 from idloop.errors import InputError
+from idloop.fleet import bags
 from idloop.fleet.bags import find_bags
 
 MARCH = datetime(2026, 3, 1, tzinfo=timezone.utc)
@@ -127,7 +128,7 @@ def test_a_table_is_read_from_memory_of_arrow(folder, monkeypatch):
 
 
 def test_nothing_is_imported_to_refuse_a_place_that_is_not_there(tmp_path, monkeypatch):
-    monkeypatch.setattr("idloop.fleet.bags.library", None)
+    monkeypatch.setattr(bags, "library", None)
     for place in ("none", "none/*", "none.csv"):
         with pytest.raises(InputError, match="no such table or folder"):
             find_bags(str(tmp_path / place))
