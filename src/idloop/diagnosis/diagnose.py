@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -88,10 +88,16 @@ def diagnose(
         return _by_errors(PredictionView(estimation, model, options.within(0.5, 0.9)), refit(estimation, model))
 
     found = _by_force(model, records, criterion, options.within(0.0, 0.3)) if criterion in ("auto", FORCE) else None
-    if criterion == "auto" and found is not None and (found.best is None or _runs_worse(found.model, found, records)):
-        # A body that nobody measures moves an axis as no force balance shows.
+    if (
+        criterion == "auto"
+        and found is not None
+        and (found.best is None or _grows(found.model, found, records, runs_worse))
+    ):
+        # A body that nobody measures moves an axis as no force balance shows; an axis that a loop holds drifts in free
+        # run with any model, and what leaves more of the force is no better.
         other, reached = by_errors(), found.model if found.best is None else found.best.model
-        found = found if other.best is None or _runs_worse(reached, other, records) else other
+        worse = other.best is None or any(_grows(reached, other, records, by) for by in (explains_less, runs_worse))
+        found = found if worse else other
     # Without a balance the free run is asked first, and after what leaves nothing else, as by `refine`.
     asked = criterion == "auto" and found is None
     if asked:
@@ -110,10 +116,15 @@ def diagnose(
     return replace(found, gate=replace(found.gate, findings=findings))
 
 
-def _runs_worse(before: Model | None, found: Diagnosis, records: Sequence[Record]) -> bool:
-    """Whether the free run is worse with the effect that a diagnosis names; False where either model is unknown."""
+def _grows(
+    before: Model | None,
+    found: Diagnosis,
+    records: Sequence[Record],
+    by: Callable[[Model, Model, Sequence[Record]], bool],
+) -> bool:
+    """Whether an error is worse with the effect that a diagnosis names; False where either model is unknown."""
     after = None if found.best is None else found.best.model
-    return before is not None and after is not None and runs_worse(before, after, records)
+    return before is not None and after is not None and by(before, after, records)
 
 
 def _by_errors(view: PredictionView, fit: Refit) -> Diagnosis:

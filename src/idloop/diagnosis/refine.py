@@ -203,12 +203,14 @@ class _Refinement:
     def checked_by_free_run(self, start: Model, ladder: Ladder | None, found: Ladder) -> Ladder:
         """The same ladder, or that of predictions where its free run is worse than without its effects.
 
-        A body that nobody measures moves an axis as no force balance shows.
+        A body that nobody measures moves an axis as no force balance shows. Where a loop holds the axis, an open run
+        drifts with any model, and what leaves more of the force is no better.
         """
         if not found.added or not self._runs_worse(found.steps[0].model, found.model):
             return found
         other = self.by_errors(start, ladder, PREDICTION)
-        return found if not other.added or self._runs_worse(found.model, other.model) else other
+        worse = not other.added or any(check(found.model, other.model) for check in (self._worse, self._runs_worse))
+        return found if worse else other
 
     def by_free_run(self, start: Model, ladder: Ladder | None) -> Ladder | None:
         """Climb by free-run errors where a free run is far off; the same ladder where they show nothing."""
