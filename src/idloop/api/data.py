@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING, Any
 from idloop.errors import InputError
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from idloop.arrays import Array
     from idloop.physics import Condition, Model
     from idloop.records import Record
     from idloop.records.align import ModelSignals
@@ -100,7 +98,7 @@ def read_bag(bag: str | Path, model: Model) -> Record:
 
 def simulate(
     model: Model,
-    signal: Signal | NDArray[np.float64] | Sequence[float],
+    signal: Signal | Array | Sequence[float],
     *,
     sample_time: float | None = None,
     controller: Mapping[str, Any] | bool | None = None,

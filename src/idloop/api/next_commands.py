@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.called_as import program
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def commands(lines: Sequence[Sequence[str]]) -> list[str]:
     return [f"{program()} {shlex.join(line)}" for line in lines]
 
 
-def _commands(inspection: Inspection) -> NDArray[np.float64]:
+def _commands(inspection: Inspection) -> Array:
     """Values of the command of a record; of several driven joints those of the first."""
     values = next((axis.command for axis in inspection.axes if axis.command.size), np.zeros(0))
     return np.asarray(values[np.isfinite(values)])

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.control import step
 from idloop.control.compensation import Plan
 from idloop.control.compensation_settings import Settings
@@ -22,7 +22,7 @@ _FAULTS = {
     step.BAD_COMMAND: "computed command not finite",
 }
 
-Measurement = Mapping[str, float] | Sequence[float] | NDArray[np.float64]
+Measurement = Mapping[str, float] | Sequence[float] | Array
 
 
 class Controller:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 
 
@@ -17,7 +18,7 @@ def linear_quadratic_gains(
     r: float,
     sample_time: float | None,
     where: str = "controller",
-) -> NDArray[np.float64]:
+) -> Array:
     """Gains K of law = -K x that minimise the sum of x' diag(q) x + r law².
 
     `a` (n, n): state matrix of the continuous model. `b`: input matrix of the continuous model. `q`: state weights.

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.control import step
 from idloop.control.linear_quadratic import linear_quadratic_gains
 from idloop.physics.controller_section import controller_inputs, joint_and_field
@@ -36,8 +36,8 @@ class Kernel:
     """
 
     kind: int
-    parameters: NDArray[np.float64]
-    state: NDArray[np.float64]
+    parameters: Array
+    state: Array
     inputs: tuple[str, ...]
 
 

@@ -7,16 +7,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.control.compensation import followed_output
 
 if TYPE_CHECKING:
     from idloop.control.controller import Controller
     from idloop.physics.machine import Machine
     from idloop.physics.model import Model
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.estimation.dataset import Data, initial_motion, travel
 
 if TYPE_CHECKING:
     from idloop.physics import Engine
 
-Array = NDArray[np.float64]
 
 # errors[group][record] has shape (samples, outputs of the group) and no NaN.
 Errors = list[list[Array]]

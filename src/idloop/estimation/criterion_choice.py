@@ -20,13 +20,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from idloop.estimation.dataset import Data
     from idloop.estimation.result import FitResult, RecordResidual
 
-Array = NDArray[np.float64]
 
 PRECISION_RATIO = 3.0
 SINGLE_RATIO = 8.0

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Integers
 from idloop.errors import InputError
 from idloop.estimation.force_balance.held_command import held_along
 from idloop.estimation.observer.sensor_noise import noise_std
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from idloop.physics import Engine, Model
     from idloop.records import Record
 
-Array = NDArray[np.float64]
 
 # Least number of samples for a fit.
 FEWEST_SAMPLES = 20
@@ -53,7 +52,7 @@ class Data:
     time: Array
     output: Array
     sample_time: float
-    gaps: NDArray[np.int64]
+    gaps: Integers
     conditions: Conditions | None = None
 
     def held_input(self) -> Array:

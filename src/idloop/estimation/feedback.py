@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import IdloopError
 from idloop.estimation.black_box.sampled import SampledData, held_sum, sampled, together
 
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from idloop.estimation.black_box.method import Choices, Method
     from idloop.records import Record
 
-Array = NDArray[np.float64]
 
 _LAGS = 20  # of the regressions
 _ROWS = 20_000  # most samples for the regressions

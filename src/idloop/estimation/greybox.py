@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import IdloopError, InputError
 from idloop.estimation.criterion import Criterion
 from idloop.estimation.criterion_choice import choose_criterion, percent
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from idloop.physics import Engine, Model
     from idloop.records import Record
 
-Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
 # Ratio of losses above which a fit with one parameter held is worse.

@@ -10,8 +10,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from idloop.arrays import Array
 from idloop.errors import IdloopError, InputError
 from idloop.estimation.observer.innovation_covariance import OUTLIER, InnovationCovariance
 from idloop.estimation.observer.predictor_bank import PredictorBank
@@ -21,7 +22,6 @@ from idloop.estimation.observer.stationary import design
 if TYPE_CHECKING:
     from idloop.physics import Model
 
-Array = NDArray[np.float64]
 
 # Rival observers assume this factor more and less disturbance.
 _RIVAL = 3.0

@@ -6,15 +6,13 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.estimation.statistics.interval_text import interval_text
 
 if TYPE_CHECKING:
     import control
     from idloop.physics import Model
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,15 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Mask
 from idloop.estimation.criterion import Errors, InitialStates
 from idloop.estimation.dataset import Data, output_groups
 
 if TYPE_CHECKING:
     from idloop.physics import Engine
-
-Array = NDArray[np.float64]
 
 
 class SimulationCriterion:
@@ -105,7 +103,7 @@ class SimulationCriterion:
         ]
 
 
-def _known(data: Data, group: list[int]) -> NDArray[np.bool_] | None:
+def _known(data: Data, group: list[int]) -> Mask | None:
     """Rows with measurements of these outputs; None for all rows and outputs."""
     known = np.all(np.isfinite(data.output[:, group]), axis=1)
     return None if np.all(known) and group == list(range(data.output.shape[1])) else known

@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import IdloopError, InputError
 from idloop.estimation.dataset import prepare
 from idloop.estimation.optimisation.caching_engine import CachingEngine
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from idloop.physics import Model
     from idloop.records import Record
 
-Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
 BLOCK = 2.0  # [s]

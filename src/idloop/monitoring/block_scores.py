@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Integers
 from idloop.estimation.criterion import InitialStates
 
 if TYPE_CHECKING:
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from idloop.monitoring.reference_observer import ReferenceObserver
     from idloop.physics import Engine
 
-Array = NDArray[np.float64]
 
 # Least share of a block that must be measured.
 _FULL = 0.8
@@ -34,7 +33,7 @@ class Scores:
 
     # shape (b,): number of each block on the grid of the record's clock, from ``index * length`` to ``(index + 1) *
     # length`` [s]
-    index: NDArray[np.int64]
+    index: Integers
     gradient: Array  # shape (b, k): score of each parameter [1/unit]
     information: Array  # shape (b, k, k): information [1/unit²]
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Integers
 from idloop.monitoring.baseline import LEAST_SHARE, Baseline
 from idloop.monitoring.block_scores import EfficientScore, Scores
 from idloop.monitoring.cusum import Alarm, Cusum, Growth
@@ -16,7 +16,6 @@ from idloop.monitoring.run_length import Evidence
 if TYPE_CHECKING:
     from idloop.records import Record
 
-Array = NDArray[np.float64]
 
 ALARM, QUIET, CANNOT_TELL = "alarm", "quiet", "cannot_tell"
 
@@ -25,7 +24,7 @@ ALARM, QUIET, CANNOT_TELL = "alarm", "quiet", "cannot_tell"
 class Trace:
     """Sums and growth over one stretch of data."""
 
-    index: NDArray[np.int64]  # shape (b,): blocks
+    index: Integers  # shape (b,): blocks
     sums: Array  # shape (b, w): sum of each watch after each block
     # shape (b, w): growth by each block alone and its standard error [unit]; NaN where a block is not informative
     growth: Array

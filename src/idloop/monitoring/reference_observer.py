@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Mask
 from idloop.errors import IdloopError
 from idloop.estimation.dataset import Data, force_scale, output_noise
 from idloop.estimation.likelihood.disturbance import fit_random_walk
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from idloop.physics import Engine
     from idloop.physics.engine import Engine as CompiledEngine
 
-Array = NDArray[np.float64]
 
 # Most samples of the reference from which observer and noise model are designed.
 _ENOUGH = 60_000
@@ -41,7 +40,7 @@ class ReferenceObserver:
     whiteners: tuple[Whitener, ...]  # one for each group
     weights: tuple[Array, ...]  # shape (g, g): scale the whitened innovations of each group to unit covariance
 
-    def whitened(self, innovations: Array, group: int, rows: NDArray[np.bool_]) -> Array:
+    def whitened(self, innovations: Array, group: int, rows: Mask) -> Array:
         """Innovations of one group, white and of unit variance.
 
         `innovations` (n, p); `rows` (n,): rows to use. Returns shape (m − order, g): of the m rows, without the first
@@ -50,7 +49,7 @@ class ReferenceObserver:
         part = np.ascontiguousarray(innovations[rows][:, list(self.groups[group])])
         return np.asarray(self.whiteners[group].apply(part) @ self.weights[group].T)
 
-    def settled(self, data: Data, group: int) -> NDArray[np.bool_]:
+    def settled(self, data: Data, group: int) -> Mask:
         """Rows in which a group is measured and the observer has settled, shape (n,)."""
         keep = np.all(np.isfinite(data.output[:, list(self.groups[group])]), axis=1)
         for start in (0, *data.gaps):

@@ -15,11 +15,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from idloop.arrays import Array
 from idloop.errors import IdloopError
-
-Array = NDArray[np.float64]
 
 # Mean excess of a Gaussian walk over a boundary, in standard deviations of a step, at both boundaries of the test.
 _OVERSHOOT = 2.0 * 0.5826

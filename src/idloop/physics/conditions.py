@@ -6,12 +6,10 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.spelling import did_you_mean, listed
-
-Array = NDArray[np.float64]
 
 # Site and condition of an effect that depends on it.
 Wanted = tuple[str, str]

@@ -6,16 +6,14 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Integers
 from idloop.errors import InputError
 from idloop.physics import kernel
 from idloop.physics.conditions import Conditions
 from idloop.physics.effect import BODY
 from idloop.physics.layout import Layout, lay_out
 from idloop.physics.model import Model, values_of
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -235,7 +233,7 @@ class Engine:
         gain: Array,
         initial_state: Array | None = None,
         decay: float = 1.0,
-        place: NDArray[np.int64] | None = None,
+        place: Integers | None = None,
         conditions: Conditions | None = None,
     ) -> Array:
         """Innovations of the one-step predictor.
@@ -293,7 +291,7 @@ class Engine:
         gain: Array,
         steps: int,
         initial_state: Array | None = None,
-        place: NDArray[np.int64] | None = None,
+        place: Integers | None = None,
         conditions: Conditions | None = None,
     ) -> Array:
         """Prediction of each sample from the measurements up to ``steps`` samples before it.

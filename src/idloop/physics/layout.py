@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Integers
 from idloop.physics import kernel
 from idloop.physics.conditions import Conditions, Wanted
 from idloop.physics.effect import BODY, COUPLING, INPUT, OUTPUT
@@ -69,13 +69,13 @@ class Layout:
         )
         return replace(self, axis=axis)
 
-    def new_state(self) -> NDArray[np.float64]:
+    def new_state(self) -> Array:
         """State at rest at time 0, before the first command."""
         state = np.zeros(self.states)
         state[kernel.COMMAND] = -1.0
         return state
 
-    def new_history(self) -> NDArray[np.float64]:
+    def new_history(self) -> Array:
         """Buffer of past motion for delayed sensors; empty without any."""
         if self.delay <= 0.0:
             return np.zeros((0, 1))
@@ -122,7 +122,7 @@ class _Chain:
             self.stiffness.append(own["stiffness"])
             self.damping.append(own["damping"])
 
-    def matrix(self) -> NDArray[np.float64]:
+    def matrix(self) -> Array:
         """Of the bare chain's motion, d(positions, velocities)/dt, shape (2 n, 2 n)."""
         n = len(self.inertia)
         # Entry by entry: several times as fast as block arrays of this size, and a fit does it at every step.
@@ -142,7 +142,7 @@ class _Chain:
         return matrix
 
 
-def _fastest(matrix: NDArray[np.float64]) -> float:
+def _fastest(matrix: Array) -> float:
     """Fastest rate of a motion [rad/s]."""
     if not np.all(np.isfinite(matrix)):
         return float("inf")
@@ -151,7 +151,7 @@ def _fastest(matrix: NDArray[np.float64]) -> float:
     return float(np.max(np.abs(np.linalg.eigvals(matrix))))
 
 
-def _closed_loop(model: Model, values: Mapping[str, float], chain: _Chain) -> NDArray[np.float64]:
+def _closed_loop(model: Model, values: Mapping[str, float], chain: _Chain) -> Array:
     """What the loop of the drive adds to the matrix of the motion, shape (2 n, 2 n)."""
     n = len(chain.inertia)
     added = np.zeros((2 * n, 2 * n))
@@ -167,7 +167,7 @@ def _loop_rate(model: Model, values: Mapping[str, float], chain: _Chain) -> floa
     return float(np.sqrt(abs(added[n, 0])) + abs(added[n, n]))
 
 
-def _table(rows: list[list[int]]) -> NDArray[np.int64]:
+def _table(rows: list[list[int]]) -> Integers:
     return np.array(rows, dtype=np.int64).reshape(len(rows), 7)
 
 

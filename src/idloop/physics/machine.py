@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
+from idloop.arrays import Array
 
 if TYPE_CHECKING:
     from idloop.physics.model import Model
@@ -23,7 +22,7 @@ class Machine(Protocol):
     def reset(self) -> None:
         """Return to the start."""
 
-    def measure(self) -> NDArray[np.float64]:
+    def measure(self) -> Array:
         """Read the model's outputs now (p,)."""
 
     def schedule(self, stamp: float, command: float) -> None:

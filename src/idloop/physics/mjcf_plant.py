@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.physics.model import Model, OutputSignal
 from idloop.spelling import did_you_mean
@@ -97,7 +97,7 @@ class MjcfPlant:
         self._steps = 0
         self._waiting: list[tuple[float, float]] = []
 
-    def measure(self) -> NDArray[np.float64]:
+    def measure(self) -> Array:
         """Read the sensors now, with noise (p,)."""
         # After a step sensors and positions are those at its beginning until the next forward computation.
         self._mujoco.mj_forward(self._machine, self._data)

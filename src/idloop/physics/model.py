@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.physics.drive_loop import LoopGains, loop_gains
 from idloop.physics.effect import BODY, COUPLING, INPUT, OUTPUT, Effect, find_effect
@@ -186,12 +186,12 @@ class Model:
         return tuple(parameter.name for parameter in self.parameters if parameter.free)
 
     @cached_property
-    def theta(self) -> NDArray[np.float64]:
+    def theta(self) -> Array:
         """Values of the free parameters, in the order of `free`."""
         return np.array([parameter.value for parameter in self.parameters if parameter.free], dtype=float)
 
     @property
-    def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bounds of the free parameters."""
         free = [parameter for parameter in self.parameters if parameter.free]
         return np.array([p.min for p in free], dtype=float), np.array([p.max for p in free], dtype=float)
@@ -293,7 +293,7 @@ class Model:
         )
         return replace(self, parameters=changed)
 
-    def with_theta(self, theta: Sequence[float] | NDArray[np.float64]) -> Model:
+    def with_theta(self, theta: Sequence[float] | Array) -> Model:
         """Return the model with other values of its free parameters, in the order of `free`."""
         return self.with_values(dict(zip(self.free, (float(v) for v in theta), strict=True)))
 

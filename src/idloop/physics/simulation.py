@@ -6,8 +6,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from idloop.arrays import Array
 from idloop.physics.conditions import Condition, Conditions
 from idloop.physics.engine import Engine
 from idloop.physics.model import Model
@@ -27,8 +28,8 @@ class Simulation:
         Names of the outputs.
     """
 
-    time: NDArray[np.float64]
-    output: NDArray[np.float64]
+    time: Array
+    output: Array
     names: tuple[str, ...]
 
 

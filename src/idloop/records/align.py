@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.records.bags.bag import Bag
 from idloop.records.bags.clock_runs import announced_runs, backwards_message, split_runs
@@ -42,7 +43,6 @@ if TYPE_CHECKING:
 
     ModelSignals: TypeAlias = Model | AxisSignals
 
-Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 # Topics beside the command, and the two fields of theirs that a record keeps.
@@ -201,7 +201,7 @@ def _unit_findings(model: ModelSignals, bag_units: Mapping[str, str]) -> list[Fi
 
 def _sorted_column(
     stream: JointStream, joint: str, field: str, *, command: bool
-) -> tuple[Stamps, Floats, list[Finding]]:
+) -> tuple[Stamps, Array, list[Finding]]:
     """Return one column in the order of its stamps, NaN left out, one value per stamp."""
     try:
         value = stream.column(joint, field)
@@ -299,9 +299,7 @@ def _align(
     )
 
 
-def _pair(
-    stream: JointStream, joint: str, fields: tuple[str, str], start_ns: int
-) -> tuple[Floats | None, Floats | None]:
+def _pair(stream: JointStream, joint: str, fields: tuple[str, str], start_ns: int) -> tuple[Array | None, Array | None]:
     """Return reference or excitation of the driven joint as time (r,) and two columns (r, 2)."""
     if joint not in stream.names and len(stream.names) != 1:
         return None, None

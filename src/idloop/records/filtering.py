@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import InputError
-
-Floats = NDArray[np.float64]
 
 _ON_GRID = 0.01  # stamps within 1 % of the period count as a grid and are filtered in place
 
 
-def zero_phase(time: Floats, value: Floats, low: float | None, high: float | None, order: int = 4) -> Floats:
+def zero_phase(time: Array, value: Array, low: float | None, high: float | None, order: int = 4) -> Array:
     """Filter forwards and backwards with a Butterworth filter, so that nothing is delayed.
 
     Parameters
@@ -75,14 +73,14 @@ def _band(low: float | None, high: float | None, nyquist: float) -> tuple[float 
     raise InputError("a filter needs an edge; give low, high or both in Hz")
 
 
-def resample_held(time: Floats, value: Floats, at: Floats) -> Floats:
+def resample_held(time: Array, value: Array, at: Array) -> Array:
     """Return the value that is held at each instant: the last one stamped at or before it, NaN before the first."""
     index = np.searchsorted(time, at, side="right") - 1
-    held: Floats = np.where(index >= 0, value[np.maximum(index, 0)], np.nan)
+    held: Array = np.where(index >= 0, value[np.maximum(index, 0)], np.nan)
     return held
 
 
-def resample_linear(time: Floats, value: Floats, at: Floats, longest: float) -> Floats:
+def resample_linear(time: Array, value: Array, at: Array, longest: float) -> Array:
     """Interpolate linearly between measured samples; NaN outside them and inside gaps longer than `longest` [s]."""
     known = np.isfinite(value)
     t, x = time[known], value[known]

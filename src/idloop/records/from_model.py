@@ -4,19 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
+from idloop.arrays import Array
 from idloop.records.record import Record
 
 if TYPE_CHECKING:
     from idloop.physics.model import Model
 
-Floats = NDArray[np.float64]
-
 
 def record_from_model(
-    name: str, model: Model, time: Floats, command: Floats, output: Floats, reference: Floats | None = None
+    name: str, model: Model, time: Array, command: Array, output: Array, reference: Array | None = None
 ) -> Record:
     """Return samples as a record with the names and units of a model.
 

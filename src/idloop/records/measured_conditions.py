@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Integers
 from idloop.physics.conditions import Condition
 from idloop.physics.model import ConditionSource
 from idloop.records.bags.stream import JointStream
@@ -84,9 +84,7 @@ class ConditionSources:
         return tuple(found), findings
 
 
-def conditions_columns(
-    conditions: Sequence[Condition], start_ns: int
-) -> tuple[NDArray[np.int64], dict[str, NDArray[np.float64]]]:
+def conditions_columns(conditions: Sequence[Condition], start_ns: int) -> tuple[Integers, dict[str, Array]]:
     """Stamps [ns] and columns of several conditions on one topic, NaN where one was not measured.
 
     Parameters

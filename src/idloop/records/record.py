@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from idloop.arrays import Array, Integers
 from idloop.errors import InputError
 from idloop.physics.conditions import Condition
 from idloop.records.filtering import resample_held, resample_linear, zero_phase
@@ -19,7 +20,6 @@ from idloop.spelling import did_you_mean, listed
 if TYPE_CHECKING:
     from idloop.physics.model import Model
 
-Floats = NDArray[np.float64]
 
 _LONGEST_HOLE = 5.0  # median intervals that interpolation may bridge
 
@@ -59,18 +59,18 @@ class Record:
     """
 
     name: str
-    input_time: Floats
-    input: Floats
-    time: Floats
-    output: Floats
+    input_time: Array
+    input: Array
+    time: Array
+    output: Array
     input_name: str
     input_unit: str
     output_names: tuple[str, ...]
     output_units: tuple[str, ...]
-    reference_time: Floats | None = None
-    reference: Floats | None = None
-    excitation_time: Floats | None = None
-    excitation: Floats | None = None
+    reference_time: Array | None = None
+    reference: Array | None = None
+    excitation_time: Array | None = None
+    excitation: Array | None = None
     conditions: tuple[Condition, ...] = ()
     start_ns: int = 0
     findings: tuple[Finding, ...] = ()
@@ -232,9 +232,9 @@ class Record:
         """Median interval of the measurements [s]."""
         return float(np.median(np.diff(self.time))) if self.time.size > 1 else float("nan")
 
-    def absolute(self, time: Floats) -> NDArray[np.int64]:
+    def absolute(self, time: Array) -> Integers:
         """Return instants of this record as absolute stamps [ns]."""
-        stamps: NDArray[np.int64] = self.start_ns + np.round(time * 1e9).astype(np.int64)
+        stamps: Integers = self.start_ns + np.round(time * 1e9).astype(np.int64)
         return stamps
 
     def column(self, output: str) -> int:
@@ -246,11 +246,11 @@ class Record:
             )
         return self.output_names.index(output)
 
-    def input_at(self, time: Floats) -> Floats:
+    def input_at(self, time: Array) -> Array:
         """Return the command held at each instant (k,), NaN before the first command."""
         return resample_held(self.input_time, self.input, time)
 
-    def input_mean(self, time: Floats) -> Floats:
+    def input_mean(self, time: Array) -> Array:
         """Return the mean command between consecutive instants (k,) -> (k-1,): exact for the held signal."""
         edges = np.append(self.input_time, np.inf)
         area = np.concatenate([[0.0], np.cumsum(self.input[:-1] * np.diff(self.input_time))])
@@ -384,13 +384,13 @@ class Record:
         ]
         return min(periods, default=self.sample_time)
 
-    def _processed(self, text: str, time: Floats, output: Floats) -> Record:
+    def _processed(self, text: str, time: Array, output: Array) -> Record:
         return replace(
             self, time=time, output=output, findings=(*self.findings, Finding("processing", text, where=self.name))
         )
 
 
-def _column(record: str, name: str, values: ArrayLike) -> Floats:
+def _column(record: str, name: str, values: ArrayLike) -> Array:
     try:
         column = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -411,17 +411,17 @@ def _place(record: str, given: str, names: Sequence[str]) -> int:
     raise InputError(f"{record}: {why}: the outputs are {', '.join(names)}{did_you_mean(given, names)}")
 
 
-def _covering(time: Floats, low: float, high: float) -> slice:
+def _covering(time: Array, low: float, high: float) -> slice:
     """Return the samples that tell a held signal on [low, high]: from the one in force at `low` on."""
     start = max(int(np.searchsorted(time, low, side="right")) - 1, 0)
     return slice(start, int(np.searchsorted(time, high, side="right")))
 
 
-def _without_trend(time: Floats, value: Floats, degree: int) -> Floats:
+def _without_trend(time: Array, value: Array, degree: int) -> Array:
     known = np.isfinite(value)
     if known.sum() <= degree:
         return value
     centred = time - time.mean()
     trend = np.polynomial.polynomial.polyfit(centred[known], value[known], degree)
-    result: Floats = value - np.polynomial.polynomial.polyval(centred, trend)
+    result: Array = value - np.polynomial.polynomial.polyval(centred, trend)
     return result

@@ -9,11 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import InputError
-
-Floats = NDArray[np.float64]
 
 # A gap is longer than this many usual steps; speeds beside it are means over this many.
 _GAP, _BESIDE = 5.0, 10
@@ -33,11 +31,11 @@ class Unwrapped:
         Start [s] and length [s] of the gaps over which another number of turns is as likely.
     """
 
-    value: Floats
+    value: Array
     doubtful: tuple[tuple[float, float], ...]
 
 
-def unwrap(time: Floats, value: Floats, span: float) -> Unwrapped:
+def unwrap(time: Array, value: Array, span: float) -> Unwrapped:
     """Undo the wrap of an encoder that repeats after `span`.
 
     Parameters
@@ -84,7 +82,7 @@ def unwrap(time: Floats, value: Floats, span: float) -> Unwrapped:
     return Unwrapped(result, tuple(doubtful))
 
 
-def _speed(time: Floats, value: Floats, start: int, end: int) -> float:
+def _speed(time: Array, value: Array, start: int, end: int) -> float:
     """Mean speed from one sample to another; NaN where no time passes."""
     passed = time[end] - time[start]
     return float((value[end] - value[start]) / passed) if passed > 0.0 else np.nan

@@ -10,14 +10,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.validation.breakdown import Breakdown
 from idloop.validation.variables import TITLES
 from idloop.validation.where import ErrorMap
 from idloop.validation.words import percent, short
-
-Array = NDArray[np.float64]
 
 # Worst stretches that are marked in a figure over time.
 MARKED_STRETCHES = 3

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idloop import drawing
+from idloop.arrays import Array
 from idloop.reporting.estimates import NORMAL_95
 from idloop.reporting.terms import in_words
 
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from idloop.physics import Model
     from idloop.records import Record
 
-Array = NDArray[np.float64]
 
 # A limit is drawn where the view need not grow by more than this share of what it shows, at either end.
 _NEAR = {"sent": 2.0, "output": 0.5}

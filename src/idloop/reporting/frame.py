@@ -10,11 +10,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.validation.words import figure_text
-
-Array = NDArray[np.float64]
 
 # A curve may leave the measured range by this many times its width before it is cut off.
 _BEYOND, _RESIDUAL = 1.0, 2.0

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Complex, Mask
 from idloop.errors import IdloopError
 from idloop.validation.words import percent, short
 
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from idloop.estimation.nonparametric import FrequencyResponse
     from idloop.validation import Comparison
 
-Array = NDArray[np.float64]
 
 # Part of the largest pole below which a pole, or its imaginary part, is the rounding error of an eigenvalue solver.
 _ROUNDING = 1e-9
@@ -38,7 +37,7 @@ class BodeLine:
     """
 
     magnitude: Array
-    readable: NDArray[np.bool_]
+    readable: Mask
     phase: Array
 
     @property
@@ -67,7 +66,7 @@ class FrequencyView:
 
     measured: FrequencyResponse
     model: FrequencyResponse
-    poles: NDArray[np.complex128]
+    poles: Complex
 
     @property
     def frequency(self) -> Array:
@@ -117,14 +116,14 @@ class FrequencyView:
         return texts
 
 
-def _readable(one: FrequencyResponse, output: int) -> NDArray[np.bool_]:
+def _readable(one: FrequencyResponse, output: int) -> Mask:
     """Lines of a response, from the resolution upwards, at which the command explains the output."""
     if one.coherence is None:
         return np.ones(int(np.count_nonzero(one.resolved)), dtype=bool)
     return np.asarray(one.coherence[one.resolved, output] >= READABLE)
 
 
-def _unwrapped(response: NDArray[np.complex128], readable: NDArray[np.bool_]) -> Array:
+def _unwrapped(response: Complex, readable: Mask) -> Array:
     """Angle without jumps within every band of readable lines [rad]; each begins within half a turn of the last one."""
     angle, last_angle = np.angle(response), 0.0
     edges = np.flatnonzero(np.diff(np.concatenate([[False], readable, [False]]).astype(int)))

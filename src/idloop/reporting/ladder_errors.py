@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.p_values import p_text
 from idloop.reporting.scores import TRAIN, VALIDATION
 from idloop.reporting.terms import DATA_USE, effect_words
@@ -17,7 +17,6 @@ from idloop.validation.where import DRIVE_FORCE
 if TYPE_CHECKING:
     from idloop.diagnosis import Ladder, Step
 
-Array = NDArray[np.float64]
 
 # From this ratio of the largest to the smallest error on, decades are read better.
 _DECADES = 5.0

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import IdloopError
 from idloop.p_values import p_value_text
 from idloop.validation.measures import NEGLIGIBLE, nrmse
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from idloop.validation import Comparison
     from idloop.validation.residual import ResidualTest
 
-Array = NDArray[np.float64]
 
 # The residual tests look at 25 lags, which fewer samples do not carry.
 FEWEST_FOR_TESTS = 100

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.diagnosis.equivalence.equivalent_effects import EquivalentEffects
 from idloop.reporting.estimates import NORMAL_95
 
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from idloop.physics import Model
     from idloop.physics.model import ActiveEffect
 
-Array = NDArray[np.float64]
 
 # Part of the largest force over a turn by which two forces may differ and be one; the 95 % intervals of their own
 # parameters allow more, up to the second.

@@ -7,13 +7,10 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Integers
 from idloop.errors import InputError
 from idloop.parameter_table import ParameterSpec
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 # Most samples of a signal: 14 hours at 1 kHz, 400 MB; a request for more is a wrong unit.
 LONGEST = 50_000_000
@@ -44,9 +41,9 @@ class LineGrid:
     """
 
     fundamental: float
-    excited: IntArray
-    odd_detection: IntArray
-    even_detection: IntArray
+    excited: Integers
+    odd_detection: Integers
+    even_detection: Integers
 
 
 @dataclass(frozen=True)
@@ -77,7 +74,7 @@ class Request:
             raise self.error("duration is missing; give the length in seconds")
         return self.samples
 
-    def time(self) -> FloatArray:
+    def time(self) -> Array:
         """Sample times in seconds, starting at 0, shape (n,)."""
         return np.arange(self.length, dtype=np.float64) * self.sample_time
 
@@ -124,12 +121,12 @@ class Request:
 class Shape:
     """Result of a kind of signal."""
 
-    value: FloatArray  # shape (n,): shape to be scaled by the amplitude and shifted by the offset, unless `absolute`
+    value: Array  # shape (n,): shape to be scaled by the amplitude and shifted by the offset, unless `absolute`
     period_samples: int | None = None  # period where the samples repeat exactly
     segments: tuple[Segment, ...] = ()  # boundaries of the steps of a stepped signal
     lines: LineGrid | None = None  # harmonics of a multisine
     # Time derivative where the kind knows it in closed form (only for `absolute` shapes)
-    rate: FloatArray | None = None
+    rate: Array | None = None
     derived: Mapping[str, Any] = field(default_factory=dict)  # values chosen by the kind, such as the order of a PRBS
     notes: tuple[str, ...] = ()  # remarks for the user, one sentence each
     absolute: bool = False  # the values are final: scaled, shifted and starting from rest at zero

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.parameter_table import check_values
-from idloop.signals.base import LONGEST, FloatArray, Request, Shape, SignalKind
+from idloop.signals.base import LONGEST, Request, Shape, SignalKind
 from idloop.signals.catalogue import COMMON_PARAMETERS, SIGNALS
 from idloop.signals.signal import Signal
 from idloop.spelling import did_you_mean
@@ -71,12 +72,12 @@ def find_kind(name: str) -> SignalKind:
     return SIGNALS[name]
 
 
-def ramp(samples: int, sample_time: float, ramp_in: float) -> FloatArray:
+def ramp(samples: int, sample_time: float, ramp_in: float) -> Array:
     """Half-cosine fade from 0 to 1 over `ramp_in` seconds, shape (samples,)."""
     if ramp_in <= 0.0:
         return np.ones(samples)
     fraction = np.minimum(np.arange(samples) * sample_time, ramp_in) / ramp_in
-    fade: FloatArray = 0.5 - 0.5 * np.cos(math.pi * fraction)
+    fade: Array = 0.5 - 0.5 * np.cos(math.pi * fraction)
     return fade
 
 
@@ -100,7 +101,7 @@ def _request(kind: SignalKind, common: dict[str, Any]) -> Request:
     return Request(kind.name, sample_time, samples, common["amplitude"], common["offset"], common["seed"])
 
 
-def _scaled(shape: Shape, request: Request, ramp_in: float) -> FloatArray:
+def _scaled(shape: Shape, request: Request, ramp_in: float) -> Array:
     if shape.absolute:
         return shape.value
     fade = ramp(shape.value.size, request.sample_time, ramp_in)

@@ -6,13 +6,14 @@ import math
 
 import numpy as np
 
+from idloop.arrays import Array, Integers
 from idloop.parameter_table import ParameterSpec, positive
-from idloop.signals.base import FloatArray, IntArray, LineGrid, Request, Shape, SignalKind
+from idloop.signals.base import LineGrid, Request, Shape, SignalKind
 
 
 def harmonics(
     grid: str, lowest: int, highest: int, group: int, random: np.random.Generator
-) -> tuple[IntArray, IntArray, IntArray]:
+) -> tuple[Integers, Integers, Integers]:
     """Excited, odd detection and even detection harmonics between two harmonics.
 
     `grid`: ``full``: every harmonic; ``odd``: odd ones; ``odd_random``: odd ones without one, drawn at random, of each
@@ -31,19 +32,19 @@ def harmonics(
     return np.delete(odd, left_out), odd[left_out], even
 
 
-def sum_of_cosines(excited: IntArray, phases: FloatArray, period: int) -> FloatArray:
+def sum_of_cosines(excited: Integers, phases: Array, period: int) -> Array:
     """One period of unit cosines, shape (period,)."""
     lines = np.zeros(period // 2 + 1, dtype=np.complex128)
     lines[excited] = 0.5 * period * np.exp(1j * phases)
     return np.fft.irfft(lines, period)
 
 
-def crest(value: FloatArray) -> float:
+def crest(value: Array) -> float:
     """Peak over root mean square."""
     return float(np.max(np.abs(value)) / np.sqrt(np.mean(value**2)))
 
 
-def lower_crest(excited: IntArray, phases: FloatArray, period: int, iterations: int) -> FloatArray:
+def lower_crest(excited: Integers, phases: Array, period: int, iterations: int) -> Array:
     """Phases of a lower crest factor: clip in time, restore the amplitudes in frequency."""
     best, best_crest = phases, crest(sum_of_cosines(excited, phases, period))
     for iteration in range(iterations):

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from idloop.signals.base import FloatArray, LineGrid, Segment
+from idloop.arrays import Array
+from idloop.signals.base import LineGrid, Segment
 
 
 @dataclass(frozen=True)
@@ -41,13 +42,13 @@ class Signal:
     """
 
     name: str
-    time: FloatArray
-    value: FloatArray
+    time: Array
+    value: Array
     parameters: dict[str, Any]
     period_samples: int | None
     segments: tuple[Segment, ...]
     lines: LineGrid | None
-    rate: FloatArray | None
+    rate: Array | None
     derived: Mapping[str, Any]
     notes: tuple[str, ...]
 
@@ -76,7 +77,7 @@ class Signal:
         """Peak over root mean square about the offset; 0 for a signal that never leaves it."""
         return self.peak / self.rms if self.rms > 0.0 else 0.0
 
-    def spectrum(self) -> tuple[FloatArray, FloatArray]:
+    def spectrum(self) -> tuple[Array, Array]:
         """Amplitude spectrum, over whole periods where there are any.
 
         Returns
@@ -127,7 +128,7 @@ class Signal:
             "notes": list(self.notes),
         }
 
-    def _whole_periods(self) -> FloatArray:
+    def _whole_periods(self) -> Array:
         period = self.period_samples
         if period is None or period > self.value.size:
             return self.value

@@ -7,15 +7,16 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from idloop.arrays import Array
 from idloop.parameter_table import ParameterSpec, positive
-from idloop.signals.base import FloatArray, Request, Segment, Shape, SignalKind
+from idloop.signals.base import Request, Segment, Shape, SignalKind
 
 # Largest slope and curvature of 10 s^3 - 15 s^4 + 6 s^5 on [0, 1].
 PEAK_VELOCITY = 15.0 / 8.0
 PEAK_ACCELERATION = 10.0 / math.sqrt(3.0)
 
 
-def quintic(fraction: FloatArray) -> tuple[FloatArray, FloatArray]:
+def quintic(fraction: Array) -> tuple[Array, Array]:
     """Quintic rest-to-rest blend and its slope at `fraction` in [0, 1]."""
     blend = fraction**3 * (10.0 + fraction * (6.0 * fraction - 15.0))
     slope = 30.0 * fraction**2 * (1.0 - fraction) ** 2
@@ -39,8 +40,8 @@ def generate(
     if points is None and request.samples is None:
         raise request.error("random points need a duration; give it in seconds, or list the points")
     rest = request.to_samples(dwell)
-    value: list[FloatArray] = []
-    rate: list[FloatArray] = []
+    value: list[Array] = []
+    rate: list[Array] = []
     segments: list[Segment] = []
     used, here = 0, 0.0
     for point in _targets(request, points):

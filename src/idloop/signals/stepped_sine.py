@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
+from idloop.arrays import Array
 from idloop.parameter_table import ParameterSpec, positive
-from idloop.signals.base import FloatArray, Request, Segment, Shape, SignalKind
+from idloop.signals.base import Request, Segment, Shape, SignalKind
 
 
 def generate(
@@ -28,7 +29,7 @@ def generate(
     """
     wanted = _frequencies(request, frequencies, frequency_min, frequency_max, steps, spacing)
     segments: list[Segment] = []
-    increments: list[FloatArray] = []
+    increments: list[Array] = []
     start = 0
     for frequency in wanted:
         request.check_frequency("frequency", float(frequency))
@@ -60,7 +61,7 @@ def _frequencies(
     high: float | None,
     steps: int,
     spacing: str,
-) -> FloatArray:
+) -> Array:
     if listed is not None:
         if not listed:
             raise request.error("frequencies is empty; list at least one frequency in Hz")

@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
+from idloop.arrays import Array
 from idloop.parameter_table import ParameterSpec, positive
-from idloop.signals.base import CYCLE_TOLERANCE, FloatArray, Request, Shape, SignalKind
+from idloop.signals.base import CYCLE_TOLERANCE, Request, Shape, SignalKind
 
 _FREQUENCY = positive("frequency", 1.0, "Frequency of the wave.", "Hz")
 _PHASE = ParameterSpec("phase", "float", 0.0, "Phase at time zero.", unit="rad")
@@ -16,7 +17,7 @@ _DUTY = ParameterSpec(
 )
 
 
-def cycle_fraction(request: Request, frequency: float, phase: float) -> FloatArray:
+def cycle_fraction(request: Request, frequency: float, phase: float) -> Array:
     """Position within the cycle, in [0, 1).
 
     `request`: the sampling grid; `frequency`: frequency, at most half the sample rate [Hz]; `phase`: phase at time zero

@@ -8,11 +8,9 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Integers
 from idloop.validation.words import levels_text, percent, range_text
-
-Array = NDArray[np.float64]
 
 # A part is notable when its share of the error exceeds its share of the time by this much.
 STANDS_OUT = 0.1
@@ -93,7 +91,7 @@ class Breakdown:
         worst = self.worst
         return worst.error - worst.usual >= STANDS_OUT
 
-    def _part(self, bins: NDArray[np.int64]) -> Part:
+    def _part(self, bins: Integers) -> Part:
         error, usual = float(np.sum(self.error[bins])), float(np.sum(self.usual[bins]))
         known = bins[np.isfinite(self.rms[bins])]
         if self.variable == "frequency":
@@ -195,7 +193,7 @@ def break_down(
     return Breakdown(variable, label, unit, edges, tuple(names), *sums(index, error, len(names)), circular, levels)
 
 
-def sums(index: NDArray[np.int64], error: Array, count: int) -> tuple[Array, Array, Array, Array]:
+def sums(index: Integers, error: Array, count: int) -> tuple[Array, Array, Array, Array]:
     """Share of error and of samples, mean and rms of the error, by bin.
 
     `index` (n,): bin of each sample; `error` (n,): finite; `count`: number of bins. Returns `error`, `usual`, `mean`,

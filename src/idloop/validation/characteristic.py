@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Integers
 from idloop.errors import IdloopError
 from idloop.estimation.dataset import prepare
 from idloop.estimation.force_balance.force_error import record_balance, thin
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from idloop.physics.model import ActiveEffect
     from idloop.records import Record
 
-Array = NDArray[np.float64]
 
 # Bins of the mean, points of the curve.
 _BINS, _CURVE = 24, 401
@@ -234,7 +233,7 @@ def _follows(x: Array, y: Array) -> float:
     return float(number[filled] @ (mean[filled] - float(np.mean(y))) ** 2) / power
 
 
-def _bin_of(x: Array, count: int) -> NDArray[np.int64]:
+def _bin_of(x: Array, count: int) -> Integers:
     low, high = float(np.min(x)), float(np.max(x))
     return np.minimum(((x - low) / max(high - low, 1e-300) * count).astype(np.int64), count - 1)
 

@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import IdloopError, InputError
 from idloop.estimation.feedback import exogenous_signals, feedback_possible
 from idloop.estimation.sensors import body_sensors
@@ -24,8 +24,6 @@ from idloop.validation.words import fit_text
 if TYPE_CHECKING:
     from idloop.physics import Model
     from idloop.records import Record
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

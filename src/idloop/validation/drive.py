@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.estimation.dataset import prepare
 from idloop.estimation.force_balance.force_error import record_balance, thin
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from idloop.physics import Model
     from idloop.records import Record
 
-Array = NDArray[np.float64]
 
 # Filter transients at a gap in the measurements last this many periods of the band.
 _MARGIN = 2.0

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from idloop.arrays import Array
 
 # Most bins of a variable, for a readable figure and text.
 MOST_BINS = 12

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.validation.measures import nrmse
 from idloop.validation.spectrum import line_powers, on_even_steps
 from idloop.validation.words import percent, short
@@ -15,7 +15,6 @@ from idloop.validation.words import percent, short
 if TYPE_CHECKING:
     from idloop.validation.runs import Runs
 
-Array = NDArray[np.float64]
 
 # Drift is slower than this many periods in a record. A free run drifts when this share of the error's power about its
 # mean is so slow,

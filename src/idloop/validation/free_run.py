@@ -10,8 +10,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import IdloopError
 from idloop.estimation.optimisation.levenberg import minimise
 from idloop.estimation.sensors import body_sensors
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from idloop.estimation.dataset import Data
     from idloop.physics import Engine, Model
 
-Array = NDArray[np.float64]
 
 # Difference steps of the search, as a share of each state's typical size.
 _STEP = 1e-5

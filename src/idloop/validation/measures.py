@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from idloop.arrays import Array
 from idloop.errors import InputError
-
-Array = NDArray[np.float64]
 
 # Negligible error relative to the deviation of an output: 0.002 points of FIT.
 NEGLIGIBLE = 2e-5

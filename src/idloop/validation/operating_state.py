@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Integers, Mask
 from idloop.estimation.force_balance.motion import differentiate, excitation_band, low_pass
 from idloop.estimation.observer.sensor_noise import noise_std
 from idloop.estimation.sensors import body_sensors
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from idloop.estimation.dataset import Data
     from idloop.physics import Model
 
-Array = NDArray[np.float64]
 
 # Cut-off of the smoothing filter over the excited band: errors are sorted by a smooth state.
 _FILTER_RATIO = 5.0
@@ -143,7 +142,7 @@ def direction_of(velocity: Array, floor: float = 0.0) -> Array:
     return np.where(np.abs(v) > max(STANDING * typical, floor), np.sign(v), 0.0)
 
 
-def since_reversal(time: Array, direction: Array) -> tuple[Array, NDArray[np.int64]]:
+def since_reversal(time: Array, direction: Array) -> tuple[Array, Integers]:
     """Time since the last reversal.
 
     `time` (n,): instants [s]. `direction` (n,): result of `direction_of`. Standing still between two stretches of one
@@ -162,7 +161,7 @@ def since_reversal(time: Array, direction: Array) -> tuple[Array, NDArray[np.int
     return since, turns
 
 
-def motion_regions(time: Array, velocity: Array) -> dict[str, NDArray[np.bool_]]:
+def motion_regions(time: Array, velocity: Array) -> dict[str, Mask]:
     """Classify samples by the motion: standing, forward, backward, just after a reversal.
 
     `time` (n,): instants [s]. `velocity` (n,): velocity of the driven body; NaN counts as standing. Returns shape (n,):
@@ -181,7 +180,7 @@ def motion_regions(time: Array, velocity: Array) -> dict[str, NDArray[np.bool_]]
     }
 
 
-def error_share(error: Array, regions: dict[str, NDArray[np.bool_]]) -> dict[str, dict[str, float]]:
+def error_share(error: Array, regions: dict[str, Mask]) -> dict[str, dict[str, float]]:
     """Share of the squared error and of the time in each region.
 
     `error` (n,): error of one output; NaN samples are left out. `regions`: result of `motion_regions`. Returns:

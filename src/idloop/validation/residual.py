@@ -12,11 +12,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from idloop.arrays import Array
 from idloop.errors import InputError
-
-Array = NDArray[np.float64]
 
 INPUT, REFERENCE = "input", "reference"
 # Part of a residual's variance worth an effect: what explains it makes the errors 1 % smaller.

@@ -7,8 +7,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import IdloopError, InputError
 from idloop.estimation.dataset import Data, force_scale, output_noise, prepare
 from idloop.estimation.likelihood.disturbance import SUBSET_SAMPLES, fit_random_walk
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from idloop.physics import Model
     from idloop.records import Record
 
-Array = NDArray[np.float64]
 
 # An observer that takes more of a record than this to settle is used from the first sample on.
 _SETTLING_SHARE = 0.05

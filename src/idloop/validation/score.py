@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.estimation.feedback import detect_feedback
 from idloop.validation.residual import ResidualTest, residual_tests
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from idloop.estimation.linear import LinearModel
     from idloop.estimation.networks import NarxModel
 
-Array = NDArray[np.float64]
 
 _LAGS = 25  # of the residual tests; four times as many samples are needed
 _OVERFLOW = 1e100

@@ -5,13 +5,11 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.validation.breakdown import Breakdown
 from idloop.validation.edges import decade_edges
 from idloop.validation.words import range_text
-
-Array = NDArray[np.float64]
 
 
 def on_even_steps(time: Array, values: Array) -> tuple[float, Array]:

@@ -6,12 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Mask
 from idloop.validation.operating_state import OperatingState
 from idloop.validation.words import percent, short
-
-Array = NDArray[np.float64]
 
 # Length of the window that smooths the squared error, as a share of the record, and at least in samples.
 _WINDOW_SHARE, _WINDOW_SAMPLES = 1.0 / 250.0, 5
@@ -118,9 +116,7 @@ def worst_stretches(error: Array, state: OperatingState, start_ns: int, most: in
     return tuple(sorted(found, key=lambda s: -s.error))
 
 
-def _reach(
-    density: Array, free: NDArray[np.bool_], joined: NDArray[np.bool_], peak: int, longest: int
-) -> tuple[int, int]:
+def _reach(density: Array, free: Mask, joined: Mask, peak: int, longest: int) -> tuple[int, int]:
     """First and last sample of the stretch around a peak."""
     inside = free & (density >= _DEPTH * density[peak])
     first = last = peak

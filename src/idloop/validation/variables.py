@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.validation.breakdown import Breakdown, break_down, sums
 from idloop.validation.edges import MOST_BINS, few_levels, level_edges, round_edges, since_edges
 from idloop.validation.operating_state import OperatingState
 from idloop.validation.spectrum import by_frequency
-
-Array = NDArray[np.float64]
 
 TITLES = {
     "time": "time",

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.validation.breakdown import Breakdown
 from idloop.validation.error_choice import MEASURES, choose_basis
 from idloop.validation.operating_state import OperatingState, operating_state
@@ -19,7 +19,6 @@ from idloop.validation.words import beside, force_text, percent, short
 if TYPE_CHECKING:
     from idloop.validation.runs import Runs
 
-Array = NDArray[np.float64]
 
 DRIVE_FORCE = "drive force"
 

@@ -7,15 +7,15 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, TypeAlias, Union
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.estimation.black_box.sampled import SampledData
 
 if TYPE_CHECKING:
     import control
 
-Array = NDArray[np.float64]
 # Numerator and denominator in the delay operator, or a discrete python-control system.
 Filter: TypeAlias = Union[tuple[ArrayLike, ArrayLike], "control.TransferFunction", "control.StateSpace"]
 

@@ -7,12 +7,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Mask
 from idloop.errors import InputError
 from idloop.records import Record
-
-Array = NDArray[np.float64]
 
 _EVEN = 0.05  # stamps within 5 % of a period are jitter of the clock, not another grid
 _SIZES = (1e-60, 1e60)  # beyond these, products of squares are 0 or infinite
@@ -195,7 +193,7 @@ def check_fits(data: SampledData, method: str, inputs: int, outputs: int, sample
         )
 
 
-def _runs(known: NDArray[np.bool_]) -> list[slice]:
+def _runs(known: Mask) -> list[slice]:
     edges = np.flatnonzero(np.diff(np.concatenate([[0], known.astype(np.int8), [0]])))
     return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 

@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from idloop.arrays import Array, Complex
 from idloop.errors import InputError
 from idloop.estimation.black_box.labels import new_axes
 from idloop.estimation.describing_functions.element import (
     ClosedForm,
-    Complexes,
     Element,
-    Floats,
     check_size,
     positive_amplitudes,
 )
@@ -53,16 +52,16 @@ class DescribingFunction:
     """
 
     name: str
-    amplitude: Floats
-    frequency: Floats
-    gain: Complexes
-    distortion: Floats
-    harmonics: Floats
+    amplitude: Array
+    frequency: Array
+    gain: Complex
+    distortion: Array
+    harmonics: Array
     input_unit: str = ""
     output_unit: str = ""
 
     @property
-    def locus(self) -> Complexes:
+    def locus(self) -> Complex:
         """Critical locus −1/N, shape (n,); NaN where nothing passes."""
         silent = self.gain == 0.0
         return np.where(silent, np.nan, -1.0 / np.where(silent, 1.0, self.gain))
@@ -114,7 +113,7 @@ class DescribingFunction:
         axes[0].legend(frameon=False)
         return axes
 
-    def _draw(self, axes: Any, x: Floats, places: Places, label: str) -> None:
+    def _draw(self, axes: Any, x: Array, places: Places, label: str) -> None:
         gain = np.where(self.gain[places] == 0.0, np.nan, self.gain[places])
         axes[0].plot(x, np.abs(self.gain[places]), ".-", label=label)
         axes[1].plot(x, np.degrees(np.angle(gain)), ".-", label=label)
@@ -224,7 +223,7 @@ class Exact:
     def __init__(self, element: ClosedForm) -> None:
         self._element = element
 
-    def mesh(self, amplitude: ArrayLike, frequency: ArrayLike) -> Complexes:
+    def mesh(self, amplitude: ArrayLike, frequency: ArrayLike) -> Complex:
         """Gain at every amplitude (m,), shape (m, 1)."""
         return self._element.gain(amplitude)[:, None]
 
@@ -253,7 +252,7 @@ class Interpolated:
         """Whether the gain depends on the frequency too."""
         return len(self._lines) > 1
 
-    def mesh(self, amplitude: ArrayLike, frequency: ArrayLike) -> Complexes:
+    def mesh(self, amplitude: ArrayLike, frequency: ArrayLike) -> Complex:
         """Gain at every amplitude (m,) and every frequency [Hz] (k,), shape (m, k); (m, 1) of one frequency."""
         where = np.log(np.atleast_1d(np.asarray(amplitude, dtype=float)))
         rows = np.array([self._line(x, gain, where) for x, gain in self._lines])
@@ -271,6 +270,6 @@ class Interpolated:
         return complex(self.mesh(amplitude, frequency)[0, 0])
 
     @staticmethod
-    def _line(x: Floats, gain: Complexes, where: Floats) -> Complexes:
+    def _line(x: Array, gain: Complex, where: Array) -> Complex:
         inside = (where >= x[0] - _EDGE) & (where <= x[-1] + _EDGE)
         return np.where(inside, np.interp(where, x, gain), np.nan)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from idloop.arrays import Array
 from idloop.errors import InputError
-from idloop.estimation.describing_functions.element import Floats
 from idloop.estimation.describing_functions.sine_fit import refine_frequency
 from idloop.records import Record
 from idloop.signals import Signal
@@ -30,8 +30,8 @@ class RecordedSignal:
 
     name: str
     unit: str
-    time: Floats
-    value: Floats
+    time: Array
+    value: Array
     held: bool  # held from each stamp to the next (command, reference, excitation), or sampled (outputs)
 
 
@@ -42,7 +42,7 @@ def recorded_signal(record: Record, name: str) -> RecordedSignal:
     ``reference.velocity``, ``excitation.position`` or ``excitation.effort``. Raises InputError: no such signal, or it
     was never measured.
     """
-    known: dict[str, tuple[Floats, Floats, str, bool]] = {
+    known: dict[str, tuple[Array, Array, str, bool]] = {
         record.input_name: (record.input_time, record.input, record.input_unit, True)
     }
     for column, output in enumerate(record.output_names):
@@ -156,7 +156,7 @@ def _alike(a: float, b: float, floor: float) -> bool:
     return abs(b - a) <= max(_ALIKE * abs(a), floor)
 
 
-def _upward_crossings(time: Floats, value: Floats) -> Floats:
+def _upward_crossings(time: Array, value: Array) -> Array:
     """Instants at which the signal rises through its middle [s], small wiggles left out."""
     middle = value - 0.5 * (float(np.max(value)) + float(np.min(value)))
     band = _HYSTERESIS * float(np.ptp(value))

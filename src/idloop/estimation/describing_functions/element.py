@@ -5,27 +5,25 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from idloop.arrays import Array, Complex
 from idloop.errors import InputError
 
-Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
-
-def period_harmonics(value: Floats, phase: Floats, count: int) -> Complexes:
+def period_harmonics(value: Array, phase: Array, count: int) -> Complex:
     """Harmonics of one period that is sampled evenly.
 
     `value` (n,): samples of a whole number of periods; `phase` (n,): phase of each [rad]; `count`: highest harmonic.
     Returns shape (count + 1,): mean, then Y_k of value = mean + Σ Im(Y_k exp(j k phase)): A of A·sin(phase) is real.
     """
     order = np.arange(count + 1)
-    phasors: Complexes = 2j / value.size * (np.exp(-1j * np.outer(order, phase)) @ value)
+    phasors: Complex = 2j / value.size * (np.exp(-1j * np.outer(order, phase)) @ value)
     phasors[0] = value.mean()
     return phasors
 
 
-def distortion(value: Floats, fundamental: complex) -> float:
+def distortion(value: Array, fundamental: complex) -> float:
     """Total harmonic distortion of whole periods: rms of all harmonics above the first over that of the first.
 
     Returns: 0 for a sine, 0.483 for a square wave, infinite without a fundamental; NaN for a constant.
@@ -67,12 +65,12 @@ class ClosedForm(Element, Protocol):
         """Amplitude above which N(A) varies; 0 for an element without a scale, N(A) ~ 1 / A."""
         ...
 
-    def gain(self, amplitude: ArrayLike) -> Complexes:
+    def gain(self, amplitude: ArrayLike) -> Complex:
         """Describing function N(A) of a sine of amplitude A without bias, in the shape of ``amplitude``."""
         ...
 
 
-def positive_amplitudes(amplitude: ArrayLike, where: str) -> Floats:
+def positive_amplitudes(amplitude: ArrayLike, where: str) -> Array:
     """Check amplitudes, any shape.
 
     Raises InputError: one of them is not above zero, or not finite.

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
+from idloop.arrays import Complex
 from idloop.errors import InputError
 from idloop.estimation.describing_functions.effect_element import effect_element
-from idloop.estimation.describing_functions.element import Answer, Complexes, check_size, positive_amplitudes
+from idloop.estimation.describing_functions.element import Answer, check_size, positive_amplitudes
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,7 @@ class Relay:
         """Input at which it switches on."""
         return self.on
 
-    def gain(self, amplitude: ArrayLike) -> Complexes:
+    def gain(self, amplitude: ArrayLike) -> Complex:
         """Describing function N(A), in the shape of ``amplitude``."""
         values = positive_amplitudes(amplitude, self.name)
         on, off = np.minimum(self.on / values, 1.0), np.clip(self.lower / values, -1.0, 1.0)
@@ -122,7 +123,7 @@ class Saturation:
         """The limit."""
         return self.limit
 
-    def gain(self, amplitude: ArrayLike) -> Complexes:
+    def gain(self, amplitude: ArrayLike) -> Complex:
         """Describing function N(A), real, in the shape of ``amplitude``."""
         return _gain_of_control("saturation_nonlinearity", self.limit, amplitude, self.name)
 
@@ -164,7 +165,7 @@ class DeadZone:
         """The smaller width."""
         return min(self.width, self._negative)
 
-    def gain(self, amplitude: ArrayLike) -> Complexes:
+    def gain(self, amplitude: ArrayLike) -> Complex:
         """Describing function N(A), real, in the shape of ``amplitude``."""
         values = positive_amplitudes(amplitude, self.name)
         limits = [Saturation(width).gain(values) for width in (self.width, self._negative)]
@@ -199,7 +200,7 @@ class FrictionBacklash:
         """Half the gap."""
         return 0.5 * self.gap
 
-    def gain(self, amplitude: ArrayLike) -> Complexes:
+    def gain(self, amplitude: ArrayLike) -> Complex:
         """Describing function N(A), in the shape of ``amplitude``."""
         return _gain_of_control("friction_backlash_nonlinearity", self.gap, amplitude, self.name)
 
@@ -208,7 +209,7 @@ class FrictionBacklash:
         return effect_element("backlash", "output", gap=self.gap).answer(interval)
 
 
-def _gain_of_control(nonlinearity: str, size: float, amplitude: ArrayLike, name: str) -> Complexes:
+def _gain_of_control(nonlinearity: str, size: float, amplitude: ArrayLike, name: str) -> Complex:
     """Describing function of a nonlinearity of python-control, in the shape of ``amplitude``."""
     import control
 
@@ -255,7 +256,7 @@ class InertiaBacklash:
             return float("nan")
         return float(brentq(lambda c: c - math.sin(c) - ratio, 0.0, math.pi, xtol=1e-14))
 
-    def gain(self, amplitude: ArrayLike) -> Complexes:
+    def gain(self, amplitude: ArrayLike) -> Complex:
         """Describing function N(A), in the shape of ``amplitude``; NaN below gap / π."""
         values = positive_amplitudes(amplitude, self.name)
         c = np.vectorize(self.contact, otypes=[float])(values)
@@ -306,7 +307,7 @@ class CoulombFriction:
         """0: dry friction has no scale of its own."""
         return 0.0
 
-    def gain(self, amplitude: ArrayLike) -> Complexes:
+    def gain(self, amplitude: ArrayLike) -> Complex:
         """Describing function N(V) of the velocity's amplitude, real, in the shape of ``amplitude``."""
         return Relay(self.level, name=self.name).gain(amplitude)
 

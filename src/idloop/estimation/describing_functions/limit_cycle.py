@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from idloop.arrays import Array, Complex
 from idloop.errors import InputError
 from idloop.estimation.black_box.labels import new_axes
 from idloop.estimation.describing_functions.describing_function import (
@@ -17,7 +18,7 @@ from idloop.estimation.describing_functions.describing_function import (
     Interpolated,
     closed_form,
 )
-from idloop.estimation.describing_functions.element import ClosedForm, Complexes, Floats, positive_amplitudes
+from idloop.estimation.describing_functions.element import ClosedForm, positive_amplitudes
 from idloop.estimation.describing_functions.elements import Relay
 from idloop.estimation.describing_functions.linear_part import LinearPart, linear_part
 from idloop.estimation.describing_functions.presentation import plain, plain_list, with_unit
@@ -33,7 +34,7 @@ SAME = 1e-4
 Gain = Exact | Interpolated
 
 
-def grid_roots(value: Complexes) -> Floats:
+def grid_roots(value: Complex) -> Array:
     """Zeros of the function that is linear on each half of every cell of a grid.
 
     `value` (m, k): values at the grid's points; cells with a value that is not finite hold no zero. Returns shape (r,
@@ -49,7 +50,7 @@ def grid_roots(value: Complexes) -> Floats:
     return np.concatenate(found)
 
 
-def _triangle(corner: Complexes, row: Complexes, column: Complexes) -> tuple[Floats, Floats, Floats, Floats]:
+def _triangle(corner: Complex, row: Complex, column: Complex) -> tuple[Array, Array, Array, Array]:
     """Cells whose triangle holds 0, and how far along the row and the column it lies there."""
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         along, across = row - corner, column - corner
@@ -143,10 +144,10 @@ class LimitCycles:
 
     name: str
     cycles: tuple[LimitCycle, ...]
-    amplitude: Floats
-    locus: Complexes
-    frequency: Floats
-    response: Complexes
+    amplitude: Array
+    locus: Complex
+    frequency: Array
+    response: Complex
     unit: str = ""
     exact: tuple[RelayCycle, ...] = ()
 
@@ -288,7 +289,7 @@ def _inverse(gain: complex) -> complex:
     return -1.0 / gain if gain != 0.0 else complex("nan")
 
 
-def _between(values: Floats, place: float) -> float:
+def _between(values: Array, place: float) -> float:
     return float(np.exp(np.interp(place, np.arange(values.size), values)))
 
 
@@ -303,8 +304,8 @@ def _band(
 
 
 def _amplitudes(
-    element: ClosedForm | DescribingFunction, amplitude: ArrayLike | None, response: Complexes
-) -> Floats:  # fmt: skip
+    element: ClosedForm | DescribingFunction, amplitude: ArrayLike | None, response: Complex
+) -> Array:  # fmt: skip
     if amplitude is not None:
         return np.unique(positive_amplitudes(amplitude, element.name))
     if isinstance(element, DescribingFunction):
@@ -331,7 +332,7 @@ def _refined(linear: LinearPart, gain: Gain, amplitude: float, frequency: float)
     """Root of 1 + N G near a point of the grid; the point itself where none is found."""
     from scipy.optimize import root
 
-    def equation(x: Floats) -> list[float]:
+    def equation(x: Array) -> list[float]:
         # A root far from the cell is another one.
         a, f = (
             amplitude * math.exp(float(np.clip(x[0], -1.0, 1.0))),

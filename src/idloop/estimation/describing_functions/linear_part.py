@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from idloop.arrays import Array, Complex
 from idloop.errors import InputError
-from idloop.estimation.describing_functions.element import Complexes, Floats
 
 # Frequencies per factor of ten, and around each resonance.
 PER_DECADE, PER_RESONANCE = 200, 41
@@ -42,7 +42,7 @@ class LinearPart:
         """Whether the response to a jump begins without one and is known at every instant: relays switch exactly."""
         return not self.discrete and float(self.space.D[0, 0]) == 0.0
 
-    def response(self, frequency: ArrayLike) -> Complexes:
+    def response(self, frequency: ArrayLike) -> Complex:
         """Frequency response at frequencies [Hz], shape (k,); infinite at a pole."""
         omega = 2.0 * math.pi * np.atleast_1d(np.asarray(frequency, dtype=float))
         point = np.exp(1j * omega * self.sample_time) if self.discrete else 1j * omega
@@ -56,17 +56,17 @@ class LinearPart:
         return complex((high - low) / (4.0 * math.pi * step))
 
     @property
-    def rates(self) -> Complexes:
+    def rates(self) -> Complex:
         """Poles and zeros as roots in s [rad/s], shape (k,)."""
         roots = np.concatenate([self.system.poles(), self.system.zeros()]).astype(complex)
         return self._in_s(roots[np.isfinite(roots)])
 
-    def _in_s(self, roots: Complexes) -> Complexes:
+    def _in_s(self, roots: Complex) -> Complex:
         if not self.discrete:
             return roots
         return np.asarray(np.log(roots[np.abs(roots) > 1e-12]) / self.sample_time, dtype=np.complex128)
 
-    def grid(self, low: float | None = None, high: float | None = None) -> Floats:
+    def grid(self, low: float | None = None, high: float | None = None) -> Array:
         """Frequencies [Hz] that show every bend of the response between two limits.
 
         By default from a hundredth of the slowest to a hundred times the fastest pole, zero or
@@ -100,7 +100,7 @@ class LinearPart:
         every = np.unique(np.concatenate(parts))
         return every[(every >= bottom) & (every <= top)]
 
-    def closed_roots(self, gain: complex) -> Complexes:
+    def closed_roots(self, gain: complex) -> Complex:
         """Roots in s [rad/s] of 1 + gain · G for a constant complex gain; of a delay, an approximation."""
         late = self._with_delay()
         a, b, c, d = late.A, late.B, late.C, late.D

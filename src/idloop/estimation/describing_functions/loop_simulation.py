@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.estimation.black_box.labels import new_axes
-from idloop.estimation.describing_functions.element import Element, Floats
+from idloop.estimation.describing_functions.element import Element
 from idloop.estimation.describing_functions.limit_cycle import LimitCycle
 from idloop.estimation.describing_functions.linear_part import LinearPart, linear_part
 from idloop.estimation.describing_functions.presentation import plain, with_unit
@@ -29,8 +30,8 @@ DIED = 1e-3
 class LoopSimulation:
     """What a loop does that was started near a limit cycle."""
 
-    time: Floats  # shape (n,): seconds
-    signal: Floats  # shape (n,): input of the element
+    time: Array  # shape (n,): seconds
+    signal: Array  # shape (n,): input of the element
     # Of the first harmonic over the last periods; the frequency [Hz] is NaN where it died out or ran away
     amplitude: float
     frequency: float
@@ -123,7 +124,7 @@ def _run(
     interval: float,
     late: int,
     count: int,
-) -> Floats:
+) -> Array:
     space, omega = linear.space, 2.0 * math.pi * cycle.frequency
     a, b, d = np.asarray(space.A, dtype=float), np.asarray(space.B, dtype=float)[:, 0], float(space.D[0, 0])
     c = np.asarray(space.C, dtype=float)[0]
@@ -168,9 +169,7 @@ def _run(
     return signal
 
 
-def _measured(
-    time: Floats, signal: Floats, cycle: LimitCycle | RelayCycle, start: float, whole: bool
-) -> LoopSimulation:
+def _measured(time: Array, signal: Array, cycle: LimitCycle | RelayCycle, start: float, whole: bool) -> LoopSimulation:
     """Figures of the last periods."""
     nothing = float("nan")
     last = time >= time[-1] - 2.0 * MEASURED / cycle.frequency

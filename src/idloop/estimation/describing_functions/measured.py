@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.estimation.describing_functions.describing_function import DescribingFunction, Places
 from idloop.estimation.describing_functions.dwell import Dwell, RecordedSignal, find_dwells, recorded_signal
-from idloop.estimation.describing_functions.element import Floats
 from idloop.estimation.describing_functions.linear_part import linear_part
 from idloop.estimation.describing_functions.presentation import plain_list
 from idloop.estimation.describing_functions.sine_drive import HARMONICS
@@ -51,11 +51,11 @@ class MeasuredDescribingFunction(DescribingFunction):
     record: tuple[str, ...]
     source: str
     target: str
-    stderr: Floats
-    radius: Floats
+    stderr: Array
+    radius: Array
     probability: float
-    source_distortion: Floats
-    periods: Floats
+    source_distortion: Array
+    periods: Array
 
     def without(self, system: Any, delay: float = 0.0) -> MeasuredDescribingFunction:
         """Divide a known linear part out: what is left is the element before it (exactly) or behind it.
@@ -108,7 +108,7 @@ class MeasuredDescribingFunction(DescribingFunction):
             "periods": [int(count) for count in self.periods],
         }
 
-    def _draw(self, axes: Any, x: Floats, places: Places, label: str) -> None:
+    def _draw(self, axes: Any, x: Array, places: Places, label: str) -> None:
         super()._draw(axes, x, places, label)
         colour = axes[0].lines[-1].get_color()
         size, radius = np.abs(self.gain[places]), self.radius[places]
@@ -201,7 +201,7 @@ class _Point:
     frequency: float
     gain: complex
     distortion: float
-    harmonics: Floats
+    harmonics: Array
     stderr: float
     radius: float
     source_distortion: float
@@ -273,7 +273,7 @@ def _point(
 
 
 def _fit(
-    where: str, signal: RecordedSignal, dwell: Dwell, start: float, harmonics: int, trend: bool, beside: Floats
+    where: str, signal: RecordedSignal, dwell: Dwell, start: float, harmonics: int, trend: bool, beside: Array
 ) -> SineFit:  # fmt: skip
     """Harmonics of one signal over one step, as many as its samples can resolve."""
     step = float(np.median(np.diff(signal.time)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from idloop.estimation.describing_functions.element import Floats
+from idloop.arrays import Array
 
 
 def plain(value: float) -> float | None:
@@ -12,7 +12,7 @@ def plain(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def plain_list(values: Floats) -> list[float | None]:
+def plain_list(values: Array) -> list[float | None]:
     """Return the numbers of an array, shape (n,), None where they are not finite."""
     return [plain(value) for value in values.tolist()]
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from idloop.arrays import Array
 from idloop.errors import InputError
-from idloop.estimation.describing_functions.element import Floats
 from idloop.estimation.describing_functions.elements import Relay
 from idloop.estimation.describing_functions.linear_part import LinearPart, linear_part
 from idloop.estimation.describing_functions.presentation import plain
@@ -128,7 +128,7 @@ def relay_cycles(system: Any, relay: Relay, *, delay: float = 0.0) -> tuple[Rela
     return tuple(sorted(_found(linear, relay, tried), key=lambda cycle: cycle.frequency))
 
 
-def _found(linear: LinearPart, relay: Relay, tried: Floats) -> list[RelayCycle]:
+def _found(linear: LinearPart, relay: Relay, tried: Array) -> list[RelayCycle]:
     from scipy.optimize import brentq, minimize_scalar
 
     def miss(half: float) -> float:
@@ -167,7 +167,7 @@ class _HalfPeriod:
         self.turn, push = self.over(half)
         self.first = -np.linalg.solve(np.eye(len(self.a)) + self.turn, push)
 
-    def over(self, seconds: float) -> tuple[Floats, Floats]:
+    def over(self, seconds: float) -> tuple[Array, Array]:
         """What the state does by itself, and what the level adds to it."""
         from scipy.linalg import expm
 
@@ -178,7 +178,7 @@ class _HalfPeriod:
         return found[:n, :n], found[:n, n]
 
     @property
-    def crossing(self) -> Floats:
+    def crossing(self) -> Array:
         """State as long before a switching to +level as the loop is late: its output is the relay's input then."""
         if self.delay == 0.0:
             return np.asarray(self.first)
@@ -191,11 +191,11 @@ class _HalfPeriod:
         return -float(self.c @ self.crossing)
 
     @property
-    def speed(self) -> Floats:
+    def speed(self) -> Array:
         """Rate of the state just before that."""
         return np.asarray(self.a @ self.crossing - self.b)
 
-    def inputs(self, count: int) -> Floats:
+    def inputs(self, count: int) -> Array:
         """Relay's input but for the delay over half a period from a switching to +level, shape (count,)."""
         free, push = self.over(self.half / count)
         state, found = self.first, np.empty(count)

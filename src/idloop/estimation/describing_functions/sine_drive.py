@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from idloop.arrays import Array, Complex
 from idloop.errors import IdloopError, InputError
 from idloop.estimation.black_box.labels import new_axes
 from idloop.estimation.describing_functions.element import (
-    Complexes,
     Element,
-    Floats,
     check_size,
     distortion,
     period_harmonics,
@@ -36,10 +35,10 @@ class SineAnswer:
     frequency: float
     bias: float
     # shape (n,): one period: phase [rad], what went in and what came out
-    phase: Floats
-    input: Floats
-    output: Floats
-    phasors: Complexes  # shape (m + 1,): mean and harmonics of the output, see `period_harmonics`
+    phase: Array
+    input: Array
+    output: Array
+    phasors: Complex  # shape (m + 1,): mean and harmonics of the output, see `period_harmonics`
     distortion: float  # total harmonic distortion: 0 for a sine, NaN for a constant
     periods: int  # periods driven until the answer repeated
 
@@ -54,7 +53,7 @@ class SineAnswer:
         return float(self.phasors[0].real)
 
     @property
-    def harmonics(self) -> Floats:
+    def harmonics(self) -> Array:
         """Size of harmonics 2, 3, ... over the first, shape (m - 1,); NaN without a first harmonic."""
         first = abs(self.phasors[1])
         if not math.isfinite(self.distortion):
@@ -140,7 +139,7 @@ def drive_by_sine(
     )
     answer = element.answer(1.0 / (frequency * samples))
     drift, silent = bias / frequency, math.ceil(getattr(element, "dead_time", 0.0) * frequency) + 1
-    outputs: list[Floats] = []
+    outputs: list[Array] = []
     for period in range(MOST_PERIODS + silent):
         output = np.array([answer(x, rate, total + share + drift * period) for x, rate, total, share in rows])
         # The output before the first input arrives repeats as well and must not count.
@@ -165,7 +164,7 @@ def drive_by_sine(
     )
 
 
-def _settled(outputs: list[Floats]) -> Floats | None:
+def _settled(outputs: list[Array]) -> Array | None:
     """The period that the last two or three tend to, or None while it is unknown."""
     if len(outputs) < 2:
         return None
@@ -180,5 +179,5 @@ def _settled(outputs: list[Floats]) -> Floats | None:
     rest = 1.0 - factor
     if not 0.0 < rest < 1.0 or float(np.max(np.abs(change - factor * before))) > EXTRAPOLATED * size * rest:
         return None
-    limit: Floats = outputs[-1] + change * factor / rest
+    limit: Array = outputs[-1] + change * factor / rest
     return limit

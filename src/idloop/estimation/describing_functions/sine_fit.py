@@ -7,16 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idloop.estimation.describing_functions.element import Complexes, Floats
+from idloop.arrays import Array, Complex
 
 
 @dataclass(frozen=True, eq=False)
 class SineFit:
     """Harmonics of one signal over whole periods."""
 
-    phasors: Complexes  # shape (m,): of harmonics 1..m: the signal is Σ Im(Y_k exp(2πj k f t)) and its mean and trend
+    phasors: Complex  # shape (m,): of harmonics 1..m: the signal is Σ Im(Y_k exp(2πj k f t)) and its mean and trend
     mean: float  # signal's mean, the harmonics apart
-    beside: Complexes  # shape (q,): what is left at the frequencies beside the fundamental that were asked for
+    beside: Complex  # shape (q,): what is left at the frequencies beside the fundamental that were asked for
 
     @property
     def distortion(self) -> float:
@@ -26,13 +26,13 @@ class SineFit:
 
 
 def sine_fit(
-    time: Floats,
-    value: Floats,
+    time: Array,
+    value: Array,
     frequency: float,
     harmonics: int,
     *,
     trend: bool = True,
-    beside: Floats | None = None,
+    beside: Array | None = None,
 ) -> SineFit:
     """Fit a sampled signal by least squares: mean, straight line, sine and harmonics together.
 
@@ -55,14 +55,14 @@ def sine_fit(
 
 
 def held_sine_fit(
-    time: Floats,
-    value: Floats,
+    time: Array,
+    value: Array,
     start: float,
     stop: float,
     frequency: float,
     harmonics: int,
     *,
-    beside: Floats | None = None,
+    beside: Array | None = None,
 ) -> SineFit:
     """Harmonics of a signal that is held from each stamp to the next, by exact integration.
 
@@ -84,7 +84,7 @@ def held_sine_fit(
     return SineFit(parts[:harmonics], mean, parts[harmonics:])
 
 
-def refine_frequency(time: Floats, value: Floats, frequency: float) -> float:
+def refine_frequency(time: Array, value: Array, frequency: float) -> float:
     """Frequency [Hz] near a first guess at which a sine leaves the least of a sampled signal.
 
     `time`, `value` (n,): stamps [s] and samples of several periods; `frequency`: guess, right to half a period over the

@@ -7,8 +7,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.estimation.force_balance.held_command import CommandAround, HeldCommand
 from idloop.estimation.force_balance.motion import Motion, low_pass, measured_motion
 
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from idloop.estimation.dataset import Data
     from idloop.physics import Engine
     from idloop.physics.conditions import Conditions
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from math import log
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.arrays import Array, Mask
 from idloop.errors import IdloopError
 from idloop.estimation.dataset import Data
 from idloop.estimation.force_balance.weak_form import BLOCKS, LARGEST_REST, NARROWEST, WeakForm, WindowShares, weak_form
@@ -25,7 +26,6 @@ from idloop.estimation.statistics.student import log_density, scale_of
 from idloop.physics import Engine, Model
 from idloop.physics.effect import INPUT
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 # Limits of the time from the stamp of a command to its action, in samples; a larger delay is an effect of the model.
@@ -616,7 +616,7 @@ def _off_limits(fit: WeakFit, start: Array) -> Array:
     return np.where(_at_limit(fit), start[: len(fit.theta)], fit.theta)
 
 
-def _at_limit(fit: WeakFit) -> NDArray[np.bool_]:
+def _at_limit(fit: WeakFit) -> Mask:
     """Which free parameters are at a limit, shape (k,)."""
     lower, upper = fit.form.engine.model.bounds
     return np.asarray((fit.theta <= lower) | (fit.theta >= upper))

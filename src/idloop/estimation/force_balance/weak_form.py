@@ -18,8 +18,8 @@ from functools import cached_property, partial
 from itertools import groupby, pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Integers
 from idloop.estimation.dataset import Data
 from idloop.estimation.force_balance.balance_terms import (
     BalanceTerms,
@@ -35,8 +35,6 @@ from idloop.estimation.statistics.student import log_density, scale_of
 from idloop.physics import Engine, Model, kernel
 from idloop.physics.conditions import Conditions
 from idloop.physics.effect import INPUT
-
-Array = NDArray[np.float64]
 
 # Samples in the narrowest window, with the zeros at its ends: the least that resolves the second derivative.
 NARROWEST = 9
@@ -80,7 +78,7 @@ class WindowedRecord:
     motion: Motion
     inertial: Array
     noise: Array
-    rows: NDArray[np.int64]
+    rows: Integers
     held: HeldCommand
     disagreement: float
     acceleration_disagreement: Array
@@ -179,9 +177,7 @@ def windowed_record(model: Model, data: Data, motion: Motion, width: int) -> Win
     )  # fmt: skip
 
 
-def _disagreement(
-    sensed: tuple[Array | None, Array | None], rows: NDArray[np.int64], value: Array, first: Array
-) -> float:
+def _disagreement(sensed: tuple[Array | None, Array | None], rows: Integers, value: Array, first: Array) -> float:
     """Relative rms difference of a velocity from the derivative of the position; 0 within the sensors' noise."""
     position, velocity = sensed
     if position is None or velocity is None:

@@ -6,8 +6,8 @@ import itertools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import IdloopError
 from idloop.estimation.criterion import Criterion
 from idloop.estimation.likelihood.estimation_problem import EstimationProblem
@@ -17,7 +17,6 @@ from idloop.estimation.observer.translated_innovations import TranslatedCriterio
 from idloop.estimation.optimisation.least_squares import LeastSquaresProblem
 from idloop.physics.model import Model
 
-Array = NDArray[np.float64]
 # Intensity and memory (correlation time in samples), both in decades.
 Disturbance = tuple[float, float]
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import IdloopError, InputError
 from idloop.estimation.criterion import Criterion
 from idloop.estimation.dataset import Data, common_conditions, force_scale, output_groups, output_noise, prepare
@@ -22,8 +22,6 @@ from idloop.physics.layout import Layout
 from idloop.physics.model import Model
 from idloop.records import Record
 from idloop.records.inspection.checks import excites
-
-Array = NDArray[np.float64]
 
 # Most integration steps per sample, or per second, of a model: faster dynamics do not show in the samples.
 _STEPS_PER_SAMPLE, _STEPS_PER_SECOND = 25.0, 5000.0

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from idloop.arrays import Array, Integers
 
 # Segments of the errors whose sums show the serial correlation.
 _SEGMENTS = 60
@@ -13,7 +12,7 @@ _SEGMENTS = 60
 _SERIAL = 1.4
 
 
-def segment_starts(rows: int) -> NDArray[np.int64]:
+def segment_starts(rows: int) -> Integers:
     """First row of each segment whose sum shows the serial correlation."""
     return np.unique(np.linspace(0, rows, _SEGMENTS + 1).astype(np.int64)[:-1])
 

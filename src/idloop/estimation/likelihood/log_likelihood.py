@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import IdloopError
 from idloop.estimation.observer.innovations import InnovationCriterion
 from idloop.estimation.optimisation.least_squares import LeastSquaresProblem
 from idloop.estimation.statistics.whitening import autocovariances, fit_whitener, left_by_orders
-
-Array = NDArray[np.float64]
 
 
 def weigh(problem: LeastSquaresProblem, point: Array, orders: list[int] | None = None) -> float:

@@ -10,6 +10,7 @@ from typing import ParamSpec
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.arrays import Array, Mask
 from idloop.errors import IdloopError
 from idloop.estimation.criterion import Criterion
 from idloop.estimation.likelihood.disturbance import (
@@ -36,7 +37,6 @@ from idloop.estimation.statistics.covariance import estimate_covariance
 from idloop.estimation.statistics.undetermined import standard_errors
 from idloop.physics.model import Model
 
-Array = NDArray[np.float64]
 _Arguments = ParamSpec("_Arguments")
 
 # Measurement noise needs fewer lags of whitening than this.
@@ -127,7 +127,7 @@ class Refit:
         return np.asarray(found)
 
     @property
-    def sensitive(self) -> NDArray[np.bool_]:
+    def sensitive(self) -> Mask:
         """Columns of the Jacobian on which the errors depend, shape (k + m,).
 
         A disturbance of no intensity has no uncertain intensity: its column is rounding, or the slope of a bound.

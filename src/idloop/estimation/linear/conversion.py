@@ -5,15 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.estimation.linear.model import LinearModel
 
 if TYPE_CHECKING:
     import control
 
-Array = NDArray[np.float64]
 Hold = Literal["zoh", "foh", "tustin"]
 
 _HOLDS = ("zoh", "foh", "tustin")

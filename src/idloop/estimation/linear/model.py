@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Complex
 from idloop.errors import InputError
 from idloop.estimation.black_box.labels import control_names
 from idloop.estimation.black_box.sampled import SampledData, check_fits
@@ -19,7 +19,6 @@ from idloop.estimation.statistics.information_criteria import Information
 if TYPE_CHECKING:
     import control
 
-Array = NDArray[np.float64]
 # The estimate of an integrator lies slightly inside or outside of the unit circle.
 _UNSTABLE = 1.001
 Focus = Literal["prediction", "simulation"]
@@ -95,9 +94,9 @@ class LinearModel:
         return int(self.a.shape[0])
 
     @property
-    def poles(self) -> NDArray[np.complex128]:
+    def poles(self) -> Complex:
         """Eigenvalues of A."""
-        values: NDArray[np.complex128] = np.linalg.eigvals(self.a).astype(complex)
+        values: Complex = np.linalg.eigvals(self.a).astype(complex)
         return values
 
     @property
@@ -162,7 +161,7 @@ class LinearModel:
             name=f"{self.method} noise",
         )
 
-    def response(self, frequency: Array) -> NDArray[np.complex128]:
+    def response(self, frequency: Array) -> Complex:
         """Frequency response at `frequency` [Hz], shape (f, p, m)."""
         z = np.exp(2j * np.pi * np.asarray(frequency, dtype=float) * self.sample_time)
         eye = np.eye(self.order)
@@ -280,7 +279,7 @@ class LinearModel:
         check_fits(data, self.method, self.b.shape[1], self.c.shape[0], self.sample_time)
 
 
-def instability_notes(a: NDArray[np.float64]) -> tuple[str, ...]:
+def instability_notes(a: Array) -> tuple[str, ...]:
     """One note where the free run grows, none otherwise.
 
     `a` (n, n): state matrix.

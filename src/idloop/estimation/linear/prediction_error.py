@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from idloop.arrays import Array, Mask
 from idloop.errors import IdloopError, InputError
 from idloop.estimation.black_box.sampled import SampledData, check_fits, together
 from idloop.estimation.linear.conversion import c2d
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     import control
     from idloop.estimation.black_box.prefilter import Filter
 
-Array = NDArray[np.float64]
 _PARTS = ("a", "b", "c", "d", "gain")
 _SCALED_ON = 20_000  # samples from which the scale of the states is taken
 
@@ -227,7 +227,7 @@ def _entries(matrices: Matrices, free: Any) -> Parametrisation:
     return Parametrisation(matrices.like, lambda _: unit, free)
 
 
-def _complement(matrices: Matrices, scale: Array, moving: NDArray[np.bool_]) -> Array:
+def _complement(matrices: Matrices, scale: Array, moving: Mask) -> Array:
     """Basis of the entries' moves that do more than change the states' coordinates.
 
     A change of coordinates I + X moves the entries by (X A - A X, X B, -C X, 0, X K).
@@ -296,7 +296,7 @@ def _stabilising(matrices: Matrices, experiments: Sequence[SampledData]) -> Arra
     return np.asarray(np.linalg.solve(innovation, matrices.c @ spread @ matrices.a.T).T)
 
 
-def _mask(free: Mapping[str, ArrayLike], matrices: Matrices, focus: Focus) -> NDArray[np.bool_]:
+def _mask(free: Mapping[str, ArrayLike], matrices: Matrices, focus: Focus) -> Mask:
     masks = []
     for name in free:
         if name not in _PARTS:

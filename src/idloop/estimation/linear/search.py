@@ -7,14 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import IdloopError
 from idloop.estimation.linear.sensitivity import Matrices, compressed_errors, error_moments, score_sums
 from idloop.estimation.observer.stationary import riccati
 from idloop.estimation.optimisation.levenberg import minimise
 
-Array = NDArray[np.float64]
 _ROUND = 12  # iterations before weights and coordinates are renewed
 _TOLERANCE = 1e-4  # decrease of the log-likelihood that is not worth another step
 _HIDDEN = 1e-10  # part of the largest change of the errors below which a direction is not shown by the data

@@ -6,8 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.estimation.black_box.sampled import SampledData
 from idloop.estimation.linear.model import Focus, LinearModel
@@ -18,7 +19,6 @@ from idloop.estimation.linear.sensitivity import Matrices
 if TYPE_CHECKING:
     from idloop.estimation.black_box.prefilter import Filter
 
-Array = NDArray[np.float64]
 Structure = Callable[..., tuple[ArrayLike, ...]]
 
 _STEP = 6e-6  # relative step of the central differences of the matrices: the cube root of the rounding

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.documents import MOST_JSON, NOT_WHOLE, read_json, read_text
 from idloop.errors import InputError
 from idloop.estimation.black_box.labels import new_axes
@@ -24,7 +24,6 @@ from idloop.output_files import write_text
 if TYPE_CHECKING:
     import control
 
-Array = NDArray[np.float64]
 SCHEMA = "idloop/narx-model/1"
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.estimation.black_box.sampled import SampledData
 from idloop.estimation.networks.model import NarxModel
@@ -14,8 +14,6 @@ from idloop.estimation.networks.network import SIGMOID, Network
 from idloop.estimation.networks.preparation import Form, Preparation, prepare
 from idloop.estimation.networks.training import TrainingHistory, TrainingRules, mean_squares, train
 from idloop.estimation.networks.training_data import Division, TappedDelays, by_range
-
-Array = NDArray[np.float64]
 
 
 def narx_neural(

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Integers
 from idloop.errors import InputError
 from idloop.estimation.black_box.sampled import SampledData, together
 from idloop.estimation.networks.model import NarxModel
@@ -24,7 +24,6 @@ from idloop.estimation.networks.training_data import (
     regressors,
 )
 
-Array = NDArray[np.float64]
 Form = Literal["series-parallel", "parallel"]
 
 _RANGES = 50.0  # a free run that leaves so many times the range of the training data has diverged
@@ -40,8 +39,8 @@ class Preparation:
 
     experiments: list[SampledData]
     delays: TappedDelays
-    source: NDArray[np.int64]
-    lag: NDArray[np.int64]
+    source: Integers
+    lag: Integers
     split: Split
     data: TrainingData
     train: Array  # shape (n, r): regressors of the training samples

@@ -12,14 +12,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Mask
 from idloop.errors import InputError
 from idloop.estimation.networks.network import SIGMOID, Network, ahead, parameters, slopes, with_parameters
 from idloop.estimation.networks.training_data import BLOCK, TrainingData, regressors
 from idloop.estimation.polynomial.regression import triangle
 
-Array = NDArray[np.float64]
 _SMALLEST_DAMPING = 1e-20
 
 
@@ -65,7 +64,7 @@ class OneStep:
 
     regressors: Array  # shape (n, r)
     outputs: Array  # shape (n, p)
-    training: NDArray[np.bool_]  # shape (n,): samples that the slopes are wanted of
+    training: Mask  # shape (n,): samples that the slopes are wanted of
 
     @classmethod
     def of(cls, network: Network, data: TrainingData) -> OneStep:

@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Integers
 from idloop.errors import InputError
 
-Array = NDArray[np.float64]
 _FLAT = 1e-13  # spread of a column over its mean that is rounding
-Indices = NDArray[np.int64]
 BLOCK = 1024  # samples whose slopes are held at a time: as many as the cache has room for
 
 
@@ -74,11 +72,11 @@ class Split:
 
     # Rows of the regressors of all experiments one after the other; an experiment's first row belongs to the first
     # sample of which all regressors are known
-    train: Indices
-    validation: Indices
-    test: Indices
+    train: Integers
+    validation: Integers
+    test: Integers
 
-    def purposes(self, rows: int) -> Indices:
+    def purposes(self, rows: int) -> Integers:
         """0, 1 or 2 for each row, shape (rows,)."""
         purpose = np.zeros(rows, dtype=np.int64)
         purpose[self.validation], purpose[self.test] = 1, 2
@@ -90,7 +88,7 @@ def divide(division: Division, rows: Sequence[int], random: np.random.Generator)
 
     `rows`: of each experiment.
     """
-    parts: tuple[list[Indices], list[Indices], list[Indices]] = ([], [], [])
+    parts: tuple[list[Integers], list[Integers], list[Integers]] = ([], [], [])
     start = 0
     for count in [sum(rows)] if division.by == "random" else rows:
         order = random.permutation(count) if division.by == "random" else np.arange(count)
@@ -134,7 +132,7 @@ class TappedDelays:
             if any(one < 0 for one in ([value] if isinstance(value, int) else value)):
                 raise InputError(f"{name} = {value}; numbers of delays cannot be negative")
 
-    def taps(self, inputs: int, outputs: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def taps(self, inputs: int, outputs: int) -> tuple[Integers, Integers]:
         """Signal and lag of each regressor.
 
         Parameters
@@ -171,7 +169,7 @@ class TappedDelays:
         return {name: np.asarray(getattr(self, name)).tolist() for name in ("na", "nb", "nk")}
 
 
-def regressors(source: NDArray[np.int64], lag: NDArray[np.int64], inputs: Array, outputs: Array) -> Array:
+def regressors(source: Integers, lag: Integers, inputs: Array, outputs: Array) -> Array:
     """Regressors of one experiment from the first sample on for which all of them are known.
 
     `source`, `lag` (r,): of ``TappedDelays.taps``; `inputs`, `outputs` (N, m) and (N, p). Returns shape (N - longest
@@ -197,10 +195,10 @@ class TrainingData:
     """Experiments and what each sample serves."""
 
     experiments: Sequence[tuple[Array, Array]]  # shapes (N, m) and (N, p)
-    purpose: Indices  # 0, 1 or 2 (training, validation, test) for each row of the regressors of all experiments
+    purpose: Integers  # 0, 1 or 2 (training, validation, test) for each row of the regressors of all experiments
     first: int  # first sample of each experiment that is predicted
 
-    def pieces(self) -> Iterator[tuple[Array, Array, Indices]]:
+    def pieces(self) -> Iterator[tuple[Array, Array, Integers]]:
         """Inputs, outputs and purposes of each experiment."""
         start = 0
         for inputs, outputs in self.experiments:

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Integers
 from idloop.errors import InputError
 from idloop.estimation.black_box.sampled import SampledData
 from idloop.estimation.networks.model import NarxModel
@@ -17,16 +17,14 @@ from idloop.estimation.networks.training import TrainingHistory, TrainingRules, 
 from idloop.estimation.networks.training_data import Division, TappedDelays, by_spread
 from idloop.estimation.polynomial.regression import rows_in_blocks, triangle
 
-Array = NDArray[np.float64]
 _DEPENDENT = 1e-8  # what is left of a column's square when the chosen ones are taken out, below which it is theirs
-Indices = NDArray[np.int64]
 _LEVELS = 5  # dyadic levels, each with dilations twice those of the one above
 _CELLS = 200  # cells that are kept of each level, those with most samples
 _ROWS = 6000  # training samples among which units are selected; all of them count for the weights
 _MOST_UNITS = 60  # that an automatic choice may take
 
 
-def select(base: Array, candidates: Array, targets: Array, count: int) -> NDArray[np.int64]:
+def select(base: Array, candidates: Array, targets: Array, count: int) -> Integers:
     """Candidates that explain most of what the base leaves over, one after the other.
 
     In each step the candidate is taken whose part orthogonal to all the chosen columns lowers the sum of squares
@@ -120,7 +118,7 @@ def narx_wavelet(
     return prepared.model("narx-wavelet", network, history, form, notes)
 
 
-def dyadic_grid(z: Array, levels: int, cells: int) -> tuple[Indices, Array, Array]:
+def dyadic_grid(z: Array, levels: int, cells: int) -> tuple[Integers, Array, Array]:
     """Candidates on a dyadic grid, only where there are samples.
 
     `z` (n, d): scaled regressors; `cells`: most cells of a level; those that hold most samples are kept. Returns `kind`
@@ -200,14 +198,14 @@ def _selected(prepared: Preparation, most: int, *, automatic: bool) -> tuple[Net
     return network, TrainingHistory(curve[:, 0], curve[:, 1], curve[:, 2], nothing, nothing, best, stop, "unit")
 
 
-def _rows(network: Network, z: Array, targets: Array, rows: Indices) -> Iterator[Array]:
+def _rows(network: Network, z: Array, targets: Array, rows: Integers) -> Iterator[Array]:
     """Blocks of the columns (1, z, units, targets) at some rows."""
     for begin, end in rows_in_blocks(rows.size, 0):
         here = np.ascontiguousarray(z[rows[begin:end]])
         yield np.column_stack([np.ones(len(here)), here, activations(network, here), targets[rows[begin:end]]])
 
 
-def _path(factors: Sequence[Array], counts: Indices, base: int, most: int, p: int) -> tuple[Array, list[Array]]:
+def _path(factors: Sequence[Array], counts: Integers, base: int, most: int, p: int) -> tuple[Array, list[Array]]:
     """Mean squares over training, validation and test, and the weights, for each number of units."""
     curve: Array = np.full((most + 1, 3), np.nan)
     solutions: list[Array] = []

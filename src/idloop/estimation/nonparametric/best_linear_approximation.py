@@ -12,18 +12,14 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Complex, Integers, Mask
 from idloop.errors import InputError
 from idloop.estimation.black_box.sampled import SampledData
 from idloop.estimation.nonparametric.distortion import Distortion, LineLevels, combined_p_value
 from idloop.estimation.nonparametric.frequency_response import FrequencyResponse
 from idloop.estimation.nonparametric.periodic import PeriodicSpectra, by_period
 from idloop.signals.base import LineGrid
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
-Mask = NDArray[np.bool_]
 
 _CLEAR = 25.0  # least power of an input at a line over that of its noise, for a division by it
 _NEIGHBOURS = 6  # empty lines that are averaged for the distortion at an excited one
@@ -198,7 +194,7 @@ def fast_best_linear_approximation(
     )
 
 
-def _relative(spectra: PeriodicSpectra, kept: NDArray[np.int64]) -> tuple[Complex, Complex, Array]:
+def _relative(spectra: PeriodicSpectra, kept: Integers) -> tuple[Complex, Complex, Array]:
     """Response over all realisations, each one's deviation from it and its noise variance.
 
     Returns `response` (f, p); `own` (experiments, f, p): deviation of each realisation, in units of the response;
@@ -226,7 +222,7 @@ def _variance_of_mean(periods: Complex) -> Array:
     return np.asarray(np.sum(np.abs(periods - np.mean(periods, axis=0)) ** 2, axis=0) / (count - 1) / count)
 
 
-def _noise_notes(spectra: PeriodicSpectra, kept: NDArray[np.int64]) -> tuple[str, ...]:
+def _noise_notes(spectra: PeriodicSpectra, kept: Integers) -> tuple[str, ...]:
     """A note where the input is too noisy to divide by: the error of a ratio is normal only while it is small."""
     excited = spectra.excited[:, kept]
     driver = np.where(excited, spectra.driver[:, kept], 1.0)
@@ -241,7 +237,7 @@ def _noise_notes(spectra: PeriodicSpectra, kept: NDArray[np.int64]) -> tuple[str
     return (f"at {lines} of {kept.size} lines {what}",)
 
 
-def _mean_input(spectra: PeriodicSpectra, kept: NDArray[np.int64]) -> Array:
+def _mean_input(spectra: PeriodicSpectra, kept: Integers) -> Array:
     """Amplitude of each realisation's input, shape (experiments, f)."""
     return np.array([np.abs(np.mean(one[:, kept], axis=0)) for one in spectra.input])
 
@@ -252,7 +248,7 @@ def _levels_of_output(spectra: PeriodicSpectra) -> tuple[Array, Array]:
     return level, np.array([_variance_of_mean(one) for one in spectra.output])
 
 
-def _at_empty_lines(spectra: PeriodicSpectra, kept: NDArray[np.int64], response: Complex) -> tuple[Array, Array]:
+def _at_empty_lines(spectra: PeriodicSpectra, kept: Integers, response: Complex) -> tuple[Array, Array]:
     """Squared amplitude and noise variance of what the input does not explain, shapes (experiments, k, p)."""
     line = np.arange(spectra.frequency.size)
     between = np.stack(
@@ -289,7 +285,7 @@ def _nearby(lines: Array, power: Array, frequency: Array) -> tuple[Array, int]:
 def _result(
     method: str,
     spectra: PeriodicSpectra,
-    kept: NDArray[np.int64],
+    kept: Integers,
     response: Complex,
     degrees: Array,
     notes: tuple[str, ...],

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.arrays import Array, Complex
 from idloop.estimation.black_box.labels import new_axes
-
-Array = NDArray[np.float64]
 
 _ROUNDING = 1e-9  # of a signal: rounding that counts as noise in noise-free records
 
@@ -81,7 +80,7 @@ class Distortion:
             },
         }
 
-    def shares(self, response: NDArray[np.complex128]) -> list[dict[str, float]]:
+    def shares(self, response: Complex) -> list[dict[str, float]]:
         """Noise and distortion as parts of the linear response, root mean square over the lines.
 
         `response` (f, p): best linear approximation at the excited lines. Returns: for each output ``noise`` and

@@ -6,18 +6,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Complex, Mask
 from idloop.errors import InputError
 from idloop.estimation.black_box.labels import control_names
 
 if TYPE_CHECKING:
     import control
     from idloop.estimation.nonparametric.distortion import Distortion
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

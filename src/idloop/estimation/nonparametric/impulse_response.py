@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Integers
 from idloop.errors import InputError
 from idloop.estimation.black_box.labels import new_axes
 from idloop.estimation.black_box.sampled import SampledData, together
@@ -17,7 +17,6 @@ from idloop.estimation.nonparametric.spectral import Trend, covariances, without
 if TYPE_CHECKING:
     import control
 
-Array = NDArray[np.float64]
 _REACH = 4  # times the lags: as far as a held command smears a response to negative lags
 _COLOURED = 0.1  # correlation that prewhitening may leave in the input before the weights smear into each other
 
@@ -43,7 +42,7 @@ class ImpulseResponse:
     """
 
     method: str
-    lag: NDArray[np.int64]
+    lag: Integers
     response: Array
     stderr: Array
     null_stderr: Array

@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Complex, Mask
 from idloop.errors import InputError
 from idloop.estimation.black_box.sampled import SampledData, together
 from idloop.signals.base import LineGrid
 
-Array = NDArray[np.float64]
 _DIFFERENT = 0.25  # mismatch that a signal must have exceeded before it can repeat
 _REPEATED = 0.2  # largest mismatch at which it repeats
 _NEAR, _ALIKE = 1.3, 1e-4  # factor and offset up to which a mismatch counts as equal to the least
@@ -21,8 +20,6 @@ _BETTER = 0.5  # largest mismatch of a better period, over that of the given one
 _UNLIKE = 0.5  # mismatch of a signal that does not repeat at all
 _NEAR_PART, _LEAST_NEAR = 100, 2  # neighbours of a period that are compared: its hundredth part, and at least so many
 _CLOSER = 0.7  # largest mismatch of a better neighbour, over that of the given period: noise makes a smaller difference
-Complex = NDArray[np.complex128]
-Mask = NDArray[np.bool_]
 _NEIGHBOURS = 21  # lines over which the noise of the driver is averaged
 _ABOVE_NOISE = 15.0  # times the noise, power of an excited line: noise alone exceeds it once in a million lines
 _EXCITED = 1e-4  # least power of an excited line, over that of the largest; less is noise or rounding

@@ -8,14 +8,13 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from idloop.arrays import Array, Complex, Integers, Mask
 from idloop.errors import InputError
 from idloop.estimation.black_box.sampled import SampledData, together
 from idloop.estimation.nonparametric.frequency_response import FrequencyResponse
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 Trend = Literal["constant", "linear", "none"]
 _SILENT = 1e-12  # an input's power at a line below this share of its greatest is rounding, not excitation
 _TOGETHER = 1e-8  # inputs whose coherence matrix is closer to singular than this are taken for dependent
@@ -118,7 +117,7 @@ def response_from(
     )
 
 
-def _excited(power: Array, data: SampledData) -> NDArray[np.bool_]:
+def _excited(power: Array, data: SampledData) -> Mask:
     """Lines at which every input has power, shape (f,)."""
     greatest = np.max(power, axis=0)
     for level, name in zip(greatest, data.input_names, strict=True):
@@ -427,7 +426,7 @@ def etfe(
     return response_from(spectra, several, "etfe" if smoothing is None else "smoothed etfe")
 
 
-def _smoothed(transform: Complex, reach: NDArray[np.int64], weight: NDArray[np.float64]) -> Complex:
+def _smoothed(transform: Complex, reach: Integers, weight: Array) -> Complex:
     """Weighted sums of the products of each pair of transforms, shape (f, c, c)."""
     signals = len(transform)
     matrix = np.empty((len(reach), signals, signals), dtype=complex)

@@ -12,8 +12,8 @@ from copy import copy
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Mask
 from idloop.errors import IdloopError
 from idloop.estimation.criterion import Errors, InitialStates
 from idloop.estimation.dataset import Data, output_groups
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from idloop.physics import Engine
     from idloop.physics.engine import Linear
 
-Array = NDArray[np.float64]
 
 # Range of the intensity, in decades about a random walk that reaches the drive force within the record.
 LEAST_EXPONENT, MOST_EXPONENT = -10.0, 10.0
@@ -231,7 +230,7 @@ def _middle(data: Data, share: float) -> Data:
     return data.part(first, first + count, all_commands=True)
 
 
-def _usable(data: Data, group: list[int]) -> NDArray[np.bool_] | None:
+def _usable(data: Data, group: list[int]) -> Mask | None:
     """Rows with a measurement of a group, without the first one after a gap; None for all rows."""
     keep = np.all(np.isfinite(data.output[:, group]), axis=1)
     keep[data.gaps] = False

@@ -5,15 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.estimation.optimisation.levenberg import probed_size
 from idloop.estimation.sensors import body_sensors
 
 if TYPE_CHECKING:
     from idloop.physics import Model
 
-Array = NDArray[np.float64]
 
 _COMMANDS_KEPT = 16384
 _ONE_GAIN = np.zeros(1, dtype=np.int64)

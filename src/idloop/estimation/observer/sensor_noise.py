@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from idloop.arrays import Array
 
 # Variance of the third difference of unit white noise: 1 + 9 + 9 + 1.
 _THIRD_DIFFERENCE_VARIANCE = 20.0

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.physics.engine import Engine
 from idloop.physics.layout import lay_out
 
@@ -25,7 +25,7 @@ class CachingEngine(Engine):
 
     _layouts: dict[bytes, Layout] | None = None
 
-    def layout(self, theta: NDArray[np.float64] | None = None) -> Layout:
+    def layout(self, theta: Array | None = None) -> Layout:
         """Arrays for one set of values, from the cache where possible."""
         if self._layouts is None:
             self._layouts = {}
@@ -36,5 +36,5 @@ class CachingEngine(Engine):
             self._layouts[key] = self._laid_out(theta)
         return self._layouts[key]
 
-    def _laid_out(self, theta: NDArray[np.float64] | None) -> Layout:
+    def _laid_out(self, theta: Array | None) -> Layout:
         return lay_out(self.model, self.values(theta), final=False)

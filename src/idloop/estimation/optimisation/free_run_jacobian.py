@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.estimation.optimisation.least_squares import LeastSquaresProblem
 from idloop.estimation.optimisation.levenberg import difference_jacobian
 from idloop.estimation.simulation import SimulationCriterion
-
-Array = NDArray[np.float64]
 
 # Change of a parameter, as a part of its size, for the derivatives of the forces.
 _CHANGE = 1e-6

@@ -9,9 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from idloop.arrays import Array
 
 # Step to both sides, as a part of a parameter's typical size.
 _STEP = 1e-3

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Integers
 from idloop.errors import IdloopError
 from idloop.estimation.criterion import Criterion, Errors
 from idloop.estimation.statistics.whitening import Whitener, choose_order, fit_whitener
-
-Array = NDArray[np.float64]
 
 
 class LeastSquaresProblem:
@@ -157,9 +155,9 @@ class LeastSquaresProblem:
                 row += n * p
         return scores
 
-    def rows_of_records(self, point: Array) -> list[NDArray[np.int64]]:
+    def rows_of_records(self, point: Array) -> list[Integers]:
         """Rows of the residual by record, of all groups of outputs."""
-        found: dict[int, list[NDArray[np.int64]]] = {}
+        found: dict[int, list[Integers]] = {}
         row = 0
         for group in self.whitened(point):
             for record, e in enumerate(group):
@@ -167,12 +165,12 @@ class LeastSquaresProblem:
                 row += e.size
         return [np.concatenate(rows) for rows in found.values()]
 
-    def segments(self, point: Array, count: int) -> list[NDArray[np.int64]]:
+    def segments(self, point: Array, count: int) -> list[Integers]:
         """Rows of the residual by segment of time, about ``count`` segments in all."""
         errors = self.whitened(point)
         lengths = [len(e) for e in errors[0]]
         parts = [max(round(count * n / max(sum(lengths), 1)), 1) for n in lengths]
-        found: list[list[NDArray[np.int64]]] = [[] for _ in range(sum(parts))]
+        found: list[list[Integers]] = [[] for _ in range(sum(parts))]
         row = 0
         for group in errors:
             place = 0

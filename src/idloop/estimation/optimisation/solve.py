@@ -6,15 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import IdloopError
 from idloop.estimation.criterion import Criterion
 from idloop.estimation.optimisation.free_run_jacobian import FreeRunJacobian
 from idloop.estimation.optimisation.least_squares import LeastSquaresProblem
 from idloop.estimation.optimisation.levenberg import difference_jacobian, minimise, probed_size
-
-Array = NDArray[np.float64]
 
 _MOST_ROUNDS = 15
 _ITERATIONS_PER_ROUND = 10

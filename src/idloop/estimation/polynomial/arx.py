@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.estimation.black_box.prefilter import Filter, prefiltered
 from idloop.estimation.black_box.sampled import SampledData, together
@@ -26,8 +26,6 @@ from idloop.estimation.polynomial.regression import (
     scores_of,
     white_errors,
 )
-
-Array = NDArray[np.float64]
 
 
 def arx(

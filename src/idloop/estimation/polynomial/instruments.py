@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Mask
 from idloop.errors import InputError
 from idloop.estimation.black_box.prefilter import Filter, prefiltered
 from idloop.estimation.black_box.sampled import SampledData, together
@@ -26,8 +26,6 @@ from idloop.estimation.polynomial.regression import (
     residual_of,
     white_errors,
 )
-
-Array = NDArray[np.float64]
 
 _LONG = 20  # order of the models that make the instruments
 
@@ -104,7 +102,7 @@ def iv4(
 
 def four_steps(
     data: Sequence[Channel], orders: Orders, clean: Sequence[Channel], initial: Initial = "estimate"
-) -> tuple[Array, Array, float, NDArray[np.bool_]]:
+) -> tuple[Array, Array, float, Mask]:
     """Instruments, the solution by them, whitening of what is left, instruments again.
 
     `clean`: signals without noise to make the instruments from. Returns `coefficients` (k,); `factor` (k, r): W with
@@ -152,7 +150,7 @@ def _instrumental(
     whitener: Array,
     first: int,
     damper: Array | None = None,
-) -> tuple[Array, Array, NDArray[np.bool_]]:
+) -> tuple[Array, Array, Mask]:
     """Solve sum zeta(t) [y(t) - phi(t)^T theta] = 0 with noise-free signals in zeta, all through whitener / damper."""
     from scipy.signal import lfilter
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Mask
 from idloop.estimation.black_box.sampled import SampledData
 from idloop.estimation.linear import Coefficient, LinearModel
 from idloop.estimation.linear.model import instability_notes
@@ -16,7 +16,6 @@ from idloop.estimation.polynomial.polynomials import Polynomials, Realization, s
 from idloop.estimation.polynomial.regression import lagged, rows_in_blocks, triangle
 from idloop.estimation.statistics.collinear import collinear_inputs, collinearity_notes
 
-Array = NDArray[np.float64]
 _ROUNDING = 1e-9  # a direction of the windows of less than this part of the largest is none
 _FIRST_LOOK = 20_000  # samples that are nearly always enough
 
@@ -134,7 +133,7 @@ def assemble(
     return replace(model, notes=(*model.notes, *collinearity_notes(data, model)))
 
 
-def _without_chance(polynomials: Sequence[Polynomials], together: NDArray[np.bool_]) -> Sequence[Polynomials]:
+def _without_chance(polynomials: Sequence[Polynomials], together: Mask) -> Sequence[Polynomials]:
     """Polynomials without standard errors of inputs that are combinations of each other.
 
     A search that ends at one of many equivalent solutions gives the curvature there only.

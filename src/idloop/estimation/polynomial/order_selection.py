@@ -8,8 +8,8 @@ from itertools import product
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Integers
 from idloop.errors import InputError
 from idloop.estimation.black_box.labels import new_axes
 from idloop.estimation.black_box.sampled import SampledData, together
@@ -23,7 +23,6 @@ from idloop.estimation.polynomial.regression import (
     triangle,
 )
 
-Array = NDArray[np.float64]
 Criterion = Literal["validation", "aic", "bic", "fpe", "loss"]
 CRITERIA: tuple[Criterion, ...] = ("validation", "aic", "bic", "fpe", "loss")
 _DRAWN: dict[Criterion, str] = {"validation": "validation loss", "aic": "AIC", "bic": "BIC (MDL)"}
@@ -49,7 +48,7 @@ class DelayEstimate:
     input_names: tuple[str, ...]
     sample_time: float
     delay: tuple[int, ...]
-    candidates: NDArray[np.int64]
+    candidates: Integers
     bic: Array
 
     @property
@@ -190,7 +189,7 @@ class ArxStructures:
     variance: float
 
     @property
-    def parameters(self) -> NDArray[np.int64]:
+    def parameters(self) -> Integers:
         """Number of coefficients of each structure."""
         return np.array([o.size for o in self.structures])
 

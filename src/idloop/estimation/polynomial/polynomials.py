@@ -7,17 +7,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Complex
 from idloop.errors import InputError
 from idloop.estimation.black_box.labels import control_names, new_axes
 from idloop.estimation.linear import Coefficient, LinearModel
 
 if TYPE_CHECKING:
     import control
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)

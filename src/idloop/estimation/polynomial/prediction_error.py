@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Mask
 from idloop.errors import InputError
 from idloop.estimation.black_box.prefilter import Filter, prefiltered
 from idloop.estimation.black_box.sampled import SampledData, together
@@ -27,8 +27,6 @@ from idloop.estimation.polynomial.regression import (
 )
 from idloop.estimation.polynomial.search import Found, Objective, best, information
 from idloop.estimation.polynomial.start import noise_start, shared_denominator, starts
-
-Array = NDArray[np.float64]
 
 _EDGE = 1e-3  # roots of C this close to the unit circle are on it
 _START_ROWS = 100_000  # a start needs no more samples than this
@@ -195,7 +193,7 @@ def search(
     return assemble(method, experiments, found, left, notes=notes)
 
 
-_Fitted = tuple[Array, Array, NDArray[np.bool_], bool]
+_Fitted = tuple[Array, Array, Mask, bool]
 
 
 def _predicting(data: Sequence[Channel], orders: Orders, initial: Initial, errors: Errors) -> _Fitted:
@@ -261,13 +259,13 @@ def _without_noise(orders: Orders) -> Orders:
     return Orders(orders.na, orders.nb, 0, 0, orders.nf, orders.nk)
 
 
-def _mask(orders: Orders) -> NDArray[np.bool_]:
+def _mask(orders: Orders) -> Mask:
     mask = np.zeros(orders.size, dtype=bool)
     mask[orders.c] = mask[orders.d] = True
     return mask
 
 
-def _covariance(objective: Objective, found: Found, errors: Errors) -> tuple[Array, NDArray[np.bool_]]:
+def _covariance(objective: Objective, found: Found, errors: Errors) -> tuple[Array, Mask]:
     known = information(objective, found.free)
     parameters = len(found.free) + objective.past
     if errors == "white":

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Mask
 from idloop.errors import InputError
 from idloop.estimation.black_box.sampled import SampledData
 from idloop.estimation.polynomial.polynomials import Orders, Polynomials
 from idloop.estimation.statistics.covariance import long_run_covariance
 
-Array = NDArray[np.float64]
 _BLOCK = 8192  # rows that are factored at a time
 # Singular values of the unit-column regressors below this part of the largest are rounding.
 _RANK = 1e-13
@@ -65,7 +64,7 @@ class Solution:
     coefficients: Array  # shape (k,): of smallest norm (in units of the columns) where the data leave some undetermined
     squares: float  # sum of squares that is left
     factor: Array
-    undetermined: NDArray[np.bool_]  # shape (k,): which coefficients the data leave open
+    undetermined: Mask  # shape (k,): which coefficients the data leave open
 
 
 def solve(factor: Array) -> Solution:
@@ -81,7 +80,7 @@ def solve(factor: Array) -> Solution:
     return Solution(coefficients, float(left @ left + factor[k, k] ** 2), inverse, undetermined)
 
 
-def inverse_factor(factor: Array) -> tuple[Array, NDArray[np.bool_]]:
+def inverse_factor(factor: Array) -> tuple[Array, Mask]:
     """W with W W^T the pseudo-inverse of R^T R, and which coordinates it leaves open.
 
     `factor` (n, k): R, or any matrix with as many columns as coefficients.
@@ -167,7 +166,7 @@ def check_inputs(data: Sequence[SampledData], orders: Orders) -> None:
             raise InputError(f"{data[0].name}: output {name!r} never moves; leave it out or excite the plant")
 
 
-def open_note(polynomials: Polynomials, undetermined: NDArray[np.bool_]) -> list[str]:
+def open_note(polynomials: Polynomials, undetermined: Mask) -> list[str]:
     """Note on coefficients that the data do not determine."""
     if not np.any(undetermined):
         return []
@@ -198,7 +197,7 @@ def scores_of(channel: Channel, orders: Orders, solution: Solution, first: int) 
     return np.vstack(parts) if parts else np.zeros((0, solution.factor.shape[1]))
 
 
-def white_errors(factor: Array, variance: float, undetermined: NDArray[np.bool_]) -> Array:
+def white_errors(factor: Array, variance: float, undetermined: Mask) -> Array:
     """Variance of the errors times the inverse of the information (Ljung, 2nd ed., eq. 9.42), shape (k, k).
 
     `factor` (k, r): W with W W^T the inverse of the sum of psi psi^T; `undetermined` (k,): coefficients that get NaN.
@@ -206,7 +205,7 @@ def white_errors(factor: Array, variance: float, undetermined: NDArray[np.bool_]
     return _opened(variance * factor @ factor.T, undetermined)
 
 
-def coloured_errors(factor: Array, scores: Sequence[Array], parameters: int, undetermined: NDArray[np.bool_]) -> Array:
+def coloured_errors(factor: Array, scores: Sequence[Array], parameters: int, undetermined: Mask) -> Array:
     """Sandwich: holds when the errors are not white, as under a noise model that is too poor (eq. 9.11 to 9.17).
 
     `factor` (k, r): W with W W^T the inverse of the sum of psi psi^T; `scores` (n_i, r): psi(t)^T W e(t) of each
@@ -225,7 +224,7 @@ def coloured_errors(factor: Array, scores: Sequence[Array], parameters: int, und
     return _opened(factor @ centre @ factor.T, undetermined)
 
 
-def _opened(covariance: Array, undetermined: NDArray[np.bool_]) -> Array:
+def _opened(covariance: Array, undetermined: Mask) -> Array:
     covariance = 0.5 * (covariance + covariance.T)
     covariance[undetermined, :] = np.nan
     covariance[:, undetermined] = np.nan

@@ -8,8 +8,8 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Mask
 from idloop.errors import IdloopError
 from idloop.estimation.optimisation.levenberg import minimise
 from idloop.estimation.polynomial.polynomials import Orders, radius
@@ -23,7 +23,6 @@ from idloop.estimation.polynomial.regression import (
     triangle,
 )
 
-Array = NDArray[np.float64]
 _RESTARTS = 5  # starts that are followed
 _DRAFT_ROWS = 20_000  # samples on which rival starts are compared
 _ROUNDS = 8
@@ -233,7 +232,7 @@ class Information:
     """Information of the data on the coefficients at the minimum."""
 
     factor: Array  # shape (r, s): W with W W^T the inverse of the sum of psi psi^T
-    undetermined: NDArray[np.bool_]  # shape (r,): coefficients that the data leave open
+    undetermined: Mask  # shape (r,): coefficients that the data leave open
     scores: list[Array]  # shape (n_i, s): psi(t)^T W e(t) of each experiment
 
 

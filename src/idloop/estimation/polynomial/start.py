@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.estimation.polynomial.instruments import by_command, four_steps, refined
 from idloop.estimation.polynomial.polynomials import Orders, reflect
@@ -23,8 +23,6 @@ from idloop.estimation.polynomial.regression import (
     triangle,
 )
 from idloop.estimation.polynomial.search import Objective
-
-Array = NDArray[np.float64]
 
 _LONG = (5, 10, 20, 40)  # orders of the long ARX model; Akaike's criterion chooses
 _ROUNDS = 12  # of the Steiglitz-McBride iteration

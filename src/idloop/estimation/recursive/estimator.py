@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from idloop.arrays import Array, Mask
 from idloop.errors import InputError
 from idloop.estimation.polynomial.polynomials import Orders, Polynomials
 from idloop.estimation.recursive.step import (
@@ -24,7 +25,6 @@ from idloop.estimation.recursive.step import (
     stable,
 )
 
-Array = NDArray[np.float64]
 Method = Literal["gradient", "pseudo-linear"]
 
 NEVER = np.iinfo(np.int64).max
@@ -368,7 +368,7 @@ class RecursivePolynomial:
             values[0], variances[0] = self.coefficients, np.diag(self.covariance)
         return innovations
 
-    def _sizes(self, samples: Array) -> tuple[Array, NDArray[np.bool_]]:
+    def _sizes(self, samples: Array) -> tuple[Array, Mask]:
         """Sizes of the signals: given, measured on these samples, or as they were; and which were measured."""
         present = np.array([*self._input_scale, self._output_scale])
         known = np.isfinite(samples)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.estimation.black_box.labels import new_axes
 from idloop.estimation.black_box.sampled import SampledData, together
@@ -17,8 +17,6 @@ from idloop.estimation.recursive.estimator import RecursivePolynomial
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.estimation.recursive.methods import orders_of, recursive_estimator
-
-Array = NDArray[np.float64]
 
 # Samples: after a longer gap in the stream the signals start again instead of being predicted.
 _LONGEST_HOLE = 1000

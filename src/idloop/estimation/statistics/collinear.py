@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Mask
 from idloop.estimation.black_box.sampled import SampledData
 
 if TYPE_CHECKING:
     from idloop.estimation.linear.model import LinearModel
 
-Array = NDArray[np.float64]
 
 _SINGULAR = 1e-8  # relative singular value of the signals that counts as zero
 _PART = 1e-6  # least part of a signal in a singular direction
@@ -31,7 +30,7 @@ def any_collinear(signals: Array) -> bool:
     return bool(np.any(collinear_inputs(signals)))
 
 
-def collinear_inputs(signals: Array) -> NDArray[np.bool_]:
+def collinear_inputs(signals: Array) -> Mask:
     """Which of several signals, shape (n, k), are a combination of others at every sample, shape (k,)."""
     size = np.linalg.norm(signals, axis=0)
     if signals.shape[1] < 2 or not np.all(size > 0.0):

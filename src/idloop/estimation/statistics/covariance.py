@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from idloop.arrays import Array, Integers
 
 if TYPE_CHECKING:
     from idloop.estimation.optimisation.least_squares import LeastSquaresProblem
 
-Array = NDArray[np.float64]
 
 # A segment alone determines a parameter when the others hold less than this part of the information on it.
 _ALONE = 0.2
@@ -113,7 +113,7 @@ def white_covariance(jacobian: Array) -> Array:
     return np.asarray(np.linalg.pinv(scaled.T @ scaled, rcond=1e-13, hermitian=True) * np.outer(scale, scale))
 
 
-def jackknife(jacobian: Array, residual: Array, blocks: list[NDArray[np.int64]]) -> Array:
+def jackknife(jacobian: Array, residual: Array, blocks: list[Integers]) -> Array:
     """Covariance by leaving out one segment of the data at a time, to first order.
 
     Unlike asymptotic formulas it accounts for information that lies in few segments, and for a noise model that was

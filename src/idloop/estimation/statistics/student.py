@@ -5,9 +5,8 @@ from __future__ import annotations
 from math import exp, lgamma, log, pi
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from idloop.arrays import Array
 
 # Degrees of freedom: an error of ten standard deviations costs as much as a normal one of four.
 FREEDOM = 4.0

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from idloop.arrays import Array, Mask
 
 # Eigenvalue of the unit-diagonal Hessian below which a combination of parameters is undetermined (correlation 0.9999).
 _TIED = 1e-4
@@ -39,7 +38,7 @@ class Tie:
     exact: bool  # whether only rounding separates them
 
 
-def ties(hessian: Array, parameters: int) -> tuple[list[Tie], NDArray[np.bool_]]:
+def ties(hessian: Array, parameters: int) -> tuple[list[Tie], Mask]:
     """Find parameters that the data do not determine.
 
     `hessian` (k + m, k + m): Gauss-Newton Hessian, parameters first; `parameters`: number k of parameters. Returns
@@ -65,7 +64,7 @@ def ties(hessian: Array, parameters: int) -> tuple[list[Tie], NDArray[np.bool_]]
 
 
 def uncertainty_warnings(
-    names: tuple[str, ...], values: Array, stderr: Array, tied: list[Tie], seen: NDArray[np.bool_]
+    names: tuple[str, ...], values: Array, stderr: Array, tied: list[Tie], seen: Mask
 ) -> list[str]:
     """One warning for each parameter or combination that the data do not determine, from the result of `ties`.
 
@@ -85,7 +84,7 @@ def uncertainty_warnings(
     return lines
 
 
-def at_bounds(values: Array, lower: Array, upper: Array, scale: Array) -> NDArray[np.bool_]:
+def at_bounds(values: Array, lower: Array, upper: Array, scale: Array) -> Mask:
     """Which parameters ended on a bound, shape (k,)."""
     near = 1e-9 * scale
     return np.asarray((values <= lower + near) | (values >= upper - near))

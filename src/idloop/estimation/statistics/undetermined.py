@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.estimation.dataset import prepare
 from idloop.estimation.result import FitResult, Ratio
 from idloop.estimation.simulation import SimulationCriterion
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from idloop.physics import Model
     from idloop.records import Record
 
-Array = NDArray[np.float64]
 
 # A power of two: a scaled simulation is equal in all digits unless some force is not scaled.
 _FACTOR = 2.0

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.estimation.black_box.sampled import SampledData, together
 from idloop.estimation.linear.model import LinearModel
@@ -23,7 +23,6 @@ from idloop.estimation.subspace.realisation import project_future
 if TYPE_CHECKING:
     import control
 
-Array = NDArray[np.float64]
 _SAME_PERIOD = 1e-3  # of a period
 _LIMITED = 1e-3  # of the limit, and of the time
 _LARGEST_MISFIT = 0.05  # of the command's rms: quantised logs and commands held from between two samples stay below

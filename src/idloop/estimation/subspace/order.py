@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.estimation.black_box.labels import new_axes
 
 if TYPE_CHECKING:
     from idloop.estimation.linear.model import LinearModel
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

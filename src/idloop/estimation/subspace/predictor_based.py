@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.estimation.black_box.sampled import SampledData
 from idloop.estimation.linear.model import LinearModel
@@ -19,7 +19,6 @@ from idloop.estimation.subspace.model import assembled, command_matrices
 from idloop.estimation.subspace.order import OrderSelection, check_order, significant
 from idloop.estimation.subspace.projection import evidence_regression, project, regress, row_basis
 
-Array = NDArray[np.float64]
 Data = SampledData | Sequence[SampledData]
 
 _UNPREDICTED = 1e-9  # deviation of what is new in a command, in deviations of the command

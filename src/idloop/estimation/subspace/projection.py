@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.linalg.lapack import dtrtri
 
-Array = NDArray[np.float64]
+from idloop.arrays import Array, Mask
+
 # Rows of unit deviation come out of the compression with rounding of some 1e-14.
 RANK_TOLERANCE = 1e-11
 _STRENGTHS = np.geomspace(1e-12, 1e1, 131)  # in deviations of the regressors
@@ -55,7 +55,7 @@ def _independent(triangle: Array, size: float | None) -> bool:
     return bool(RANK_TOLERANCE * largest * np.linalg.norm(inverse) < 1.0)  # the norm of an inverse is 1 / smallest
 
 
-def _kept(values: Array, size: float | None) -> NDArray[np.bool_]:
+def _kept(values: Array, size: float | None) -> Mask:
     largest = size if size is not None else float(np.max(values, initial=0.0))
     return np.asarray((values > RANK_TOLERANCE * largest) & (values > 0.0))
 

@@ -6,14 +6,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import IdloopError, InputError
 from idloop.estimation.observer.stationary import riccati
 from idloop.estimation.subspace.compression import Compression, check_excitation
 from idloop.estimation.subspace.projection import project, regress, row_basis
 
-Array = NDArray[np.float64]
 Weighting = Literal["n4sid", "moesp", "cva"]
 # Variance below which noise is rounding, in variances of the outputs: keeps the Riccati equation regular.
 _NOISE_FLOOR = 1e-14

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Integers
 from idloop.errors import InputError
 from idloop.records.bags.known_types import FORMS, form_of
 from idloop.records.bags.storage.bag_metadata import DISTROS, read_metadata
@@ -148,7 +148,7 @@ class Bag:
             payloads.append(data)
         return result
 
-    def receive_stamps(self, topics: Collection[str]) -> dict[str, NDArray[np.int64]]:
+    def receive_stamps(self, topics: Collection[str]) -> dict[str, Integers]:
         """Return receive stamps in ns per topic without keeping the messages."""
         found: dict[str, list[int]] = {topic: [] for topic in topics}
         for _, connection, receive, _ in self._messages(topics):

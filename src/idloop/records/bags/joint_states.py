@@ -12,10 +12,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.records.bags.cdr import SECOND, CdrError, CdrWriter, JointLayout, read_layout
 
 Bytes = NDArray[np.uint8]
-Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 _STAMP = slice(4, 12)
@@ -26,7 +26,7 @@ _MOST_LAYOUTS = 32  # more changes of layout than this: message by message is fa
 def encode_rows(
     names: tuple[str, ...],
     stamp_ns: Stamps,
-    values: tuple[Floats | None, Floats | None, Floats | None],
+    values: tuple[Array | None, Array | None, Array | None],
     frame_id: str = "",
 ) -> Bytes:
     """Serialise n messages at once; returns their bytes as a table (n, size), little-endian CDR.
@@ -53,13 +53,13 @@ def encode_rows(
     return rows
 
 
-def decode_rows(rows: Bytes, layout: JointLayout) -> tuple[Stamps, tuple[Floats, Floats, Floats]]:
+def decode_rows(rows: Bytes, layout: JointLayout) -> tuple[Stamps, tuple[Array, Array, Array]]:
     """Return stamps in ns (n,) and position, velocity, effort (n, count) of messages of one layout."""
     stamp = np.ascontiguousarray(rows[:, _STAMP])
     seconds = stamp[:, :4].copy().view(layout.order + "i4")[:, 0].astype(np.int64)
     nanoseconds = stamp[:, 4:].copy().view(layout.order + "u4")[:, 0].astype(np.int64)
 
-    def doubles(which: int) -> Floats:
+    def doubles(which: int) -> Array:
         start, count = layout.offsets[which], layout.counts[which]
         block = np.ascontiguousarray(rows[:, start : start + 8 * count])
         return block.view(layout.order + "f8").astype(np.float64).reshape(len(rows), count)
@@ -67,7 +67,7 @@ def decode_rows(rows: Bytes, layout: JointLayout) -> tuple[Stamps, tuple[Floats,
     return seconds * SECOND + nanoseconds, (doubles(0), doubles(1), doubles(2))
 
 
-def decode_joint_states(payloads: Sequence[bytes]) -> tuple[Stamps, tuple[str, ...], tuple[Floats, Floats, Floats]]:
+def decode_joint_states(payloads: Sequence[bytes]) -> tuple[Stamps, tuple[str, ...], tuple[Array, Array, Array]]:
     """Decode JointState messages; joints may come, go and change place between messages.
 
     Returns

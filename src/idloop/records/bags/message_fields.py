@@ -8,7 +8,8 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from idloop.arrays import Array, Integers
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -84,7 +85,7 @@ class _Columns:
     """Columns that grow with the messages, and other ways to write their names."""
 
     rows: int
-    values: dict[str, NDArray[np.float64]] = field(default_factory=dict)
+    values: dict[str, Array] = field(default_factory=dict)
     paths: dict[str, str] = field(default_factory=dict)
 
     def set(self, row: int, name: str, value: float, path: str = "") -> None:
@@ -98,7 +99,7 @@ class _Columns:
 
 def decode_any(
     typestore: Typestore, type_name: str, payloads: Sequence[bytes]
-) -> tuple[NDArray[np.int64] | None, tuple[str, ...], NDArray[np.float64], dict[str, str]]:
+) -> tuple[Integers | None, tuple[str, ...], Array, dict[str, str]]:
     """Decode messages of any known type.
 
     Numbers of an array are named after the texts of a top-level array of equal length in the same message, such as

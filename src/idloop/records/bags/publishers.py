@@ -9,11 +9,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.arrays import Array, Mask
 from idloop.records.bags.stream import JointStream
 
 Stamps = NDArray[np.int64]
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 _FEWEST = 4  # messages of the rarer publisher, and changes between the two
 _ON_GRID = 0.1  # periods that a stamp may lie beside the next point of a grid
@@ -92,7 +91,7 @@ def _publishers(
     return Publishers(stream.topic, evidence, second, offset, contradicting)
 
 
-def _sequences(stream: JointStream, columns: dict[str, Floats]) -> Iterator[tuple[Literal["fields", "stamps"], Mask]]:
+def _sequences(stream: JointStream, columns: dict[str, Array]) -> Iterator[tuple[Literal["fields", "stamps"], Mask]]:
     if stream.is_joint_state:
         found = _rarer(_other_fields(columns))
         if found is not None:
@@ -146,7 +145,7 @@ def _fills_the_gaps(late: Stamps, others: Stamps) -> bool:
     return bool(period > 0 and np.median(nearest) > (1 - 2 * _ON_GRID) * period)
 
 
-def _other_fields(columns: dict[str, Floats]) -> Mask | None:
+def _other_fields(columns: dict[str, Array]) -> Mask | None:
     """Messages that carry other signals than most do."""
     if not columns:
         return None
@@ -157,7 +156,7 @@ def _other_fields(columns: dict[str, Floats]) -> Mask | None:
     return None if len(kinds) < 2 else np.asarray(which.ravel() != np.argmax(counts))
 
 
-def _other_grids(stamp: Stamps, columns: list[Floats]) -> Iterator[Mask]:
+def _other_grids(stamp: Stamps, columns: list[Array]) -> Iterator[Mask]:
     """Messages beside a grid of stamps on which the others lie, where these form one as well; likeliest first."""
     if np.any(np.diff(stamp) < 0):
         return
@@ -220,7 +219,7 @@ def _chain(stamp: Stamps, period: float, start: int) -> Mask:
     return chosen
 
 
-def _matched_twins(second: Mask, stamp: Stamps, columns: list[Floats]) -> Mask:
+def _matched_twins(second: Mask, stamp: Stamps, columns: list[Array]) -> Mask:
     """Of two messages with one stamp give each to the sequence that it continues: they arrive in any order."""
     twins = np.flatnonzero((np.diff(stamp) == 0) & (second[1:] != second[:-1]))
     if not twins.size or not columns:
@@ -238,7 +237,7 @@ def _matched_twins(second: Mask, stamp: Stamps, columns: list[Floats]) -> Mask:
     return result
 
 
-def _contradicting(time_ns: Stamps, columns: dict[str, Floats], second: Mask) -> tuple[str, ...]:
+def _contradicting(time_ns: Stamps, columns: dict[str, Array], second: Mask) -> tuple[str, ...]:
     """Signals of which the rarer sequence is far from the other, as interpolated to the same time."""
     time = (time_ns - time_ns[0]).astype(np.float64)
     found = []
@@ -256,7 +255,7 @@ def _contradicting(time_ns: Stamps, columns: dict[str, Floats], second: Mask) ->
     return tuple(found)
 
 
-def _between(time: Floats, values: Floats) -> Floats:
+def _between(time: Array, values: Array) -> Array:
     """Distance of each value from the line between its neighbours."""
     span = np.maximum(time[2:] - time[:-2], 1.0)
     share = (time[1:-1] - time[:-2]) / span

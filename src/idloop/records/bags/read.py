@@ -6,8 +6,8 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Integers
 from idloop.errors import InputError
 from idloop.records.bags.bag import Bag, one_line
 from idloop.records.bags.joint_states import decode_joint_states
@@ -102,9 +102,9 @@ def _check_readable(bag: Bag, topic: Topic) -> None:
         )
 
 
-def decode_stream(bag: Bag, topic: Topic, receive_ns: NDArray[np.int64], payloads: list[bytes]) -> JointStream:
+def decode_stream(bag: Bag, topic: Topic, receive_ns: Integers, payloads: list[bytes]) -> JointStream:
     """Turn serialised messages of one topic into a `JointStream`."""
-    stamps: NDArray[np.int64] | None
+    stamps: Integers | None
     paths: Mapping[str, str] = {}
     try:
         if topic.type == JOINT_STATE:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Integers
 from idloop.records.bags.stream import JointStream
 
 _FIRST_DATE_NS = 10**18  # 2001-09-09: earlier stamps count from a start, not from 1970
@@ -59,7 +59,7 @@ def share_no_clock(first: JointStream, second: JointStream) -> bool:
     return "start" in sources and len(sources) > 1
 
 
-def on_clock_of(receive_ns: NDArray[np.int64], stream: JointStream) -> NDArray[np.int64]:
+def on_clock_of(receive_ns: Integers, stream: JointStream) -> Integers:
     """Return receive times (n,) as the clock of a stamped topic would show them, in nanoseconds.
 
     Stamp against receive time is interpolated, and continued beyond the ends with the offset there. The delay of the

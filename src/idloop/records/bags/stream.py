@@ -11,8 +11,7 @@ from idloop.records.finding import Finding
 from idloop.spelling import did_you_mean, listed
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+    from idloop.arrays import Array, Integers
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 FIELDS = ("position", "velocity", "effort")
@@ -46,12 +45,12 @@ class JointStream:
     """
 
     topic: str
-    stamp_ns: NDArray[np.int64]
-    receive_ns: NDArray[np.int64]
+    stamp_ns: Integers
+    receive_ns: Integers
     names: tuple[str, ...]
-    position: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    effort: NDArray[np.float64]
+    position: Array
+    velocity: Array
+    effort: Array
     type: str = JOINT_STATE
     stamped: bool = True
     findings: tuple[Finding, ...] = ()
@@ -65,7 +64,7 @@ class JointStream:
         """Whether the names are joints, with three different fields."""
         return self.type == JOINT_STATE
 
-    def take(self, rows: slice | NDArray[np.int64]) -> JointStream:
+    def take(self, rows: slice | Integers) -> JointStream:
         """Return some of the messages."""
         return replace(
             self,
@@ -76,7 +75,7 @@ class JointStream:
             effort=self.effort[rows],
         )
 
-    def columns(self) -> dict[str, NDArray[np.float64]]:
+    def columns(self) -> dict[str, Array]:
         """Return the columns that hold a number, by ``joint.field``, or by path for other types."""
         import numpy as np  # here, for a node that needs only the names above starts without it
 
@@ -89,7 +88,7 @@ class JointStream:
         )
         return {name: column for name, column in named if not np.isnan(column).all()}
 
-    def column(self, joint: str, field: str) -> NDArray[np.float64]:
+    def column(self, joint: str, field: str) -> Array:
         """Return the values of one joint's field, shape (n,).
 
         Parameters
@@ -117,10 +116,10 @@ class JointStream:
                 f"{self.topic}: no joint {joint!r} ({self.type}); it has"
                 f" {listed(self.names)}{did_you_mean(joint, self.names)}"
             )
-        values: NDArray[np.float64] = getattr(self, field)
+        values: Array = getattr(self, field)
         return values[:, self.names.index(joint)]
 
-    def _value(self, joint: str, field: str) -> NDArray[np.float64]:
+    def _value(self, joint: str, field: str) -> Array:
         for name in (f"{joint}.{field}", joint):
             if name in self.names:
                 return self.position[:, self.names.index(name)]
@@ -131,7 +130,7 @@ class JointStream:
             f" {listed(self.names)}{did_you_mean(joint, self.names)}"
         )
 
-    def number(self, joint: str, field: str) -> NDArray[np.float64]:
+    def number(self, joint: str, field: str) -> Array:
         """Return one number of each message as a mapping file names it, shape (n,).
 
         Parameters

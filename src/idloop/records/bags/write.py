@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Integers
 from idloop.errors import InputError
 from idloop.records.bags.joint_states import encode_rows
 from idloop.records.bags.metadata import CONDITION_UNITS
@@ -118,7 +118,7 @@ def record_streams(record: Record) -> list[JointStream]:
     """Return a record as the streams of our topics: command, measurement, reference, excitation, conditions."""
     joint, _, field = record.input_name.rpartition(".")
     streams = [make_stream("joint_command", record.absolute(record.input_time), {joint: {field: record.input}})]
-    measured: dict[str, dict[str, NDArray[np.float64]]] = {}
+    measured: dict[str, dict[str, Array]] = {}
     for name, values in zip(record.output_names, record.output.T, strict=True):
         output_joint, _, output_field = name.rpartition(".")
         measured.setdefault(output_joint, {})[output_field] = values
@@ -137,9 +137,9 @@ def record_streams(record: Record) -> list[JointStream]:
 
 def make_stream(
     topic: str,
-    stamp_ns: NDArray[np.int64],
-    joints: Mapping[str, Mapping[str, NDArray[np.float64]]],
-    receive_ns: NDArray[np.int64] | None = None,
+    stamp_ns: Integers,
+    joints: Mapping[str, Mapping[str, Array]],
+    receive_ns: Integers | None = None,
 ) -> JointStream:
     """Build a JointState stream from columns, joint to field to values (n,)."""
     names = tuple(joints)

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.documents import MOST_COLUMNS, MOST_TABLE
 from idloop.errors import InputError
 from idloop.records.formats.form import Form, Options, needs
@@ -19,8 +19,6 @@ from idloop.records.formats.isolated import read_isolated
 from idloop.records.tables.table import Table
 from idloop.records.tables.unit_words import is_unit_key
 from idloop.spelling import listed
-
-Floats = NDArray[np.float64]
 
 _STREAM = b"\xff\xff\xff\xff"
 _MOST_ROWS = 65_536  # of a piece
@@ -163,7 +161,7 @@ def _is_counted(kind: Any, types: Any) -> bool:
     return bool(types.is_timestamp(kind) or types.is_duration(kind) or types.is_time(kind))
 
 
-def _seconds(column: Any, pa: Any) -> Floats:
+def _seconds(column: Any, pa: Any) -> Array:
     """Times [s], whatever the column counts; whole seconds and the rest apart, so that each is rounded once."""
     narrow = column.cast(pa.int32()) if column.type.bit_width == 32 else column
     counted, per = narrow.cast(pa.int64()), _PER_SECOND[column.type.unit]

@@ -7,11 +7,9 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.records.formats.mat_objects import listed_cells
-
-Floats = NDArray[np.float64]
 
 _FIELDS = {"InputData", "OutputData", "InputName", "OutputName", "Ts", "SamplingInstants"}
 _PAUSE = 10.0  # periods between experiments
@@ -67,7 +65,7 @@ def _cells(value: Any) -> list[Any]:
     return listed_cells(value)
 
 
-def _experiments(value: Any) -> list[Floats]:
+def _experiments(value: Any) -> list[Array]:
     """Samples by channels, of each experiment."""
     several = [value] if isinstance(value, np.ndarray) and value.dtype.kind in "biuf" else _cells(value)
     found = [np.asarray(one, dtype=np.float64) for one in several if np.asarray(one).dtype.kind in "biuf"]
@@ -81,7 +79,7 @@ def _of_each(value: Any, count: int) -> list[float]:
     return numbers if len(numbers) == count else numbers[:1] * count if len(numbers) == 1 else [np.nan] * count
 
 
-def _times(instants: Floats | None, period: float, start: float, count: int) -> Floats | None:
+def _times(instants: Array | None, period: float, start: float, count: int) -> Array | None:
     if instants is not None and instants.size == count > 1:
         return np.asarray(instants.ravel(), dtype=np.float64)
     if not (np.isfinite(period) and period > 0.0 and count > 1):

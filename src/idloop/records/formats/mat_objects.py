@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Integers
 from idloop.documents import MOST_DEPTH, MOST_TABLE
 
 _SIGN = 0xDD000000
@@ -33,7 +33,7 @@ class Reference:
         A sign, the number of dimensions, the dimensions, the objects, their class.
     """
 
-    numbers: NDArray[np.int64]
+    numbers: Integers
 
     @property
     def objects(self) -> list[int]:

@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.documents import MOST_COLUMNS, MOST_TABLE
 from idloop.errors import InputError
 from idloop.records.formats.form import Form, Options
@@ -210,7 +210,7 @@ class _Log:
     def table(self) -> Table:
         """Return the entries as columns, each with the column of its stamps [s]."""
         table = Table(self._path, {}, notes=self._notes)
-        clocks: dict[str, NDArray[np.float64]] = {}
+        clocks: dict[str, Array] = {}
         shared: list[str] = []
         for entry in self._entries.values():
             columns = self._columns(entry)
@@ -252,7 +252,7 @@ class _Log:
         return {f"{entry.name}{name}": rows[:, place] for place, name in enumerate(names)}
 
 
-def _are_of_one_loop(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
+def _are_of_one_loop(one: Array, other: Array) -> bool:
     """Whether two entries are logged one after the other in each turn of a loop."""
     if one.size != other.size or one.size < 3:
         return False

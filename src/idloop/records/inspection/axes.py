@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.records.bags.publishers import Publishers, find_publishers
 from idloop.records.bags.stream import JointStream
 from idloop.records.inspection.axis import Axis
@@ -15,12 +15,10 @@ from idloop.records.inspection.excitation import Excitation
 from idloop.records.inspection.motion import Motion
 from idloop.records.inspection.values import unusable_magnitude
 
-Floats = NDArray[np.float64]
-
 _MOTIONS = ("position", "velocity")
 
 
-def once_per_stamp(stream: JointStream, start_ns: int | None = None) -> tuple[Floats, dict[str, Floats]]:
+def once_per_stamp(stream: JointStream, start_ns: int | None = None) -> tuple[Array, dict[str, Array]]:
     """Time [s] from `start_ns` on, by default the first stamp, and columns; of two with one stamp the first counts."""
     stamp, first = np.unique(stream.stamp_ns, return_index=True)
     start = stamp[0] if start_ns is None else start_ns
@@ -98,12 +96,12 @@ def _main(stream: JointStream, publishers: Publishers | None) -> JointStream:
     return stream if publishers is None else stream.take(np.flatnonzero(~publishers.second))
 
 
-def _forward(stream: JointStream, start_ns: int) -> tuple[Floats, dict[str, Floats]] | None:
+def _forward(stream: JointStream, start_ns: int) -> tuple[Array, dict[str, Array]] | None:
     """Time and columns; None where the clock was set back."""
     return None if stamp_statistics(stream.stamp_ns).resets else once_per_stamp(stream, start_ns)
 
 
-def _finite(value: Floats) -> Floats:
+def _finite(value: Array) -> Array:
     return np.where(np.isfinite(value), value, np.nan)
 
 

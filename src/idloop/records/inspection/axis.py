@@ -7,16 +7,13 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.records.bags.publishers import Publishers
 from idloop.records.bags.stream import JointStream
 from idloop.records.inspection.bad_readings import bad_readings, without_bad_readings
 from idloop.records.inspection.motion import analyse_motion, white_noise
 from idloop.records.inspection.wraps import Wraps, find_wraps
-
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 # Samples on the grid at most: longer records are averaged in blocks, which changes no balance of forces.
 _MOST = 20_000
@@ -43,11 +40,11 @@ class Grid:
     """
 
     period: float
-    time: Floats
-    position: Floats
-    velocity: Floats
-    command: Floats
-    speed: Floats
+    time: Array
+    position: Array
+    velocity: Array
+    command: Array
+    speed: Array
     noise: float
 
 
@@ -84,11 +81,11 @@ class Axis:
     """
 
     joint: str
-    time: Floats
-    position: Floats | None
-    velocity: Floats | None
-    input_time: Floats = field(default_factory=lambda: np.zeros(0))
-    command: Floats = field(default_factory=lambda: np.zeros(0))
+    time: Array
+    position: Array | None
+    velocity: Array | None
+    input_time: Array = field(default_factory=lambda: np.zeros(0))
+    command: Array = field(default_factory=lambda: np.zeros(0))
     command_name: str = ""
     units: Mapping[str, str] = field(default_factory=dict)
     has_reference: bool = False
@@ -97,14 +94,14 @@ class Axis:
     publishers: tuple[Publishers, ...] = ()
     trusts_velocity: bool = True
     joined: bool = False
-    bad: Mapping[str, tuple[Floats, Floats]] = field(default_factory=dict)
+    bad: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
 
     def without_bad_readings(self) -> Axis:
         """Return the axis with NaN in place of readings far outside of all others, which are in `bad`."""
-        changed: dict[str, Floats] = {}
+        changed: dict[str, Array] = {}
         bad = {}
         for name, time in (("position", self.time), ("velocity", self.time), ("command", self.input_time)):
-            value: Floats | None = getattr(self, name)
+            value: Array | None = getattr(self, name)
             if value is None or not (rows := bad_readings(value)).size:
                 continue
             bad[name] = (time[rows], value[rows])
@@ -123,7 +120,7 @@ class Axis:
         return self.units.get(self.name(signal)) or {"position": "rad", "velocity": "rad/s"}[signal]
 
     @property
-    def columns(self) -> dict[str, Floats]:
+    def columns(self) -> dict[str, Array]:
         """Position and velocity (n,) by ``joint.field``, as recorded."""
         found = {"position": self.position, "velocity": self.velocity}
         return {self.name(key): value for key, value in found.items() if value is not None}
@@ -134,7 +131,7 @@ class Axis:
         return None if self.position is None else find_wraps(self.position)
 
     @cached_property
-    def place(self) -> Floats | None:
+    def place(self) -> Array | None:
         """Position (n,) without the jumps of its encoder."""
         return self.position if self.wraps is None else self.wraps.unwrapped
 
@@ -186,7 +183,7 @@ class Axis:
         return white_noise(known) if known.size > 30 else 0.0
 
 
-def _at(even: Floats, time: Floats, value: Floats | None, period: float) -> Floats:
+def _at(even: Array, time: Array, value: Array | None, period: float) -> Array:
     if value is None:
         return np.full(even.size, np.nan)
     known = np.isfinite(value)
@@ -201,7 +198,7 @@ def _at(even: Floats, time: Floats, value: Floats | None, period: float) -> Floa
     return held
 
 
-def _held_mean(edges: Floats, time: Floats, value: Floats) -> Floats:
+def _held_mean(edges: Array, time: Array, value: Array) -> Array:
     """Mean of a held signal between consecutive edges (n + 1,) -> (n,); NaN before its first value."""
     known = np.isfinite(value)
     time, value = time[known], value[known]
@@ -215,11 +212,11 @@ def _held_mean(edges: Floats, time: Floats, value: Floats) -> Floats:
     return np.asarray(np.diff(total) / np.diff(edges))
 
 
-def _averaged(value: Floats, block: int) -> Floats:
+def _averaged(value: Array, block: int) -> Array:
     return value if block == 1 else np.asarray(value.reshape(-1, block).mean(axis=1))
 
 
-def _slope(place: Floats, period: float, axis: Axis) -> Floats:
+def _slope(place: Array, period: float, axis: Axis) -> Array:
     """Slope of a position over the shortest window in which its steps and its noise are small."""
     known = place[np.isfinite(place)]
     if known.size < 60:
@@ -233,7 +230,7 @@ def _slope(place: Floats, period: float, axis: Axis) -> Floats:
     return slope
 
 
-def sensor_step(value: Floats) -> float:
+def sensor_step(value: Array) -> float:
     """Step between values of a quantised signal (n,); the smallest of all where most are no multiples of one step.
 
     A few odd values, such as those of a decoder that counts four edges and loses one, do not count.

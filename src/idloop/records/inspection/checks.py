@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Integers
 from idloop.errors import InputError
 from idloop.records.finding import Finding
 from idloop.records.inspection.bad_readings import bad_readings, without_bad_readings
@@ -135,7 +135,7 @@ def _without_bad_readings(record: Record) -> Record:
     return replace(record, input=record.input[before], output=output, findings=(*record.findings, *found))
 
 
-def _stray(record: Record) -> dict[str, NDArray[np.int64]]:
+def _stray(record: Record) -> dict[str, Integers]:
     """Bad readings of the outputs: those far outside of all others, then those off the course of their neighbours."""
     from idloop.records.inspection.axis import Axis
     from idloop.records.inspection.faults.spikes import stray
@@ -214,7 +214,7 @@ def check_commands(records: Sequence[Record]) -> list[Record]:
     return [replace(first, findings=(*first.findings, found)), *records[1:]]
 
 
-def one_level(inputs: Sequence[NDArray[np.float64]]) -> bool:
+def one_level(inputs: Sequence[Array]) -> bool:
     """Whether all commands together have one value only."""
     return bool(np.ptp(np.concatenate(inputs)) == 0.0)
 

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.records.inspection.axis import sensor_step
-
-Floats = NDArray[np.float64]
 
 _FEWEST = 20
 _TOGETHER = 0.95  # share of the variance of one that a multiple of the other explains
 
 
-def transmission(place: Floats, other: Floats) -> float:
+def transmission(place: Array, other: Array) -> float:
     """Return the ratio with which another position runs with a position; 0 where they do not run together.
 
     Parameters
@@ -31,7 +29,7 @@ def transmission(place: Floats, other: Floats) -> float:
     return across / float(one @ one) if across**2 > _TOGETHER * float(one @ one) * float(two @ two) else 0.0
 
 
-def has_slack(place: Floats, other: Floats) -> bool:
+def has_slack(place: Array, other: Array) -> bool:
     """Whether two positions run together but for more than their steps: there is play or a spring between them."""
     ratio = transmission(place, other)
     if not ratio:

@@ -19,12 +19,10 @@ from functools import cached_property
 from weakref import finalize
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Integers, Mask
 from idloop.records.finding import Finding
 from idloop.records.record import Record
-
-Floats = NDArray[np.float64]
 
 KIND = "differenced_velocity"
 
@@ -58,7 +56,7 @@ _UNITS = np.array([1.0, np.pi / 180, 180 / np.pi, np.pi / 30, 30 / np.pi, 6.0, 1
 _PERIOD = 0.03
 
 # Stamps and findings by the identity of the outputs, which a record shares with its copies that carry other findings.
-_known: dict[int, tuple[Floats, list[Finding]]] = {}
+_known: dict[int, tuple[Array, list[Finding]]] = {}
 
 
 @dataclass(frozen=True)
@@ -84,7 +82,7 @@ class Difference:
 class _Differences:
     """Differences of the position; value[k] ends at sample k + 1."""
 
-    value: Floats
+    value: Array
 
     @cached_property
     def noise(self) -> float:
@@ -103,7 +101,7 @@ class _Differences:
         return left if left > _LEAST_NOISE * float(np.sqrt(np.mean(np.square(d)))) else 0.0
 
 
-def difference(time: Floats, position: Floats, velocity: Floats) -> Difference | None:
+def difference(time: Array, position: Array, velocity: Array) -> Difference | None:
     """Return how a velocity was computed from a position; None where it was not, or where this cannot be decided.
 
     Parameters
@@ -139,7 +137,7 @@ def differenced(record: Record) -> tuple[Finding, ...]:
     return (*earlier, *(one for one in found if one.where not in names))
 
 
-def differenced_columns(time: Floats, columns: dict[str, Floats]) -> list[Finding]:
+def differenced_columns(time: Array, columns: dict[str, Array]) -> list[Finding]:
     """As `differenced`, for columns (n,) by ``joint.field`` with common stamps (n,) [s]."""
     found = []
     for name, velocity in columns.items():
@@ -156,7 +154,7 @@ def differenced_columns(time: Floats, columns: dict[str, Floats]) -> list[Findin
     return found
 
 
-def _most_active(velocity: Floats, most: int) -> slice:
+def _most_active(velocity: Array, most: int) -> slice:
     """Return the stretch of at most so many samples that has the most change."""
     if velocity.size <= most:
         return slice(None)
@@ -165,7 +163,7 @@ def _most_active(velocity: Floats, most: int) -> slice:
     return slice(first, first + most)
 
 
-def _of(t: Floats, p: Floats, v: Floats) -> Difference | None:
+def _of(t: Array, p: Array, v: Array) -> Difference | None:
     """As `difference`, where all samples are known."""
     step = np.diff(t)
     steady = float(np.median(step))
@@ -183,7 +181,7 @@ def _of(t: Floats, p: Floats, v: Floats) -> Difference | None:
     return None
 
 
-def _plain(v: Floats, d: _Differences, step: float) -> Difference | None:
+def _plain(v: Array, d: _Differences, step: float) -> Difference | None:
     """Return the plain difference over some samples that equals a velocity, if any; d[k] ends at v[k + 1]."""
     total = np.concatenate([[0.0], np.cumsum(d.value)])
     for wide in range(1, _WIDEST + 1):
@@ -202,7 +200,7 @@ def _plain(v: Floats, d: _Differences, step: float) -> Difference | None:
     return None
 
 
-def _behind_filter(v: Floats, d: _Differences, step: float) -> Difference | None:
+def _behind_filter(v: Array, d: _Differences, step: float) -> Difference | None:
     """Return the difference of the last sample behind a filter that equals a velocity, if any."""
     for order, shape in _FILTERS:
         taps = np.array(shape, dtype=float) / np.sum(shape)
@@ -219,8 +217,8 @@ def _behind_filter(v: Floats, d: _Differences, step: float) -> Difference | None
 
 
 def _exact(
-    v: Floats, d: _Differences, regressors: Floats, k: NDArray[np.int64], order: int, taps: Floats
-) -> tuple[Floats, float] | None:
+    v: Array, d: _Differences, regressors: Array, k: Integers, order: int, taps: Array
+) -> tuple[Array, float] | None:
     """Return poles and misfit of a sum whose first regressor is the difference at k; None where it is not exact."""
     value = v[k]
     moving = (regressors[:, 0] != 0.0) | (value != v[k - 1])
@@ -254,7 +252,7 @@ def _exact(
     return (poles, float(left / noise)) if left <= _ROUNDING * noise and noise > 0.0 else None
 
 
-def _fitted(regressors: Floats, v: Floats, size: Floats, odd: float = _ODD) -> tuple[Floats, Floats]:
+def _fitted(regressors: Array, v: Array, size: Array, odd: float = _ODD) -> tuple[Array, Array]:
     """Least squares without the share of samples of largest size; returns weights and absolute errors of all."""
     last = int((1.0 - odd) * (size.size - 1))
     keep = size <= np.partition(size, last)[last]
@@ -262,7 +260,7 @@ def _fitted(regressors: Floats, v: Floats, size: Floats, odd: float = _ODD) -> t
     return weights, np.abs(v - regressors @ weights)
 
 
-def _noise(passed: Floats, response: Floats, moving: NDArray[np.bool_], orders: Sequence[int]) -> float:
+def _noise(passed: Array, response: Array, moving: Mask, orders: Sequence[int]) -> float:
     """Upper bound of the standard deviation of position noise in a sum, by the quietest of its higher differences."""
     size = float(np.linalg.norm(response))
     found = []
@@ -275,7 +273,7 @@ def _noise(passed: Floats, response: Floats, moving: NDArray[np.bool_], orders: 
     return min(found)
 
 
-def _trimmed(values: Floats, share: float) -> float:
+def _trimmed(values: Array, share: float) -> float:
     """Root mean square without the share of the largest values."""
     count = max(int((1.0 - share) * values.size), 1)
     power = np.partition(np.square(values), count - 1)[:count]

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.records.filtering import resample_held
-
-Floats = NDArray[np.float64]
 
 _MANY_LEVELS = 64  # a signal with more distinct values than this counts as continuous
 _LONGEST_SPECTRUM = 1 << 18
@@ -55,7 +53,7 @@ class Excitation:
     limit_share: float
 
 
-def analyse_command(time: Floats, value: Floats) -> Excitation:
+def analyse_command(time: Array, value: Array) -> Excitation:
     """Describe a held command, shapes (m,), stamps increasing [s] and values finite."""
     step = np.diff(time)
     # Each value counts for as long as it is in force.
@@ -84,7 +82,7 @@ def analyse_command(time: Floats, value: Floats) -> Excitation:
     )
 
 
-def power_spectrum(time: Floats, value: Floats) -> tuple[Floats, Floats]:
+def power_spectrum(time: Array, value: Array) -> tuple[Array, Array]:
     """Return frequency [Hz] and share of the power per line of a held command, mean removed."""
     period = float(np.median(np.diff(time)))
     count = min(round((time[-1] - time[0]) / period) + 1, _LONGEST_SPECTRUM)
@@ -92,13 +90,13 @@ def power_spectrum(time: Floats, value: Floats) -> tuple[Floats, Floats]:
     held = resample_held(time, value, grid)
     # The shares do not depend on the scale; squares of damaged values would overflow.
     held = held / max(float(np.abs(held).max()), 1e-300)
-    power: Floats = np.abs(np.fft.rfft(held - held.mean())) ** 2
-    frequency: Floats = np.arange(power.size) / (count * period)
+    power: Array = np.abs(np.fft.rfft(held - held.mean())) ** 2
+    frequency: Array = np.arange(power.size) / (count * period)
     total = float(power.sum())
     return frequency, power / total if total > 0 else power
 
 
-def _band(time: Floats, value: Floats) -> tuple[tuple[float, float], float]:
+def _band(time: Array, value: Array) -> tuple[tuple[float, float], float]:
     frequency, power = power_spectrum(time, value)
     share = np.cumsum(power)
     if not share.size or share[-1] <= 0:

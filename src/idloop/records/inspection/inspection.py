@@ -40,7 +40,6 @@ from idloop.records.measured_conditions import TOPIC as CONDITIONS
 from idloop.records.measured_conditions import ConditionSources
 from idloop.spelling import listed
 
-Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 _COMMANDS = ("joint_command", "commands", "command")

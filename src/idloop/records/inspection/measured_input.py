@@ -8,11 +8,9 @@ stamped around the same instant. The weights of the stamps in a regression of th
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.records.finding import Finding
-
-Floats = NDArray[np.float64]
 
 KIND = "measured_input"
 
@@ -25,7 +23,7 @@ _SAME_RATE = 0.05
 _FEWEST, _MOST = 100, 50_000
 
 
-def acts_late(input_time: Floats, command: Floats, time: Floats, motion: Floats, order: int) -> tuple[float, float]:
+def acts_late(input_time: Array, command: Array, time: Array, motion: Array, order: int) -> tuple[float, float]:
     """Return how long after its stamp a command acts on average, and the standard error [samples].
 
     Parameters
@@ -104,7 +102,7 @@ def acts_late(input_time: Floats, command: Floats, time: Floats, motion: Floats,
 
 
 def measured_input(
-    name: str, input_time: Floats, command: Floats, time: Floats, motions: dict[str, Floats]
+    name: str, input_time: Array, command: Array, time: Array, motions: dict[str, Array]
 ) -> list[Finding]:
     """Return a finding where the motion shows that a command was measured and is not held.
 

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.records.inspection.bad_readings import without_bad_readings
 from idloop.records.record import Record
 
-Floats = NDArray[np.float64]
 Beginning = Literal["from rest", "late", "moving", "unseen"]
 
 # von Neumann's ratio var(x) / (var(diff x) / 2) is 1 for white noise and grows with anything slower.
@@ -65,7 +64,7 @@ class Motion:
     infinite: int
 
 
-def analyse_motion(value: Floats, *, velocity: bool = False) -> Motion | None:
+def analyse_motion(value: Array, *, velocity: bool = False) -> Motion | None:
     """Describe one measured position, or velocity, of shape (n,); None when it is never measured.
 
     Readings far outside of all others are left out: one of them would hide the motion.
@@ -94,7 +93,7 @@ def analyse_motion(value: Floats, *, velocity: bool = False) -> Motion | None:
     )
 
 
-def white_noise(value: Floats) -> float:
+def white_noise(value: Array) -> float:
     """Standard deviation of the white noise in a signal (n,): third differences leave little else, jumps do nothing.
 
     Of means over more samples the noise is the same per sample, while motion adds to it at any of these lengths, and
@@ -114,7 +113,7 @@ def white_noise(value: Floats) -> float:
     return float(min(found) ** 0.5)
 
 
-def _trimmed_square(value: Floats) -> float:
+def _trimmed_square(value: Array) -> float:
     """Variance of a normal variable (n,) around 0 from its smallest values, which no single large ones change.
 
     Where the values are steps of a sensor, a median would be one of a few steps, and this is not.
@@ -128,13 +127,13 @@ def _trimmed_square(value: Floats) -> float:
     return mean / _SQUARE_OF_KEPT
 
 
-def sign_changes(velocity: Floats, noise: float) -> int:
+def sign_changes(velocity: Array, noise: float) -> int:
     """Count how often a velocity (n,) changes its sign beyond its noise, of which the standard deviation is given."""
     sure = velocity[np.abs(velocity) > max(0.02 * float(np.ptp(velocity)), 3.0 * noise)]
     return int(np.count_nonzero(np.diff(np.sign(sure))))
 
 
-def reversals(position: Floats) -> int:
+def reversals(position: Array) -> int:
     """Count the turning points of a signal (n,); swings below 2 % of its range do not count."""
     threshold = 0.02 * float(np.ptp(position))
     # Only turning points can be extremes; looking at those alone keeps the loop short.
@@ -154,7 +153,7 @@ def reversals(position: Floats) -> int:
     return int(count)
 
 
-def beginning(time: Floats, value: Floats, *, velocity: bool) -> tuple[Beginning, float]:
+def beginning(time: Array, value: Array, *, velocity: bool) -> tuple[Beginning, float]:
     """Whether a motion under a constant command starts from rest with the record, and when it starts.
 
     Before such a record the axis stood still without a command. The response shows a gain and a time constant, as a

@@ -7,9 +7,8 @@ sensor that was not read gives equal values far more often than values one step 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from idloop.arrays import Array, Integers
 
 # Samples on each side that give the speed, the steps of the sensor that pass in a sample, and repeats that count.
 _BESIDE, _STEPS = 8, 4.0
@@ -20,7 +19,7 @@ _STEADY, _CATCHES_UP = 0.3, 0.6
 FASTER_LOG = 0.3
 
 
-def without_repeats(value: Floats) -> Floats:
+def without_repeats(value: Array) -> Array:
     """Return a signal (n,) with NaN where a log that is faster than its sensor repeats the value before.
 
     At rest, where equal values are as good as any, as many are kept as the sensor gives.
@@ -33,12 +32,12 @@ def without_repeats(value: Floats) -> Floats:
     fresh = np.concatenate([[True], np.diff(value[known]) != 0.0])
     last = np.maximum.accumulate(np.where(fresh, np.arange(fresh.size), 0))
     again = (np.arange(fresh.size) - last) % round(1.0 / max(1.0 - share, SHARE)) != 0
-    found: Floats = value.copy()
+    found: Array = value.copy()
     found[known[again]] = np.nan
     return found
 
 
-def repeats(value: Floats) -> tuple[NDArray[np.int64], int]:
+def repeats(value: Array) -> tuple[Integers, int]:
     """Return the intervals without a change while there is motion, and the number of intervals in motion."""
     nothing = np.zeros(0, dtype=np.int64)
     if value.size < 8 * _BESIDE:

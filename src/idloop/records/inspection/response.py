@@ -18,11 +18,9 @@ from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Integers, Mask
 from idloop.records.inspection.axis import Axis, Grid
-
-Floats = NDArray[np.float64]
 
 # Widths of the test functions [samples], and rows needed; rows overlap by three quarters.
 _WIDTHS = (9, 17, 33, 65, 129, 257, 513)
@@ -40,7 +38,7 @@ PLAIN, _SMOOTH = 3, 6
 
 
 @cache
-def _weights(width: int, power: int, derivative: int) -> Floats:
+def _weights(width: int, power: int, derivative: int) -> Array:
     """Weights (width,) of the mean of a derivative over a test function of width 2."""
     x = (np.arange(width) - 0.5 * (width - 1)) / (0.5 * width)
     base = np.polynomial.Polynomial([1.0, 0.0, -1.0]) ** power
@@ -59,12 +57,12 @@ class Projection:
     period: float
     power: int = PLAIN
 
-    def kernel(self, derivative: int) -> Floats:
+    def kernel(self, derivative: int) -> Array:
         """Weights (width,) whose sum with a signal is the mean of its derivative over a test function."""
         scale = (0.5 * self.width * self.period) ** derivative
         return _weights(self.width, self.power, derivative) / scale
 
-    def project(self, value: Floats, derivative: int = 0) -> Floats:
+    def project(self, value: Array, derivative: int = 0) -> Array:
         """Mean of a derivative of a signal (n,) over each test function, shape (rows,)."""
         windows = np.lib.stride_tricks.sliding_window_view(value, self.width)[:: max(self.width // _OVERLAP, 1)]
         return np.asarray(windows @ self.kernel(derivative))
@@ -115,17 +113,17 @@ class Response:
     share: float
     motion_share: float
     functions: Projection
-    acceleration: Floats
-    command: Floats
-    others: Floats
-    known: NDArray[np.bool_]
+    acceleration: Array
+    command: Array
+    others: Array
+    known: Mask
 
     @property
     def certainty(self) -> float:
         """Gain in standard errors."""
         return Gain(self.gain, self.error, self.share).certainty
 
-    def gain_of(self, rows: NDArray[np.int64] | None = None, *, beside_position: bool = False) -> Gain:
+    def gain_of(self, rows: Integers | None = None, *, beside_position: bool = False) -> Gain:
         """Gain over some rows, all that are known by default.
 
         Beside any smooth force over the position, such as the weight of an arm, where that is asked for.
@@ -139,13 +137,13 @@ class Response:
         return Gain(float(values[0]), float(errors[0]), 1.0 - left / alone if alone > 0.0 else 0.0)
 
 
-def dry(grid: Grid) -> Floats:
+def dry(grid: Grid) -> Array:
     """Sign of the speed, smooth where it is lost in noise."""
     width = max(3.0 * grid.noise, 0.02 * float(np.nanstd(grid.speed)), 1e-300)
     return np.asarray(np.tanh(grid.speed / width))
 
 
-def regress(target: Floats, table: Floats) -> tuple[Floats, Floats, float]:
+def regress(target: Array, table: Array) -> tuple[Array, Array, float]:
     """Least squares with jackknife errors over parts of the rows.
 
     Returns
@@ -165,13 +163,13 @@ def regress(target: Floats, table: Floats) -> tuple[Floats, Floats, float]:
     return values / size, errors / size, float(np.mean((target - scaled @ values) ** 2))
 
 
-def unexplained(target: Floats, table: Floats) -> float:
+def unexplained(target: Array, table: Array) -> float:
     """Mean square of the residuals of least squares."""
     scaled = table / np.maximum(np.sqrt(np.mean(table**2, axis=0)), 1e-300)
     return float(np.mean((target - scaled @ _solve(scaled.T @ scaled, scaled.T @ target)) ** 2))
 
 
-def _solve(squares: Floats, products: Floats) -> Floats:
+def _solve(squares: Array, products: Array) -> Array:
     """Solve normal equations, one or a stack of them; directions that no row has are left out."""
     levels, vectors = np.linalg.eigh(squares)
     inverse = np.divide(1.0, levels, out=np.zeros_like(levels), where=levels > 1e-10 * levels[..., -1:])
@@ -244,9 +242,7 @@ def visible_response(axis: Axis) -> Response | None:
     return best if best is not None and best.certainty > _BEYOND_DOUBT else None
 
 
-def _response(
-    acceleration: Floats, table: Floats, known: NDArray[np.bool_], functions: Projection, plain: int
-) -> Response | None:
+def _response(acceleration: Array, table: Array, known: Mask, functions: Projection, plain: int) -> Response | None:
     """Solve one balance; the first `plain` columns of the table are those without a resonance."""
     target, rows = acceleration[known], table[known]
     if np.std(target) == 0.0 or np.std(rows[:, 0]) == 0.0:

@@ -10,12 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.response import Projection, dry
-
-Floats = NDArray[np.float64]
 
 _WIDTHS = (17, 65)  # of the test functions [samples]
 # Clocks that differ by more than this part are none; steps in which it is sought, and then around the best.
@@ -84,7 +82,7 @@ def time_axes(axis: Axis) -> TimeAxes | None:
     return None if best is None else best[1]
 
 
-def _compare(command: Floats, acceleration: Floats, others: Floats, period: float, ahead: float) -> TimeAxes:
+def _compare(command: Array, acceleration: Array, others: Array, period: float, ahead: float) -> TimeAxes:
     shifts = _Shifts(acceleration, others, min(int(_FARTHEST / period), command.size // _PART))
     rows = np.arange(command.size, dtype=np.float64)
 
@@ -110,7 +108,7 @@ def _compare(command: Floats, acceleration: Floats, others: Floats, period: floa
 class _Shifts:
     """The share of an acceleration that a command explains beside other signals, over all shifts [samples]."""
 
-    def __init__(self, acceleration: Floats, others: Floats, most: int) -> None:
+    def __init__(self, acceleration: Array, others: Array, most: int) -> None:
         self.most = most
         self._size = 1 << int(np.ceil(np.log2(acceleration.size + most + 1)))
         basis = np.linalg.qr(others)[0]
@@ -118,7 +116,7 @@ class _Shifts:
         self._power = float(left @ left)
         self._spectra = np.fft.rfft(np.column_stack([left, basis]), self._size, axis=0)
 
-    def shares(self, command: Floats) -> Floats:
+    def shares(self, command: Array) -> Array:
         """Shares (2 most + 1,) with the command from `most` samples earlier to as many later."""
         centred = command - command.mean()
         spectrum = np.conj(np.fft.rfft(centred, self._size))
@@ -129,6 +127,6 @@ class _Shifts:
         return np.asarray(products[:, 0] ** 2 / (alone * self._power))
 
 
-def _every(functions: Projection, value: Floats, derivative: int = 0) -> Floats:
+def _every(functions: Projection, value: Array, derivative: int = 0) -> Array:
     """Mean of a derivative over a test function around every sample, shape (n - width + 1,)."""
     return np.asarray(np.convolve(value, functions.kernel(derivative)[::-1], mode="valid"))

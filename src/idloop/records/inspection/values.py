@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Integers
 from idloop.records.finding import Finding
 
 # Larger values, and smaller motions than its inverse, are no measurement: their products leave the range of a double.
@@ -33,9 +33,7 @@ def unusable_magnitude(signal: str, lowest: float, highest: float) -> str:
     return ""
 
 
-def missing_values(
-    name: str, stamp_ns: NDArray[np.int64], value: NDArray[np.float64], where: str, *, command: bool
-) -> list[Finding]:
+def missing_values(name: str, stamp_ns: Integers, value: Array, where: str, *, command: bool) -> list[Finding]:
     """Say how many values of one signal are missing, and where.
 
     Parameters
@@ -77,7 +75,7 @@ def missing_values(
     return [Finding("not_measured", text, int(lost.size), where, level)]
 
 
-def _lost_share(places: NDArray[np.int64]) -> float:
+def _lost_share(places: Integers) -> float:
     """Share of the readings that are lost, by their rows or stamps; a sensor slower than the log loses none."""
     steps = np.diff(places)
     steps = steps[steps > 0]

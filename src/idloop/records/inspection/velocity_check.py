@@ -18,16 +18,14 @@ from dataclasses import dataclass, replace
 from math import pi
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Mask
 from idloop.records.finding import Finding
 from idloop.records.inspection.bad_readings import without_bad_readings
 from idloop.records.inspection.motion import analyse_motion, white_noise
 from idloop.records.inspection.response import regress
 from idloop.records.inspection.velocity_limit import VelocityLimit, velocity_limit
 from idloop.records.record import Record
-
-Floats = NDArray[np.float64]
 
 KIND = "wrong_velocity"
 
@@ -96,7 +94,7 @@ class Slope:
         return not self.wrong and not _LOWEST <= self.value <= _HIGHEST
 
 
-def velocity_slope(time: Floats, position: Floats, velocity: Floats) -> Slope | None:
+def velocity_slope(time: Array, position: Array, velocity: Array) -> Slope | None:
     """Slope of the velocity's integral against the position.
 
     Parameters
@@ -155,36 +153,36 @@ def velocity_slope(time: Floats, position: Floats, velocity: Floats) -> Slope | 
     return scale if likely else found
 
 
-def _known(time: Floats, value: Floats) -> tuple[Floats, Floats]:
+def _known(time: Array, value: Array) -> tuple[Array, Array]:
     known = np.isfinite(time) & np.isfinite(without_bad_readings(value))
     return time[known], value[known]
 
 
-def _step(value: Floats) -> float:
+def _step(value: Array) -> float:
     """Smallest step between two values that occur; 0 where there is one only."""
     motion = analyse_motion(value)
     return 0.0 if motion is None else motion.resolution
 
 
-def _is_gap(time: Floats) -> NDArray[np.bool_]:
+def _is_gap(time: Array) -> Mask:
     step = np.diff(time)
     return np.asarray(step > _GAP * np.median(step))
 
 
-def _is_jump(position: Floats) -> NDArray[np.bool_]:
+def _is_jump(position: Array) -> Mask:
     """Whether a position steps by far more than around there, shape (n - 1,)."""
     step = np.abs(np.diff(position))
     around = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(step, 3, mode="edge"), 7), axis=1)
     return np.asarray(step > _JUMP * np.maximum(around, _step(position)))
 
 
-def _lengths(series: Floats) -> list[int]:
+def _lengths(series: Array) -> list[int]:
     """Lengths of windows, doubled each time, up to a part of a record (., n)."""
     most = series.shape[1] // _WINDOWS
     return [*(_FEWEST << k for k in range(most.bit_length()) if _FEWEST << k < most), most]
 
 
-def _increments(series: Floats) -> tuple[Floats, int]:
+def _increments(series: Array) -> tuple[Array, int]:
     """Return the increments (3, k) of the first three series where there is motion, and their window in samples.
 
     `series` (4, n) are position, integral of the velocity, time, and the number of breaks before.
@@ -200,7 +198,7 @@ def _increments(series: Floats) -> tuple[Floats, int]:
     return found[chosen][:, moved > _STILL * largest[chosen]], lengths[chosen]
 
 
-def _slope(sums: Floats, least: float, noise: float) -> Slope | None:
+def _slope(sums: Array, least: float, noise: float) -> Slope | None:
     """Return slope and jackknife error from mean products of the increments of a position and an integral.
 
     `sums` (parts + 1, 2, 2) are those of all parts, then without each of them; increments up to `least` are no motion,
@@ -217,7 +215,7 @@ def _slope(sums: Floats, least: float, noise: float) -> Slope | None:
     return Slope(float(value), error, unrelated, bool(outside or unrelated))
 
 
-def _scale(series: Floats, speed: Floats, recorded: Floats, tolerance: float) -> Slope | None:
+def _scale(series: Array, speed: Array, recorded: Array, tolerance: float) -> Slope | None:
     """Return the slope beside a delay where it is certainly not 1; None otherwise.
 
     `series` is that of `_increments`, `speed` (n,) the velocity at its instants, `recorded` the one at its own stamps.
@@ -248,7 +246,7 @@ def _scale(series: Floats, speed: Floats, recorded: Floats, tolerance: float) ->
 
 
 def wrong_velocities(
-    time: Floats, columns: Mapping[str, Floats], units: Mapping[str, str], scales: Mapping[str, float] | None = None
+    time: Array, columns: Mapping[str, Array], units: Mapping[str, str], scales: Mapping[str, float] | None = None
 ) -> list[Finding]:
     """Find velocities that are not the derivatives of the positions of their joints.
 
@@ -273,7 +271,7 @@ def wrong_velocities(
 
 
 def _slopes(
-    time: Floats, columns: Mapping[str, Floats], units: Mapping[str, str], scales: Mapping[str, float]
+    time: Array, columns: Mapping[str, Array], units: Mapping[str, str], scales: Mapping[str, float]
 ) -> dict[str, Slope]:
     """Slopes of the velocities whose joint has a position, where the motion is large enough."""
     found = {}
@@ -291,7 +289,7 @@ def _slopes(
     return found
 
 
-def _finding(name: str, slope: Slope, columns: Mapping[str, Floats], units: Mapping[str, str]) -> Finding:
+def _finding(name: str, slope: Slope, columns: Mapping[str, Array], units: Mapping[str, str]) -> Finding:
     seen, cure = _explanation(name, slope, columns, units.get(name) or "rad/s")
     return Finding(
         KIND,
@@ -307,7 +305,7 @@ def _limit(slope: Slope) -> dict[str, float]:
     return {} if slope.limit is None else {"limit": slope.limit.value, "share": slope.limit.share}
 
 
-def _explanation(name: str, slope: Slope, columns: Mapping[str, Floats], unit: str) -> tuple[str, str]:
+def _explanation(name: str, slope: Slope, columns: Mapping[str, Array], unit: str) -> tuple[str, str]:
     """Return what is wrong with a velocity and the evidence, and how to correct it."""
     joint = name.rpartition(".")[0]
     place, velocity = f"{joint}.position", columns[name]

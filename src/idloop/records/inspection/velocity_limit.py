@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Mask
 from idloop.records.inspection.axis import sensor_step
 from idloop.records.inspection.motion import white_noise
-
-Floats = NDArray[np.float64]
 
 # Samples in a row that have the largest value, and their share of the record, from which they are at a limit.
 _IN_A_ROW, _SHARE = 3, 0.005
@@ -39,7 +37,7 @@ class VelocityLimit:
     faster: float
 
 
-def velocity_limit(time: Floats, position: Floats, velocity: Floats) -> VelocityLimit | None:
+def velocity_limit(time: Array, position: Array, velocity: Array) -> VelocityLimit | None:
     """Find the limit at which a velocity is cut off; None where it is not.
 
     Parameters
@@ -69,14 +67,14 @@ def velocity_limit(time: Floats, position: Floats, velocity: Floats) -> Velocity
     return VelocityLimit(longest, held / when.size, float(moved / at_limit))
 
 
-def _runs(at: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def _runs(at: Mask) -> list[tuple[int, int]]:
     """First and last but one row of the runs in which a mask (n,) holds for some rows."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], at.astype(np.int8), [0]])))
     pairs = zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
     return [(start, stop) for start, stop in pairs if stop - start >= _IN_A_ROW]
 
 
-def _elsewhere(when: Floats, where: Floats, speed: Floats, limits: list[float]) -> float:
+def _elsewhere(when: Array, where: Array, speed: Array, limits: list[float]) -> float:
     """Slope of the position over the velocity, away from its limits; NaN where it does not move there."""
     free = ~np.isin(speed, limits)
     free = free[1:] & free[:-1]

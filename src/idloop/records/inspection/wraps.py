@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from idloop.arrays import Array, Integers
 
 # A wrap crosses this share of the range between two samples, from one end to the other: both within the second share.
 _ACROSS, _END = 0.6, 0.25
@@ -29,12 +28,12 @@ class Wraps:
         Position without the jumps.
     """
 
-    rows: NDArray[np.int64]
+    rows: Integers
     span: float
-    unwrapped: Floats
+    unwrapped: Array
 
 
-def find_wraps(position: Floats) -> Wraps | None:
+def find_wraps(position: Array) -> Wraps | None:
     """Find the jumps of a position (n,) by the range of its encoder; None where there is none.
 
     A jump counts where the position goes from one end of its range to the other and the motion before and after is

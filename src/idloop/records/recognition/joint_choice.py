@@ -9,16 +9,14 @@ from collections.abc import Mapping as Map
 from math import pi
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.records.inspection.motion import white_noise
 from idloop.records.recognition.guess import MOTION
 from idloop.records.recognition.roles import is_called_command
 from idloop.records.recognition.table_column import TableColumn
 from idloop.records.tables.base_units import COUNTS, base_unit
 from idloop.spelling import listed
-
-Floats = NDArray[np.float64]
 
 _OF_SEVERAL = re.compile(r"(.*)\[\d+\]")
 _BLOCKS, _FEWEST_BLOCKS = 4000, 4  # means along which the path of a joint is measured
@@ -125,7 +123,7 @@ def _moving_most(by_joint: Map[str, list[TableColumn]]) -> str:
     return max(shares, key=lambda index: shares[index])
 
 
-def _travel(value: Floats) -> float:
+def _travel(value: Array) -> float:
     """Path of a signal beyond that of its noise: a joint at rest has none, however noisy its sensor."""
     known = value[np.isfinite(value)]
     length = 1 + known.size // _BLOCKS

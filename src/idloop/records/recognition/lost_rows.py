@@ -5,22 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping as Map
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.records.recognition.column_name import is_counter, parse_column_name
 from idloop.records.recognition.guess import quoted
 from idloop.records.recognition.time_base import TimeBase
 from idloop.records.tables.table import Table
 from idloop.spelling import listed
 
-Floats = NDArray[np.float64]
-
 # Share of the rows in which a counter rises by one number, and steps of the stamps that are usual, in their median.
 _COUNTS, _USUAL = 0.9, 1.5
 _FEWEST_ROWS = 10
 
 
-def doubt_of_lost_rows(table: Table, numbers: Map[str, Floats], base: TimeBase) -> str:
+def doubt_of_lost_rows(table: Table, numbers: Map[str, Array], base: TimeBase) -> str:
     """Name the rows before which a counter leaves out numbers and the stamps do not, with the time by the counter.
 
     Returns

@@ -6,16 +6,14 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.physics.model import Model
 from idloop.physics.model_file import build_model
 from idloop.physics.schema import SCHEMA, ModelFile
 from idloop.records.inspection.coupled import transmission
 from idloop.records.inspection.motion import white_noise
 from idloop.records.record import Record
-
-Floats = NDArray[np.float64]
 
 # Units in which a command is the force itself, by unit of the position.
 _FORCES = {"rad": "N·m", "m": "N"}
@@ -200,7 +198,7 @@ def _rough_values(records: Sequence[Record], loop: str) -> tuple[float, float]:
     return float(gain), float(friction)
 
 
-def _motion(record: Record) -> tuple[Floats, Floats, Floats]:
+def _motion(record: Record) -> tuple[Array, Array, Array]:
     """Stamps, velocity and position, each from its sensor or from the other."""
     for field in ("velocity", "position"):
         for name, column in zip(record.output_names, record.output.T, strict=True):

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.records.formats.clock_names import known_clock_unit
 from idloop.records.formats.known_columns import recognise as known_drive
@@ -58,8 +58,6 @@ from idloop.records.tables.mapping import Time
 from idloop.records.tables.stamps import bad_stamps, in_order, missing_stamps, note_bad_stamps, note_missing_stamps
 from idloop.records.tables.table import Table
 from idloop.spelling import listed
-
-Floats = NDArray[np.float64]
 
 _NUMBER_IN_NAME = re.compile(r"(?P<before>[A-Za-z]*)[_\- ]?(?P<number>-?\d+(?:[.,]\d+)?)(?P<unit>[A-Za-z%]*)")
 _DESIRED = re.compile(r"(.+)_d(\W?\d*\W?)")
@@ -233,7 +231,7 @@ def shown_together(tables: list[Table], given: Map[str, Given], *, period: float
     dict of str to Guess
         By role; empty where names say everything.
     """
-    read: list[tuple[dict[str, Floats], TimeBase]] = []
+    read: list[tuple[dict[str, Array], TimeBase]] = []
     for table in tables:
         try:
             numbers = numbers_of(table)
@@ -258,7 +256,7 @@ def shown_together(tables: list[Table], given: Map[str, Given], *, period: float
 
 def _by_names(
     table: Table,
-    numbers: dict[str, Floats],
+    numbers: dict[str, Array],
     base: TimeBase,
     given: Map[str, Given],
     doubts: list[str],
@@ -308,7 +306,7 @@ def _of_a_sensor(columns: Iterable[TableColumn]) -> str:
     return f"; that of a sensor in volts as a formula, such as --position '{quoted(name)} * 0.5=rad'" if name else ""
 
 
-def _time(table: Table, numbers: dict[str, Floats], given: Given | None, period: float | None) -> TimeBase:
+def _time(table: Table, numbers: dict[str, Array], given: Given | None, period: float | None) -> TimeBase:
     if table.clocks and period is None and (given is None or not given.column):
         # The motion's clock is the one that counts; of several the finest one.
         roles = {column: role_by_name(parse_column_name(column)).role for column in table.clocks if column in numbers}
@@ -424,7 +422,7 @@ def _supplies(columns: dict[str, TableColumn]) -> None:
             columns[one.name] = replace(one, by_name=RoleByName("supply", 1.0, "a voltage that hardly varies"))
 
 
-def _given(table: Table, role: str, said: Given, numbers: dict[str, Floats], columns: Map[str, TableColumn]) -> Guess:
+def _given(table: Table, role: str, said: Given, numbers: dict[str, Array], columns: Map[str, TableColumn]) -> Guess:
     unit = said.unit
     if said.column in numbers:
         column = columns.get(said.column)
@@ -441,7 +439,7 @@ def _given(table: Table, role: str, said: Given, numbers: dict[str, Floats], col
 
 
 def _columns_of(
-    guess: Guess, columns: Map[str, TableColumn], numbers: dict[str, Floats], base: TimeBase
+    guess: Guess, columns: Map[str, TableColumn], numbers: dict[str, Array], base: TimeBase
 ) -> dict[str, TableColumn]:
     """Return values of a guess that are among no columns yet: computed ones, and what the user has named."""
     if not guess.column or guess.column in columns:

@@ -8,8 +8,8 @@ from dataclasses import replace
 from math import pi
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.records.recognition.column_name import WANTED, ColumnName, parse_column_name
 from idloop.records.recognition.guess import LOAD, MOTION, NONE, SET_POINTS, Given, Guess, quoted
@@ -27,8 +27,6 @@ from idloop.records.recognition.time_base import TimeBase
 from idloop.records.recognition.unnamed_columns import longest_way
 from idloop.records.tables.base_units import COUNTS, SECONDS, base_unit
 from idloop.spelling import joined_names
-
-Floats = NDArray[np.float64]
 
 _LINEAR_WORDS = {"x", "stage", "slide", "carriage", "stroke", "displacement", "distance", "weg", "z", "height", "cart"}
 _LINEAR_FORCES = {"N", "mN", "kN", "kip", "lbf"}
@@ -243,7 +241,7 @@ def _is_count(place: Guess, columns: dict[str, TableColumn]) -> bool:
     return bool(words & _ENCODERS or (np.ptp(known) > _FEWEST_COUNTS and column.wrap("counts") > 0.0))
 
 
-def _counts_many(value: Floats) -> bool:
+def _counts_many(value: Array) -> bool:
     """Whether a position holds whole numbers larger than an angle in rad."""
     known = value[np.isfinite(value)]
     return bool((known == np.round(known)).all() and np.abs(known).max() >= _MANY_COUNTS)

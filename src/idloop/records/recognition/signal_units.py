@@ -8,8 +8,8 @@ from math import pi
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.records.inspection.motion import white_noise
 from idloop.records.inspection.velocity_check import velocity_slope
 from idloop.records.tables.base_units import SECONDS, base_unit
@@ -17,7 +17,6 @@ from idloop.records.tables.mapping import SignBit
 from idloop.records.tables.signals import sign_magnitude, twos_complement
 
 Decoding = Literal["int8", "int16", "int32"] | SignBit
-Floats = NDArray[np.float64]
 
 # Units of unwritten ones, the most usual first.
 _ROTARY, _ROTARY_SPEEDS = ("rad", "deg", "rev"), ("rad/s", "rpm", "deg/s", "rev/s")
@@ -64,9 +63,9 @@ class MotionUnits:
 
 
 def motion_units(
-    time: Floats,
-    position: Floats,
-    velocity: Floats,
+    time: Array,
+    position: Array,
+    velocity: Array,
     units: tuple[str, str],
     times: tuple[str, ...],
     *,
@@ -120,7 +119,7 @@ class SlopeOf:
     correlation: float
 
 
-def slope_of(time: Floats, position: Floats, rate: Floats, runs: Sequence[slice] = ()) -> SlopeOf | None:
+def slope_of(time: Array, position: Array, rate: Array, runs: Sequence[slice] = ()) -> SlopeOf | None:
     """Compare a column with the slope of a position, over the shortest windows in which the motion exceeds the noise.
 
     Over long windows the integral of a command runs with the position as well. A velocity may be late, as behind a
@@ -163,13 +162,13 @@ def slope_of(time: Floats, position: Floats, rate: Floats, runs: Sequence[slice]
     return None if found is None else _regressed(*found)
 
 
-def _with_area(time: Floats, position: Floats, rate: Floats) -> Floats:
+def _with_area(time: Array, position: Array, rate: Array) -> Array:
     """Position, integral of the rate, and the rate, shape (3, n)."""
     area = np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(time))
     return np.array([position, np.concatenate([[0.0], area]), rate])
 
 
-def _regressed(moved: Floats, passed: Floats, changed: Floats) -> SlopeOf | None:
+def _regressed(moved: Array, passed: Array, changed: Array) -> SlopeOf | None:
     """Compare increments of a position, of the integral of a rate, and of the rate itself."""
     if not np.std(passed) > 0.0:
         return None
@@ -197,7 +196,7 @@ def usual_resolution(counts: float) -> float:
     return next((one for one in (*powers, *rounded) if abs(one / counts - 1.0) < _SAME_COUNT), float(f"{counts:.4g}"))
 
 
-def steps_per_turn(value: Floats, unit: str) -> int:
+def steps_per_turn(value: Array, unit: str) -> int:
     """Return how many steps of a coarse angle in rad or deg a turn has; 0 where they are no usual part of one."""
     known = value[np.isfinite(value)]
     change = np.abs(np.diff(known))
@@ -224,7 +223,7 @@ def _ratio(place: str, speed: str) -> float:
     return base_unit(speed, "velocity", "")[1] / base_unit(place, "position", "")[1]
 
 
-def find_wrap(value: Floats, unit: str) -> float:
+def find_wrap(value: Array, unit: str) -> float:
     """Return the range after which a position starts again, in its unit; 0 where it does not."""
     known = value[np.isfinite(value)]
     if known.size < 3:
@@ -248,7 +247,7 @@ def find_wrap(value: Floats, unit: str) -> float:
     return 0.0
 
 
-def _goes_round(value: Floats, whole: float) -> bool:
+def _goes_round(value: Array, whole: float) -> bool:
     """Whether a position from 0 to a whole range goes round and round, by large parts of it between two samples."""
     step = np.diff(value)
     turned = step - whole * np.round(step / whole)
@@ -261,7 +260,7 @@ def _goes_round(value: Floats, whole: float) -> bool:
     )
 
 
-def find_decoding(value: Floats) -> Decoding | None:
+def find_decoding(value: Array) -> Decoding | None:
     """Return how negative numbers were logged as large positive ones, by values (n,); None where they were not.
 
     In two's complement they lie at the upper end of 16 or 32 bits, with nothing between. With a sign bit they begin at
@@ -282,7 +281,7 @@ def find_decoding(value: Floats) -> Decoding | None:
     return _sign_bit(known)
 
 
-def _sign_bit(known: Floats) -> SignBit | None:
+def _sign_bit(known: Array) -> SignBit | None:
     bit = int(known.max()).bit_length() - 1
     signed = sign_magnitude(known, bit)
     high = known >= 2.0**bit
@@ -296,6 +295,6 @@ def _sign_bit(known: Floats) -> SignBit | None:
     return SignBit(sign_bit=bit) if passed < _RUNS_ON * jump and near < _NEAR_ZERO * size.max() else None
 
 
-def decoded(value: Floats, kind: Decoding) -> Floats:
+def decoded(value: Array, kind: Decoding) -> Array:
     """Return values (n,) with the sign that `find_decoding` has found."""
     return sign_magnitude(value, kind.sign_bit) if isinstance(kind, SignBit) else twos_complement(value, kind)

@@ -5,18 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.records.inspection.motion import white_noise
-
-Floats = NDArray[np.float64]
 
 _FEWEST_ROWS = 10  # that show noise
 _TINY = 1e-9  # share of the variance that is no change
 _COARSE = 0.3  # of the range, for the steps of a sensor
 
 
-def smoothest_first(signals: Sequence[tuple[Floats, Sequence[slice]]]) -> list[int]:
+def smoothest_first(signals: Sequence[tuple[Array, Sequence[slice]]]) -> list[int]:
     """Order signals by how soon they change.
 
     Changes are compared at lags from one row to a sixteenth of the record, each as a share of the spread and above what
@@ -43,7 +41,7 @@ def smoothest_first(signals: Sequence[tuple[Floats, Sequence[slice]]]) -> list[i
     return sorted(range(len(signals)), key=lambda place: roughness[place])
 
 
-def change_by_noise(value: Floats) -> tuple[float, float]:
+def change_by_noise(value: Array) -> tuple[float, float]:
     """Mean square of the change that noise or quantisation make at most, and that a coarse sensor's flicker makes.
 
     `value` (n,): not all equal. Both are shares of the variance.
@@ -62,7 +60,7 @@ def change_by_noise(value: Floats) -> tuple[float, float]:
     return max(white, 0.5 * step**2) / variance, flicker / variance
 
 
-def _changes(value: Floats, runs: Sequence[slice]) -> Floats:
+def _changes(value: Array, runs: Sequence[slice]) -> Array:
     """Mean squares of the change at lags of a sixteenth of the longest run and less, as shares of the variance."""
     pieces = [value[run] for run in runs]
     pieces = [piece[np.isfinite(piece)] for piece in pieces]

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.records.recognition.column_name import ColumnName, parse_column_name
 from idloop.records.recognition.guess import MOTION, Guess
@@ -18,8 +18,6 @@ from idloop.records.recognition.time_base import TimeBase, counts_rows
 from idloop.records.tables.base_units import COUNTS, SECONDS
 from idloop.records.tables.mapping import SignBit
 from idloop.records.tables.table import Table
-
-Floats = NDArray[np.float64]
 
 # What a velocity is in that is written in the unit of a position.
 _PER_SECOND = {unit: f"{unit}/s" for unit in ("rad", "mrad", "deg", "rev", "m", "cm", "mm", "um", "in")}
@@ -40,7 +38,7 @@ class TableColumn:
     name: str
     parsed: ColumnName
     by_name: RoleByName
-    value: Floats
+    value: Array
     runs: tuple[slice, ...] = (slice(None),)
     options: dict[str, Any] = field(default_factory=dict)
     doubts: tuple[str, ...] = ()
@@ -125,7 +123,7 @@ class TableColumn:
         """Range after which it starts again within a run, in its unit; 0 where it does not."""
         return max(find_wrap(self.value[run], unit) for run in self.runs)
 
-    def unwrapped(self, unit: str) -> Floats:
+    def unwrapped(self, unit: str) -> Array:
         """Its values without the jumps where it starts again."""
         value, whole = self.value.copy(), self.wrap(unit)
         known = np.isfinite(value)
@@ -133,7 +131,7 @@ class TableColumn:
             value[known] = np.unwrap(value[known], period=whole)
         return np.asarray(value)
 
-    def is_further_clock(self, seconds: Floats) -> bool:
+    def is_further_clock(self, seconds: Array) -> bool:
         """Whether it is one more clock or counter: on a line over the stamps or the rows, with no name against that.
 
         A motion at one speed from the first row to the last would show nothing either.
@@ -153,7 +151,7 @@ class TableColumn:
         return not self.by_name.role and bool((1.0 - along**2 < _LINE**2).any())
 
 
-def numbers_of(table: Table) -> dict[str, Floats]:
+def numbers_of(table: Table) -> dict[str, Array]:
     """Columns that hold numbers, without those of a table with one clock that are no part of its record."""
     found = {}
     for name in table.columns:
@@ -169,6 +167,6 @@ def numbers_of(table: Table) -> dict[str, Floats]:
     return {name: value for name, value in found.items() if 2 * value.size > longest}
 
 
-def runs_of(value: Floats, base: TimeBase) -> tuple[slice, ...]:
+def runs_of(value: Array, base: TimeBase) -> tuple[slice, ...]:
     """Rows of each run of a column; of one with stamps of its own, all of them."""
     return tuple(base.runs) if value.size == base.seconds.size else (slice(None),)

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.records.recognition.column_name import is_counter, parse_column_name
 from idloop.records.recognition.guess import Given, checked_formula
@@ -21,8 +21,6 @@ from idloop.records.tables.expression import Expression
 from idloop.records.tables.mapping import Time
 from idloop.records.tables.table import Table
 from idloop.spelling import listed
-
-Floats = NDArray[np.float64]
 
 # Sampling periods of servo axes [s]: units that give others are improbable.
 _SHORTEST, _LONGEST = 4e-5, 0.12
@@ -77,7 +75,7 @@ class TimeBase:
     time: Time
     reason: str
     doubt: str
-    seconds: Floats
+    seconds: Array
     units: tuple[str, ...] = ("s",)
 
     @property
@@ -107,7 +105,7 @@ class TimeBase:
 
 
 def find_time_base(
-    table: Table, numbers: dict[str, Floats], given: Given | None, count: int, period: float | None
+    table: Table, numbers: dict[str, Array], given: Given | None, count: int, period: float | None
 ) -> TimeBase:
     """Find the stamps of a table.
 
@@ -194,7 +192,7 @@ def find_time_base(
     )
 
 
-def _why_not(table: Table, numbers: dict[str, Floats]) -> str:
+def _why_not(table: Table, numbers: dict[str, Array]) -> str:
     """Say what keeps columns that could be a time from being one; empty where none could."""
     said = []
     for name in table.columns:
@@ -265,7 +263,7 @@ def _may_be_clock(table: Table, name: str) -> bool:
     return _role(table, name).role in ("", "other") or (bool(words) and set(words) <= _OF_CLOCKS)
 
 
-def _named(table: Table, numbers: dict[str, Floats]) -> str:
+def _named(table: Table, numbers: dict[str, Array]) -> str:
     """Return the column that is a time by its name; empty where there is none."""
     ranked = []
     for position, name in enumerate(table.columns):
@@ -275,7 +273,7 @@ def _named(table: Table, numbers: dict[str, Floats]) -> str:
     return min(ranked)[-1] if ranked else ""
 
 
-def _disagreement(table: Table, numbers: dict[str, Floats], period: float) -> str:
+def _disagreement(table: Table, numbers: dict[str, Array], period: float) -> str:
     """Doubt about a given period where a column of stamps says another one; empty where none does."""
     name = _named(table, numbers)
     if not name:
@@ -312,7 +310,7 @@ def _increment(table: Table) -> tuple[float, str] | None:
     return None
 
 
-def _may_be_time(table: Table, numbers: dict[str, Floats], name: str) -> bool:
+def _may_be_time(table: Table, numbers: dict[str, Array], name: str) -> bool:
     if name not in numbers:
         dates = _dates(table.raw(name))
         return dates is not None and bool(np.ptp(dates) > 0.0)
@@ -320,11 +318,11 @@ def _may_be_time(table: Table, numbers: dict[str, Floats], name: str) -> bool:
     return value.size > 2 and float(np.ptp(value)) > 0.0 and float(np.mean(np.diff(value) >= 0)) >= _RISING
 
 
-def _levels(table: Table, numbers: dict[str, Floats], name: str) -> int:
+def _levels(table: Table, numbers: dict[str, Array], name: str) -> int:
     return np.unique(numbers[name]).size if name in numbers else len(set(table.raw(name)))
 
 
-def _is_clock(value: Floats) -> bool:
+def _is_clock(value: Array) -> bool:
     """Whether a column rises in nearly equal steps."""
     step = np.diff(value)
     return bool(
@@ -335,12 +333,12 @@ def _is_clock(value: Floats) -> bool:
     )
 
 
-def counts_rows(value: Floats) -> bool:
+def counts_rows(value: Array) -> bool:
     """Whether each row of a column is the one before and one."""
     return value.size > _FEWEST_ROWS and bool((np.diff(value) == 1.0).all())
 
 
-def _starts_again(value: Floats) -> bool:
+def _starts_again(value: Array) -> bool:
     """Whether a column rises throughout but for falls back to where it began."""
     step = np.diff(value)
     if value.size <= _FEWEST_ROWS or not np.isfinite(step).all():
@@ -354,13 +352,13 @@ def _starts_again(value: Floats) -> bool:
     )
 
 
-def _dates(cells: Sequence[Any]) -> Floats | None:
+def _dates(cells: Sequence[Any]) -> Array | None:
     """Dates as ISO 8601 [s since 1970]; None where the cells are none."""
     found = dates_ns(cells)
     return None if found is None else np.asarray(found * 1e-9, dtype=np.float64)
 
 
-def _of_column(table: Table, numbers: dict[str, Floats], name: str, unit: str, reason: str) -> TimeBase:
+def _of_column(table: Table, numbers: dict[str, Array], name: str, unit: str, reason: str) -> TimeBase:
     if name not in numbers:
         dates = _dates(table.raw(name))
         if dates is None:
@@ -382,7 +380,7 @@ def _of_column(table: Table, numbers: dict[str, Floats], name: str, unit: str, r
     return TimeBase(time, f"{reason}; {units[0]} {why}", doubt, value * SECONDS[units[0]], units)
 
 
-def _check_given(table: Table, name: str, value: Floats) -> None:
+def _check_given(table: Table, name: str, value: Array) -> None:
     """Refuse a given time that falls as often as a signal does, or stands still."""
     change = np.diff(value)
     rises, falls = int(np.count_nonzero(change > 0.0)), int(np.count_nonzero(change < 0.0))
@@ -393,7 +391,7 @@ def _check_given(table: Table, name: str, value: Floats) -> None:
         )
 
 
-def _of_formula(table: Table, numbers: dict[str, Floats], given: Given) -> TimeBase:
+def _of_formula(table: Table, numbers: dict[str, Array], given: Given) -> TimeBase:
     """Return the stamps of a formula over columns that the user gives: seconds, where the unit is left out."""
     if given.unit and known_unit(given.unit) not in SECONDS:
         raise InputError(
@@ -420,7 +418,7 @@ def _doubt_of_unnamed(name: str, base: TimeBase, *, counts: bool) -> str:
     )
 
 
-def _stands_still(name: str, value: Floats) -> str:
+def _stands_still(name: str, value: Array) -> str:
     """Doubt about stamps that are too coarse; empty where they are not."""
     if np.nanmedian(np.abs(np.diff(value))) > 0.0 or value.size < _FEWEST_ROWS:
         return ""
@@ -432,7 +430,7 @@ def doubt_of_unit(name: str, unit: str) -> str:
     return f"the unit of time is not written down and taken as {unit}: if it is not, --time '{name}=UNIT'"
 
 
-def _units_of_time(value: Floats) -> tuple[tuple[str, ...], str]:
+def _units_of_time(value: Array) -> tuple[tuple[str, ...], str]:
     """Units in which stamps may be, the most probable first, and why."""
     known = value[np.isfinite(value)]
     for unit, factor in SECONDS.items():

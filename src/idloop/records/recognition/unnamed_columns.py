@@ -6,16 +6,14 @@ from collections.abc import Iterable
 from collections.abc import Mapping as Map
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.records.recognition.column_name import FLAGS
 from idloop.records.recognition.guess import MOTION, NONE, Given, Guess, with_unit
 from idloop.records.recognition.signal_units import motion_units, slope_of
 from idloop.records.recognition.smoothness import change_by_noise, smoothest_first
 from idloop.records.recognition.table_column import TableColumn
 from idloop.records.recognition.time_base import TimeBase
-
-Floats = NDArray[np.float64]
 
 _MOST_BY_LOOKS = 3  # columns without a name that are recognised by their values alone
 _MOST_PAIRED = 6  # ... of which two are a position and its slope
@@ -139,14 +137,14 @@ def _velocity_by_slope(
     )
 
 
-def _in_units(base: TimeBase, unit: str, position: Floats, rate: TableColumn) -> bool:
+def _in_units(base: TimeBase, unit: str, position: Array, rate: TableColumn) -> bool:
     """Whether a column is the slope of a position in some unit of a velocity."""
     run = longest_way(position, rate.runs)
     series = (base.seconds[run], position[run], rate.value[run])
     return motion_units(*series, (unit, ""), base.units[:1], linear=False).agree
 
 
-def _same(one: Floats, other: Floats) -> bool:
+def _same(one: Array, other: Array) -> bool:
     """Whether two columns run together."""
     if one.size != other.size:
         return False
@@ -154,7 +152,7 @@ def _same(one: Floats, other: Floats) -> bool:
     return bool(known.any()) and float(np.std((one - other)[known])) < 0.1 * float(np.std(one[known]))
 
 
-def follows(motion: Floats, command: Floats) -> bool:
+def follows(motion: Array, command: Array) -> bool:
     """Whether a motion is large where the command is, as a velocity is, and a position is not."""
     if motion.size != command.size:
         return False
@@ -164,6 +162,6 @@ def follows(motion: Floats, command: Floats) -> bool:
     return abs(float(np.corrcoef(motion[known], command[known])[0, 1])) > _FOLLOWS
 
 
-def longest_way(position: Floats, runs: Iterable[slice]) -> slice:
+def longest_way(position: Array, runs: Iterable[slice]) -> slice:
     """Return the run in which the position moves furthest, which shows most."""
     return max(runs, key=lambda run: float(np.nan_to_num(np.ptp(position[run]))))

@@ -15,6 +15,7 @@ from typing import Any, TextIO, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.documents import MOST_COLUMNS, MOST_TABLE
 from idloop.errors import InputError
 from idloop.records.formats.clock_names import clock_unit
@@ -413,7 +414,7 @@ def _may_be_thousands(cell: str) -> bool:
     return grouped is not None and grouped["sign"] == "."
 
 
-def _joined(parts: Sequence[Part]) -> NDArray[np.float64] | list[Any]:
+def _joined(parts: Sequence[Part]) -> Array | list[Any]:
     """A whole column, as numbers if all parts are."""
     if all(isinstance(part, np.ndarray) for part in parts):
         return np.concatenate(parts) if parts else np.empty(0)

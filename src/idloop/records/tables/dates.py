@@ -8,7 +8,8 @@ from datetime import datetime, timezone
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from idloop.arrays import Integers
 
 _DATE = re.compile(
     r"(?P<date>\d{4}-\d\d-\d\d)(?:[T ](?P<clock>\d\d:\d\d(?::\d\d)?)(?:[.,](?P<part>\d{1,9})\d*)?"
@@ -39,7 +40,7 @@ def date_ns(cell: Any) -> int | None:
     return seconds * _SECOND + int((match["part"] or "0").ljust(9, "0"))
 
 
-def dates_ns(cells: Iterable[Any]) -> NDArray[np.int64] | None:
+def dates_ns(cells: Iterable[Any]) -> Integers | None:
     """Return dates as nanoseconds since 1970, shape (n,); None where a cell is none, or there are no cells."""
     found = []
     for cell in cells:

@@ -13,13 +13,11 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.records.tables.csv_layout import is_number
 from idloop.spelling import did_you_mean, listed
-
-Floats = NDArray[np.float64]
 
 _BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
@@ -141,7 +139,7 @@ class Expression:
                     f"{self.text!r} holds more than columns, numbers, + - * / % ** and {listed(_FUNCTIONS)}"
                 )
 
-    def evaluate(self, columns: Mapping[str, Floats]) -> Floats:
+    def evaluate(self, columns: Mapping[str, Array]) -> Array:
         """Return the values, shape (n,).
 
         Parameters
@@ -163,7 +161,7 @@ class Expression:
         # What has no value, such as a quotient by zero, was not measured.
         return np.where(np.isfinite(value), value, np.nan)
 
-    def _value(self, node: ast.expr, columns: Mapping[str, Floats]) -> Any:
+    def _value(self, node: ast.expr, columns: Mapping[str, Array]) -> Any:
         match node:
             case ast.BinOp(left=left, op=op, right=right):
                 return _BINARY[type(op)](self._value(left, columns), self._value(right, columns))

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.records.bags.metadata import IMPORT
 from idloop.records.bags.storage.storage_files import is_bag
@@ -26,7 +27,6 @@ from idloop.records.tables.table import Table
 from idloop.records.tables.table_files import read_table
 from idloop.spelling import listed
 
-Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 
@@ -197,14 +197,14 @@ def _streams(signals: list[Signal]) -> list[JointStream]:
         else:
             stamp, receive, columns = _merged(own)
         known = ~np.isnan(np.column_stack(columns)).all(axis=1)
-        joints: dict[str, dict[str, Floats]] = {}
+        joints: dict[str, dict[str, Array]] = {}
         for signal, column in zip(own, columns, strict=True):
             joints.setdefault(signal.joint, {})[signal.field] = column[known]
         streams.append(make_stream(topic, stamp[known], joints, receive[known]))
     return streams
 
 
-def _merged(signals: list[Signal]) -> tuple[Stamps, Stamps, list[Floats]]:
+def _merged(signals: list[Signal]) -> tuple[Stamps, Stamps, list[Array]]:
     """Merge signals with stamps of their own, run by run of the clock; NaN where one was not measured.
 
     A row is received no sooner than those before it: a signal that was stamped where it was measured arrives later than

@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.records.formats.clock_names import clock_unit
 from idloop.records.tables.series import set_series
 from idloop.records.tables.table import Table
 from idloop.spelling import joined_names, listed
-
-Floats = NDArray[np.float64]
 
 _MOST_NAMES, _FEWEST_ROWS = 64, 10
 _VALUES = {"value", "values", "varvalue", "val", "wert", "valor", "valeur", "valore", "waarde", "reading"}
@@ -74,7 +73,7 @@ def _are_names(column: list[str]) -> bool:
     return 2 <= len(counts) <= _MOST_NAMES and min(counts.values()) >= _FEWEST_ROWS and all(counts)
 
 
-def _varies(column: Floats, label: NDArray[Any]) -> bool:
+def _varies(column: Array, label: NDArray[Any]) -> bool:
     """Whether a column changes among the rows of one name."""
     if column.dtype.kind not in "fiu":
         return False

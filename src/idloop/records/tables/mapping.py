@@ -8,10 +8,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator, model_validator
 
+from idloop.arrays import Array
 from idloop.documents import MOST_NAME, read_text, read_yaml
 from idloop.errors import InputError
 from idloop.records.tables.expression import Expression
@@ -69,7 +68,7 @@ class Time(_Strict):
         """Column or formula of the stamps; None without."""
         return self.column if self.column is not None else self.compute
 
-    def read(self, table: Table, rows: slice = slice(None)) -> NDArray[np.float64]:
+    def read(self, table: Table, rows: slice = slice(None)) -> Array:
         """Return the numbers of the column or the formula, shape (n,), in `unit`."""
         if self.compute is None:
             return table.numbers(self.column, rows)  # type: ignore[arg-type]

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Mask
 from idloop.records.formats.clock_names import clock_unit
 from idloop.records.tables.csv_layout import repeated
 
@@ -70,12 +70,12 @@ def _equal(one: Any, other: Any) -> bool:
     return list(one) == list(other)
 
 
-def _known(column: Any) -> NDArray[np.bool_]:
+def _known(column: Any) -> Mask:
     """Which cells hold something."""
     if isinstance(column, np.ndarray):
         return np.isfinite(column)
     return np.array([bool(str(cell).strip()) for cell in column])
 
 
-def _at(cells: list[Any], known: NDArray[np.bool_]) -> list[Any]:
+def _at(cells: list[Any], known: Mask) -> list[Any]:
     return [cell for cell, good in zip(cells, known, strict=True) if good]

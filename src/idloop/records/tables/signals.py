@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.arrays import Array, Mask
 from idloop.errors import InputError
 from idloop.records.bags.bag import Bag
 from idloop.records.bags.read import read_streams
@@ -26,7 +27,6 @@ from idloop.records.tables.stamps import bad_stamps, in_order, missing_stamps, n
 from idloop.records.tables.table import Table
 from idloop.records.unwrapping import unwrap
 
-Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 # Files without a date start one second after the epoch: a stamp of zero means "no stamp" in ROS.
@@ -49,7 +49,7 @@ class Signal:
     unit: str
     stamp_ns: Stamps
     receive_ns: Stamps
-    value: Floats
+    value: Array
     doubtful: tuple[tuple[float, float], ...] = ()
 
     @property
@@ -61,7 +61,7 @@ class Signal:
 def signals_from_table(table: Table, mapping: Mapping, signals: Signals) -> list[Signal]:
     """Read what the mapping assigns from the columns of a table; rows outside of its `rows` are not looked at."""
     rows = _selected(table, signals)
-    raw: list[tuple[str, str, Channel, Time | None, Floats]] = []
+    raw: list[tuple[str, str, Channel, Time | None, Array]] = []
     for topic, field, channel in _assignments(signals):
         if channel.topic is not None:
             raise InputError(
@@ -75,7 +75,7 @@ def signals_from_table(table: Table, mapping: Mapping, signals: Signals) -> list
     # What has no column, such as a constant command, has the stamps of the first that has one.
     first = next(time for *_, time, value in raw if value.ndim)
     stamps: dict[Time, Stamps] = {}
-    bad: dict[Time, NDArray[np.bool_]] = {}
+    bad: dict[Time, Mask] = {}
     for time in dict.fromkeys(first if not value.ndim else time for *_, time, value in raw):
         if time is None or time.stamps is not None:
             raise InputError(
@@ -128,7 +128,7 @@ def _clock(table: Table, signals: Signals, channel: Channel) -> Time | None:
     return Time(column=clock, unit=unit)
 
 
-def _values(table: Table, channel: Channel, rows: slice) -> Floats:
+def _values(table: Table, channel: Channel, rows: slice) -> Array:
     """Values of one channel, shape (n,); of a constant a single one, shape ()."""
     if channel.value is not None or channel.file_name is not None:
         return np.asarray(_constant(table, channel) * channel.scale + channel.offset)
@@ -160,7 +160,7 @@ def _constant(table: Table, channel: Channel) -> float:
     return float(number)
 
 
-def _column(table: Table, name: str | int, rows: slice) -> Floats:
+def _column(table: Table, name: str | int, rows: slice) -> Array:
     """Return the selected rows of a column; InputError where they do not lie within it."""
     count = table.first_row + len(table.raw(name))
     start, stop = rows.start + table.first_row, None if rows.stop is None else rows.stop + table.first_row
@@ -181,7 +181,7 @@ def _moved(stamp: Stamps, time: Time) -> Stamps:
     return np.asarray(stamp[0] + passed + round(time.offset * 1e9))
 
 
-def _within(stamp: Stamps, signals: Signals, *, held: bool) -> NDArray[np.bool_]:
+def _within(stamp: Stamps, signals: Signals, *, held: bool) -> Mask:
     """Which stamps [ns] lie within the times that the mapping selects; of a held signal the last one before, too."""
     start, stop = signals.times.start, signals.times.stop
     kept = np.ones(stamp.size, dtype=bool)
@@ -258,7 +258,7 @@ def _assignments(signals: Signals) -> list[tuple[str, str, Channel]]:
 
 
 def _make_signal(
-    topic: str, field: str, channel: Channel, value: Floats, stamps: tuple[Stamps, Stamps], mapping: Mapping, joint: str
+    topic: str, field: str, channel: Channel, value: Array, stamps: tuple[Stamps, Stamps], mapping: Mapping, joint: str
 ) -> Signal:
     """Return converted values as a signal: unwrapped where a range is declared, in the unit of the topic."""
     if not joint:
@@ -272,7 +272,7 @@ def _make_signal(
     return Signal(topic, joint, field, unit, *stamps, value if factor == 1.0 else value * factor, doubtful)
 
 
-def _convert(value: Floats, table: Table | None, channel: Channel, rows: slice = slice(0, None)) -> Floats:
+def _convert(value: Array, table: Table | None, channel: Channel, rows: slice = slice(0, None)) -> Array:
     """Return decode(raw) * scale * times + offset."""
     if isinstance(channel.decode, SignBit):
         value = sign_magnitude(value, channel.decode.sign_bit)
@@ -290,7 +290,7 @@ def _convert(value: Floats, table: Table | None, channel: Channel, rows: slice =
     return value + channel.offset
 
 
-def _time(table: Table, time: Time, count: int, rows: slice) -> tuple[Stamps, NDArray[np.bool_]]:
+def _time(table: Table, time: Time, count: int, rows: slice) -> tuple[Stamps, Mask]:
     """Stamps of the selected rows as the file counts them [ns], and which rows are left out for theirs."""
     first = rows.start + table.first_row
     missing = np.zeros(count, dtype=bool)
@@ -374,7 +374,7 @@ def _iso(table: Table, cell: object, row: int) -> int:
     return when
 
 
-def twos_complement(raw: Floats, kind: str) -> Floats:
+def twos_complement(raw: Array, kind: str) -> Array:
     """Read unsigned values as two's complement of 8, 16 or 32 bits (65535 of int16 is -1); NaN stays NaN.
 
     Values that are negative already pass unchanged.
@@ -384,14 +384,14 @@ def twos_complement(raw: Floats, kind: str) -> Floats:
     return np.where(raw >= span / 2, raw - span, raw)
 
 
-def sign_magnitude(raw: Floats, sign_bit: int) -> Floats:
+def sign_magnitude(raw: Array, sign_bit: int) -> Array:
     """Read values whose bit `sign_bit` (from 0) means negative, the bits below being the magnitude; NaN stays NaN."""
     sign = 2.0**sign_bit
     _check_integers(raw, 2 * sign, f"sign bit {sign_bit}")
     return np.where(raw >= sign, -(raw - sign), raw)
 
 
-def _check_integers(raw: Floats, span: float, what: str) -> None:
+def _check_integers(raw: Array, span: float, what: str) -> None:
     known = raw[np.isfinite(raw)]
     if np.any(known != np.round(known)) or np.any(np.abs(known) >= span):
         bad = known[(known != np.round(known)) | (np.abs(known) >= span)][0]

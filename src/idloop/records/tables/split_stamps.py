@@ -6,8 +6,8 @@ import re
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.records.tables.table import Table
 
@@ -53,13 +53,13 @@ def _spans(whole: str, rest: str) -> list[float]:
     return sorted(_REST) if whole.isdigit() and rest.isdigit() else []
 
 
-def _span(spans: list[float], rest: NDArray[np.float64], *, named: bool) -> float:
+def _span(spans: list[float], rest: Array, *, named: bool) -> float:
     """The one that the values fit; 0 where none does. Without a name they must fill the range."""
     largest = float(rest.max())
     return next((span for span in spans if largest < span and (named or largest > _FILLED * span)), 0.0)
 
 
-def _counts(table: Table, name: str) -> NDArray[np.float64] | None:
+def _counts(table: Table, name: str) -> Array | None:
     """Values of a column of whole numbers from zero on; None for others."""
     try:
         value = table.numbers(name)

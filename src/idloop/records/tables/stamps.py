@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.arrays import Integers, Mask
 from idloop.spelling import listed
 
 # Usual steps that the stamps beside a wrong one may lie apart, and the share of rows that may be wrong: beyond it the
@@ -15,7 +16,7 @@ from idloop.spelling import listed
 _APART, _MOST, _MOST_MISSING = 10.0, 0.01, 0.05
 
 
-def bad_stamps(stamp: NDArray[Any]) -> NDArray[np.bool_]:
+def bad_stamps(stamp: NDArray[Any]) -> Mask:
     """Find the rows whose stamp stands out of order between two that follow each other.
 
     Where a time starts again, what follows is below what was before as well, and no single row stands out.
@@ -45,7 +46,7 @@ def bad_stamps(stamp: NDArray[Any]) -> NDArray[np.bool_]:
     return found if found.sum() <= _MOST * stamp.size else np.zeros(stamp.size, dtype=bool)
 
 
-def in_order(stamp: NDArray[Any], bad: NDArray[np.bool_]) -> NDArray[Any]:
+def in_order(stamp: NDArray[Any], bad: Mask) -> NDArray[Any]:
     """Return the stamps with each bad one as the one before it, so that the rows stay in order.
 
     Those before the first good one are as that one.
@@ -54,13 +55,13 @@ def in_order(stamp: NDArray[Any], bad: NDArray[np.bool_]) -> NDArray[Any]:
     return np.asarray(stamp[np.maximum.accumulate(np.where(bad, first, np.arange(stamp.size)))])
 
 
-def missing_stamps(stamp: NDArray[Any]) -> NDArray[np.bool_]:
+def missing_stamps(stamp: NDArray[Any]) -> Mask:
     """Find the rows without a stamp: none where they are too many, shape (n,)."""
     found = ~np.isfinite(stamp)
     return found if found.sum() <= _MOST_MISSING * stamp.size else np.zeros(stamp.size, dtype=bool)
 
 
-def note_missing_stamps(rows: Sequence[int] | NDArray[np.int64]) -> str:
+def note_missing_stamps(rows: Sequence[int] | Integers) -> str:
     """Say which rows are left out, counted from 0."""
     places = listed([str(row) for row in rows], 6)
     return (
@@ -70,7 +71,7 @@ def note_missing_stamps(rows: Sequence[int] | NDArray[np.int64]) -> str:
     )
 
 
-def note_bad_stamps(rows: Sequence[int] | NDArray[np.int64]) -> str:
+def note_bad_stamps(rows: Sequence[int] | Integers) -> str:
     """Say which rows are left out, counted from 0."""
     places = listed([str(row) for row in rows], 6)
     if len(rows) == 1:

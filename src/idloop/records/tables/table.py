@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.records.tables.csv_file import CsvTable
 from idloop.spelling import did_you_mean, listed
@@ -73,7 +73,7 @@ class Table:
             )
         return self.columns[name]
 
-    def numbers(self, name: str | int, rows: slice = slice(None)) -> NDArray[np.float64]:
+    def numbers(self, name: str | int, rows: slice = slice(None)) -> Array:
         """Return a column, or some rows of it, as floats (n,); an empty cell is NaN.
 
         Raises

@@ -10,13 +10,11 @@ from collections import Counter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.records.tables.csv_layout import DECIMAL_COMMA, GROUPED, IN_BRACKETS, is_number
 from idloop.records.tables.table import Table
 from idloop.spelling import listed
-
-Floats = NDArray[np.float64]
 
 _ISO = re.compile(r"\d{4}-\d\d-\d\d")
 _CLOCK = re.compile(
@@ -59,7 +57,7 @@ def _has_fractions(column: Any) -> bool:
     return bool((known != np.floor(known)).any())
 
 
-def _clock(cells: list[Any]) -> Floats | None:
+def _clock(cells: list[Any]) -> Array | None:
     """Times of day [s]; None where a cell is none, or a date of ISO 8601 stands before it."""
     seconds = []
     hours = False
@@ -114,7 +112,7 @@ def _joined_groups(table: Table, name: str, cells: list[Any], *, points: bool) -
     return joined
 
 
-def _numbers(table: Table, name: str, cells: list[Any]) -> Floats | None:
+def _numbers(table: Table, name: str, cells: list[Any]) -> Array | None:
     """Return a column as numbers where most cells are, and note the others; None where they are not."""
     if sum(_is_value(cell) for cell in cells[:_FIRST]) * 2 <= len(cells[:_FIRST]):
         return None

@@ -12,8 +12,8 @@ import numpy as np
 from bokeh.models import FixedTicker, HoverTool, Range1d
 from bokeh.models.annotations import Label
 from bokeh.plotting import figure
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.reporting.figures.theme import FONT, LIGHT, Theme, add_legend, new_figure, source
 from idloop.reporting.ladder_errors import (
     ErrorLine,
@@ -29,7 +29,6 @@ from idloop.reporting.terms import effect_words
 if TYPE_CHECKING:
     from idloop.diagnosis import Ladder, Step
 
-Array = NDArray[np.float64]
 
 # Height of a row with its words [CSS pixels].
 ROW = 48

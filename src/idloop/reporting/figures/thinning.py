@@ -10,11 +10,13 @@ from bokeh.models.renderers import GlyphRenderer
 from bokeh.plotting import figure
 from numpy.typing import ArrayLike, NDArray
 
+from idloop.arrays import Integers
+
 # Stretches of a figure: more than a wide screen has pixels, so that some zooming shows more.
 BUCKETS = 2000
 
 
-def kept(x: ArrayLike, y: ArrayLike, buckets: int = BUCKETS) -> NDArray[np.int64]:
+def kept(x: ArrayLike, y: ArrayLike, buckets: int = BUCKETS) -> Integers:
     """Which points of a curve draw it as well as all of them do.
 
     Parameters
@@ -41,7 +43,7 @@ def kept(x: ArrayLike, y: ArrayLike, buckets: int = BUCKETS) -> NDArray[np.int64
     first = np.flatnonzero(np.diff(bucket, prepend=-1))
     inside = np.repeat(np.arange(len(first)), np.diff(np.append(first, n)))
     missing = np.isnan(value)
-    found: list[NDArray[np.int64]] = [first[np.logical_and.reduceat(missing, first)], np.array([0, n - 1])]
+    found: list[Integers] = [first[np.logical_and.reduceat(missing, first)], np.array([0, n - 1])]
     for worst, pick in ((np.inf, np.minimum), (-np.inf, np.maximum)):
         filled = np.where(missing, worst, value)
         extreme = pick.reduceat(filled, first)

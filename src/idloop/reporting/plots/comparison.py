@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idloop import drawing
+from idloop.arrays import Array
 from idloop.reporting.frame import Frame, residual_frame, value_frame, widest
 from idloop.reporting.sensor_noise import believed_noise, refuted_noise
 from idloop.validation.words import fit_text
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
     from idloop.records import Record
     from idloop.validation import Comparison
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

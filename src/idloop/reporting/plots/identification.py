@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idloop import drawing
+from idloop.arrays import Array, Complex
 from idloop.estimation.black_box.labels import ratio_unit
 from idloop.reporting.plots.comparison import legend_above
 from idloop.spelling import listed
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from idloop.estimation.black_box.sampled import SampledData
     from idloop.validation.score import Score
 
-Array = NDArray[np.float64]
 
 _WIDE = 1.96  # standard errors to each side of a band of 95 %
 _MOST_FITS = 3  # that fit above a panel
@@ -224,9 +223,7 @@ def _draw_bode(
     phase.set_xlabel(drawing.label("frequency", "Hz"))
 
 
-def _phase(
-    frequency: Array, value: NDArray[np.complex128], nearest: tuple[Array, Array] | None, *, model: bool
-) -> Array:
+def _phase(frequency: Array, value: Complex, nearest: tuple[Array, Array] | None, *, model: bool) -> Array:
     """Phase [deg] without jumps; of a measured response the turn next to a model's, else within one turn of -90."""
     angle = np.degrees(np.angle(value))
     if model:
@@ -238,7 +235,7 @@ def _phase(
     return np.asarray(about + (angle - about + 180.0) % 360.0 - 180.0)
 
 
-def _response(found: Identified, column: int, grid: Array) -> tuple[Array, NDArray[np.complex128], Array, Array]:
+def _response(found: Identified, column: int, grid: Array) -> tuple[Array, Complex, Array, Array]:
     """Frequencies, response, and half widths of its 95 % bands in size and angle [rad]; NaN where none is known."""
     model: Any = found.model
     if found.linear is None:

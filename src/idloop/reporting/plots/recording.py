@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idloop import drawing
+from idloop.arrays import Array
 from idloop.records.inspection.bad_readings import bad_readings, without_bad_readings
 from idloop.records.inspection.excitation import power_spectrum
 from idloop.records.inspection.inspection import Inspection
@@ -66,7 +66,7 @@ def plot_recording(inspection: Inspection) -> Figure:
     return figure
 
 
-def _fit_others(axes: Any, value: NDArray[np.float64]) -> None:
+def _fit_others(axes: Any, value: Array) -> None:
     """Scale to the motion where single readings lie far outside of it; their places are marked."""
     if bad_readings(value).size:
         kept = without_bad_readings(value)

@@ -10,9 +10,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idloop import drawing
+from idloop.arrays import Array
 from idloop.reporting.experiment_rows import Curve, Row, reach, rival_name, rows_of, sent_unit
 
 if TYPE_CHECKING:
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
     from idloop.diagnosis.design.suggest import Suggestion
 
-Array = NDArray[np.float64]
 
 # Inches: left of a column for its labels (how far out they are), a column alone, the two of a dense experiment, beside
 # and below them.

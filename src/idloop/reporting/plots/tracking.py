@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idloop import drawing
+from idloop.arrays import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
     from idloop.control.tracking import Tracking
 
-
-Array = NDArray[np.float64]
 
 # Of what is dense, and of lines that only help the eye.
 _THIN, _BROAD = 0.6, 4.0

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idloop import drawing
+from idloop.arrays import Array
 from idloop.reporting.plots.comparison import legend_above
 
 if TYPE_CHECKING:
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from idloop.monitoring import Baseline, Trace
     from idloop.records import Record
 
-Array = NDArray[np.float64]
 
 # Points of growth in a figure, each a mean over its stretch of time.
 _POINTS = 30

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idloop import drawing
 from idloop.reporting.breakdowns import (
@@ -29,7 +28,6 @@ from idloop.validation.where import ErrorMap, Where
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 Named = tuple[str, ErrorMap]
 
 # Inches. Left of each column the room for its labels, then its width.

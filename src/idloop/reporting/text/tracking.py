@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING, Any
 from idloop.reporting.text.blocks import Block, Table, number
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from idloop.arrays import Array
     from idloop.control.tracking import Tracking
 
 _STANDS = 0.01  # of the motion of the reference: an axis that moves less is held
@@ -22,7 +20,7 @@ def ratio(after: float, before: float) -> float:
     return after / before if before > 0.0 else math.nan
 
 
-def command_sizes(command: NDArray[np.float64]) -> Mapping[str, float]:
+def command_sizes(command: Array) -> Mapping[str, float]:
     """Root mean square and largest size of a command, and the root mean square of its change per sample."""
     import numpy as np
 

@@ -6,8 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
+from idloop.arrays import Array, Integers
 
 if TYPE_CHECKING:
     from idloop.diagnosis import Candidate
@@ -18,7 +17,6 @@ if TYPE_CHECKING:
     from idloop.validation.characteristic import Characteristic
     from idloop.validation.where import Where
 
-Array = NDArray[np.float64]
 Report = Callable[[float, str], None]
 
 FEWEST = 200  # samples that are worth an assessment
@@ -52,7 +50,7 @@ class Assessment:
 
     model: Model
     record: str
-    stamps: NDArray[np.int64]
+    stamps: Integers
     simulated: Array
     predicted: Array
     innovation: Array

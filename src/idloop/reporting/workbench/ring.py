@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Floats = NDArray[np.float64]
+from idloop.arrays import Array
+
 Stamps = NDArray[np.int64]
 
 SPARE = 8  # part of the samples that are kept, as which there is room for more of them
@@ -29,7 +30,7 @@ class Ring:
         self.capacity = max(int(capacity), 1)
         self._room = self.capacity + -(-self.capacity // SPARE)
         self._stamps: Stamps = np.empty(self._room, dtype=np.int64)
-        self._values: Floats = np.empty((self._room, columns))
+        self._values: Array = np.empty((self._room, columns))
         self._first = self._end = 0
 
     def __len__(self) -> int:
@@ -68,7 +69,7 @@ class Ring:
             Samples taken in.
         """
         new: Stamps = np.asarray(stamps, dtype=np.int64).reshape(-1)
-        rows: Floats = np.asarray(values, dtype=float).reshape(len(new), self._values.shape[1])
+        rows: Array = np.asarray(values, dtype=float).reshape(len(new), self._values.shape[1])
         if not len(new):
             return 0
         before = self.newest if self.newest is not None else int(new[0]) - 1
@@ -88,7 +89,7 @@ class Ring:
         self._first = max(self._first, self._end - self.capacity)
         return int(np.sum(keep))
 
-    def window(self, start: int, stop: int, *, before: bool = False) -> tuple[Stamps, Floats]:
+    def window(self, start: int, stop: int, *, before: bool = False) -> tuple[Stamps, Array]:
         """Return copies of the samples from `start` to before `stop` [ns].
 
         Parameters

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from idloop.arrays import Array
 from idloop.reporting.estimates import NORMAL_95
 from idloop.reporting.sensor_noise import FEWEST, REFUTED
 from idloop.reporting.workbench.decimation import extremes, held_steps
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from idloop.records import Record
     from idloop.reporting.workbench.assessment import Assessment
 
-Array = NDArray[np.float64]
 
 SECOND = 1_000_000_000
 CAPACITY = 130_000  # samples: two minutes at 1 kHz

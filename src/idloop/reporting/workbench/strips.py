@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 
 if TYPE_CHECKING:
-    from idloop.reporting.workbench.signals import Array, Signals
+    from idloop.reporting.workbench.signals import Signals
 
 ONE_STEP, FREE_RUN = "one_step", "free_run"
 # Streams of the model and of its residual, by what the reader wants to see.

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import fault
 from idloop.records.inspection.response import dry, regress, responses, unexplained
-
-Floats = NDArray[np.float64]
 
 KIND = "clipped_reading"
 # Share of the time at a limit, and of its part in the balance that nothing else there explains.

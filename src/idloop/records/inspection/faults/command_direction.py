@@ -8,14 +8,11 @@ axis, such as a weight that is lowered, is braked by more.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import fault
 from idloop.records.inspection.response import PLAIN, Response, regress, response, responses, unexplained
-
-Floats = NDArray[np.float64]
 
 # Standard errors of the gain below zero, and the share of the acceleration that it explains.
 _ERRORS, _SHARE = 6.0, 0.2

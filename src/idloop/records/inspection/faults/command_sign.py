@@ -9,14 +9,12 @@ motion needs has the size of the command with either sign.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import fault
 from idloop.records.inspection.response import responses
-
-Floats = NDArray[np.float64]
 
 # Evidence that a command may have lost its sign, or has: share of the travel that goes the other way.
 BACKWARD_TRAVEL = "backward_travel"
@@ -94,7 +92,7 @@ def backward_travel(axis: Axis) -> float:
     return float(travel.min() / travel.sum()) if travel.min() >= _BACK * travel.max() > 0.0 else 0.0
 
 
-def _holds_load(size: Floats, speed: Floats, noise: float) -> bool:
+def _holds_load(size: Array, speed: Array, noise: float) -> bool:
     """Whether a command is never near zero, and has another level when the axis goes back."""
     rest = max(3.0 * noise, 0.05 * float(np.max(np.abs(speed))))
     levels = [size[rows] for rows in (speed > rest, speed < -rest)]
@@ -104,7 +102,7 @@ def _holds_load(size: Floats, speed: Floats, noise: float) -> bool:
     return abs(float(levels[0].mean() - levels[1].mean())) > _APART * varies
 
 
-def _both_ways(size: Floats, speed: Floats, width: int, noise: float) -> tuple[float, float]:
+def _both_ways(size: Array, speed: Array, width: int, noise: float) -> tuple[float, float]:
     """Correlation of speed and command over windows, forwards and backwards; -1 where it is not certain."""
     count = size.size // width
     size, speed = (one[: count * width].reshape(count, width).mean(axis=1) for one in (size, speed))
@@ -114,7 +112,7 @@ def _both_ways(size: Floats, speed: Floats, width: int, noise: float) -> tuple[f
     )
 
 
-def _certain(size: Floats, speed: Floats) -> float:
+def _certain(size: Array, speed: Array) -> float:
     if size.size < _FEWEST or np.std(size) == 0.0 or np.std(speed) == 0.0:
         return -1.0
     parts = min(_PARTS, size.size // 4)
@@ -143,7 +141,7 @@ def _with_sign(axis: Axis) -> tuple[float, float]:
     return best
 
 
-def _left_with_sign(target: Floats, size: Floats, others: Floats) -> float:
+def _left_with_sign(target: Array, size: Array, others: Array) -> float:
     """Mean square of the acceleration left by the command with the sign that fits best, found by turns."""
     least = float("inf")
     # From the acceleration beside friction, the acceleration itself, and the motion: the turns stop at the nearest fit.
@@ -157,5 +155,5 @@ def _left_with_sign(target: Floats, size: Floats, others: Floats) -> float:
     return least
 
 
-def _residual(target: Floats, table: Floats) -> Floats:
+def _residual(target: Array, table: Array) -> Array:
     return np.asarray(target - table @ np.linalg.lstsq(table, target, rcond=None)[0])

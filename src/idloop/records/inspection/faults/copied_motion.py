@@ -7,14 +7,12 @@ proportion to the motion of the same instant, or of an earlier one, was computed
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import fault
 from idloop.records.inspection.response import PLAIN, Response, regress, responses
-
-Floats = NDArray[np.float64]
 
 KIND = "copied_motion"
 # Share of the power of the command that one signal of the motion and its slope explain.
@@ -51,14 +49,14 @@ def check(axis: Axis) -> list[Finding]:
     ]
 
 
-def _motions(one: Response) -> list[tuple[str, Floats, Floats]]:
+def _motions(one: Response) -> list[tuple[str, Array, Array]]:
     """Speed and position, each with its slope, over the test functions."""
     speed, place = one.others[:, 0], one.others[:, 3:]
     found = [("velocity", speed, one.acceleration)]
     return [*found, ("position", place[:, 0], speed)] if place.size else found
 
 
-def _proportion(one: Response, value: Floats, slope: Floats, period: float) -> tuple[float, float, float, float]:
+def _proportion(one: Response, value: Array, slope: Array, period: float) -> tuple[float, float, float, float]:
     """Factor of a signal in the command, lag with its error [samples], and the share that the signal explains."""
     command, value, slope = one.command[one.known], value[one.known], slope[one.known]
     constant = np.ones(command.size)

@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
+from idloop.arrays import Array, Integers
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 
-Floats = NDArray[np.float64]
 Check = Callable[[Axis], list[Finding]]
 
 # Places of a fault that are listed; the others are counted.
@@ -46,7 +43,7 @@ def fault(
     )
 
 
-def around(time: Floats, rows: NDArray[np.int64]) -> list[tuple[float, float]]:
+def around(time: Array, rows: Integers) -> list[tuple[float, float]]:
     """Return the intervals from the sample before to the one after each row [s]."""
     last = time.size - 1
     return [(float(time[max(k - 1, 0)]), float(time[min(k + 1, last)])) for k in rows[:_PLACES].tolist()]

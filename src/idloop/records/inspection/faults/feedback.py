@@ -7,14 +7,12 @@ command, the command was computed from it.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Mask
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import fault
 from idloop.spelling import joined_names
-
-Floats = NDArray[np.float64]
 
 # Past commands (enough for a sum of eight sines, which follows from its past), older measurements, and newest
 # measurements of the regression; samples used.
@@ -57,7 +55,7 @@ def check(axis: Axis) -> list[Finding]:
     ]
 
 
-def _explained(axis: Axis, signals: list[Floats]) -> float:
+def _explained(axis: Axis, signals: list[Array]) -> float:
     """Share of the newest command, beyond its past, that the newest measurements explain."""
     after = np.searchsorted(axis.input_time, axis.time - 1e-3 * axis.period)
     command = axis.command[np.minimum(after, axis.command.size - 1)]
@@ -87,7 +85,7 @@ def _explained(axis: Axis, signals: list[Floats]) -> float:
     return 1.0 - after_new / before if before > floor else 0.0
 
 
-def _power(table: Floats, target: Floats) -> float:
+def _power(table: Array, target: Array) -> float:
     """Mean square error, without the largest errors, of predictions of each part of the rows from the other parts.
 
     More columns fit more of the rows that they are fitted to; rows that they are not fitted to they predict better
@@ -106,7 +104,7 @@ def _power(table: Floats, target: Floats) -> float:
     return float(np.mean(np.sort(errors)[: max(int(errors.size * (1.0 - _STEPS)), 1)]))
 
 
-def _left(table: Floats, target: Floats, keep: NDArray[np.bool_]) -> Floats:
+def _left(table: Array, target: Array, keep: Mask) -> Array:
     size = np.maximum(np.sqrt(np.mean(table**2, axis=0)), 1e-300)
     weights = np.linalg.lstsq(table[keep] / size, target[keep], rcond=1e-12)[0]
     return np.asarray(target - (table / size) @ weights)

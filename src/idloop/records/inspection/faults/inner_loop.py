@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from idloop.arrays import Array
 from idloop.records.finding import Finding
-from idloop.records.inspection.axis import Axis, Floats
+from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import fault
 from idloop.records.inspection.response import PLAIN, Response, regress, responses, unexplained
 from idloop.records.tables.base_units import base_unit
@@ -123,7 +124,7 @@ def _balance(one: Response) -> tuple[float, float, float, float]:
     return float(values[0]), float(errors[0]), share, own
 
 
-def _follows(command: Floats, value: Floats) -> tuple[float, float]:
+def _follows(command: Array, value: Array) -> tuple[float, float]:
     """Gain and share of the power with which a signal follows the command some samples later, by the best delay."""
     best = (0.0, 0.0)
     for lag in range(_LAGS):

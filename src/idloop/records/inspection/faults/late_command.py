@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import LATE, fault, late_option
 from idloop.records.inspection.response import PLAIN, responses
-
-Floats = NDArray[np.float64]
 
 KIND = "late_command"
 
@@ -73,7 +71,7 @@ def check(axis: Axis) -> list[Finding]:
     ]
 
 
-def _moved(command: Floats, shift: int) -> Floats:
+def _moved(command: Array, shift: int) -> Array:
     """The command so many samples later."""
     moved = np.full_like(command, np.nan)
     if shift >= 0:
@@ -83,12 +81,12 @@ def _moved(command: Floats, shift: int) -> Floats:
     return moved
 
 
-def _beside(column: Floats, others: Floats) -> Floats:
+def _beside(column: Array, others: Array) -> Array:
     """What orthonormal columns do not explain of another one."""
     return np.asarray(column - others @ (others.T @ column))
 
 
-def _share(target: Floats, command: Floats) -> float:
+def _share(target: Array, command: Array) -> float:
     """Share of the power of the target that the command explains."""
     power = float(target @ target) * float(command @ command)
     return float(target @ command) ** 2 / power if power > 0.0 else 0.0

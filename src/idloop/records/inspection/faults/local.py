@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from idloop.arrays import Array, Integers, Mask
 
 # Samples of a block whose median deviation is the scatter there.
 _BLOCK = 32
@@ -19,7 +18,7 @@ _BOUNCE = 1.0
 _STEPS = 4.0
 
 
-def isolated(value: Floats, resolution: float, usual: NDArray[np.bool_] | None = None) -> NDArray[np.int64]:
+def isolated(value: Array, resolution: float, usual: Mask | None = None) -> Integers:
     """Return the samples that lie off the straight courses of their neighbours on both sides.
 
     A jump or a kink of a signal lies on the course of one side, a single wrong value on that of none, and both courses
@@ -52,7 +51,7 @@ def isolated(value: Floats, resolution: float, usual: NDArray[np.bool_] | None =
     return np.flatnonzero(far)
 
 
-def _bends(value: Floats) -> Floats:
+def _bends(value: Array) -> Array:
     """Largest second difference of the samples beside each one that does not contain it, shape (n,)."""
     bend = np.zeros(value.size)
     bend[1:-1] = np.abs(np.diff(value, 2))
@@ -62,7 +61,7 @@ def _bends(value: Floats) -> Floats:
     return np.asarray(np.maximum(largest[: value.size], largest[_BESIDE + 3 : _BESIDE + 3 + value.size]))
 
 
-def scatter(value: Floats) -> Floats:
+def scatter(value: Array) -> Array:
     """Standard deviation of most of a signal (n,) around each sample, by medians of blocks; the largest of three."""
     count = -(-value.size // _BLOCK)
     padded = np.full(count * _BLOCK, np.nan)
@@ -73,7 +72,7 @@ def scatter(value: Floats) -> Floats:
     return np.asarray(1.4826 * np.repeat(wide, _BLOCK)[: value.size])
 
 
-def _medians(blocks: Floats) -> Floats:
+def _medians(blocks: Array) -> Array:
     """Median of the known values of each row, 0 where there is none."""
     filled = np.sort(np.where(np.isfinite(blocks), blocks, np.inf), axis=1)
     known = np.isfinite(filled).sum(axis=1)

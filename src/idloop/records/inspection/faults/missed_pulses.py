@@ -9,16 +9,14 @@ jumps along the motion at which the speed changes as well, more than it does els
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Integers
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import around, fault
 from idloop.records.inspection.faults.local import isolated
 from idloop.records.inspection.faults.spikes import driven
 from idloop.records.inspection.response import response
-
-Floats = NDArray[np.float64]
 
 # Jumps needed; the largest share of the steps that jump, which lost samples may exceed; uneven intervals are left out.
 _FEWEST, _MOST, _UNEVEN = 3, 0.02, 0.2
@@ -46,7 +44,7 @@ def check(axis: Axis) -> list[Finding]:
     return _jumps(axis, time, place) or _collapse(axis, time, place)
 
 
-def _jumps(axis: Axis, time: Floats, place: Floats) -> list[Finding]:
+def _jumps(axis: Axis, time: Array, place: Array) -> list[Finding]:
     step, period = np.diff(place), np.diff(time)
     even = np.abs(period / axis.period - 1.0) < _UNEVEN
     rows = isolated(step, axis.resolution["position"], even)
@@ -109,7 +107,7 @@ def _jumps(axis: Axis, time: Floats, place: Floats) -> list[Finding]:
     ]
 
 
-def _outweigh(step: Floats, off: Floats) -> bool:
+def _outweigh(step: Array, off: Array) -> bool:
     """Whether jumps (m,) make more of the acceleration than all that the steps (n,) show beside them."""
     # A jump is one acceleration of its size, and the next of the opposite sign.
     return bool(4.0 * float(np.sum(off**2)) > float(np.sum(np.diff(step) ** 2)))
@@ -124,7 +122,7 @@ def _shifts(axis: Axis, share: float) -> bool:
     return seen is not None and 2.0 * abs(share * seen.certainty) > _INTERVAL
 
 
-def _are_samples(off: Floats, travel: Floats, step: float) -> bool:
+def _are_samples(off: Array, travel: Array, step: float) -> bool:
     """Whether jumps (n,) are whole numbers of what the axis travels in a sample beside them (n,).
 
     Pulses that go missing may be so at one speed, or to a step of the sensor where the axis travels few in a sample,
@@ -140,7 +138,7 @@ def _are_samples(off: Floats, travel: Floats, step: float) -> bool:
     return bool(whole.mean() > _SAMPLES and (along or np.max(speeds) > _SPEEDS * np.min(speeds)))
 
 
-def _left_out(step: Floats, rows: NDArray[np.int64]) -> float:
+def _left_out(step: Array, rows: Integers) -> float:
     """Samples that jumps at `rows` of the steps (n,) skip, by their median; 0 where they are none of the motion.
 
     Pulses go missing at a speed that stays what it was; after a piece of the motion it is another one.
@@ -164,14 +162,14 @@ def _left_out(step: Floats, rows: NDArray[np.int64]) -> float:
     return float(np.median(step[rows][along] / travel[along])) - 1.0 if chance < _CHANCE else 0.0
 
 
-def _beside(step: Floats, rows: NDArray[np.int64]) -> Floats:
+def _beside(step: Array, rows: Integers) -> Array:
     """Mean of the steps before and after each of the rows, shape (2, number of rows)."""
     begins = np.lib.stride_tricks.sliding_window_view(step, _BESIDE).mean(axis=1)
     last = begins.size - 1
     return np.array([begins[np.clip(rows - _BESIDE, 0, last)], begins[np.clip(rows + 1, 0, last)]])
 
 
-def _collapse(axis: Axis, time: Floats, place: Floats) -> list[Finding]:
+def _collapse(axis: Axis, time: Array, place: Array) -> list[Finding]:
     command_time, command = axis.input_time, axis.command
     if command.size < 2:
         return []

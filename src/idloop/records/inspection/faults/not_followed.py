@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import fault
 from idloop.records.inspection.response import dry, regress, responses, unexplained
-
-Floats = NDArray[np.float64]
 
 # Command levels tried, as shares of the largest; the gain beyond them is below this share of the gain up to there.
 _LEVELS, _GAIN = (0.35, 0.5, 0.65, 0.8), 0.35
@@ -73,12 +71,12 @@ def check(axis: Axis, slower: float = np.inf) -> list[Finding]:
     ]
 
 
-def _beyond(command: Floats, level: float) -> Floats:
+def _beyond(command: Array, level: float) -> Array:
     """Part of a command (n,) beyond a level."""
     return np.asarray(np.sign(command) * np.maximum(np.abs(command) - level, 0.0))
 
 
-def _shows_bend(command: Floats, level: float) -> bool:
+def _shows_bend(command: Array, level: float) -> bool:
     """Whether a command (n,) as it was sent has values from which a bend at a level shows, beside a gain and an offset.
 
     Means of it over a sample have values between any two levels, which the drive never got.

@@ -10,12 +10,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import fault
 from idloop.records.inspection.response import PLAIN, Gain, Response, responses
 
-Floats = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 PUSH, CHANGED = "outside_force", "changed_machine"
@@ -92,12 +92,12 @@ def _largest(axis: Axis, one: Response) -> tuple[float, float, float, float]:
     return best
 
 
-def _means(value: Floats, length: int) -> Floats:
+def _means(value: Array, length: int) -> Array:
     """Mean over so many rows from each one on."""
     return np.asarray(np.lib.stride_tricks.sliding_window_view(value, length, axis=0).mean(axis=-1))
 
 
-def _is_usual(state: Floats, place: int, away: int) -> bool:
+def _is_usual(state: Array, place: int, away: int) -> bool:
     """Whether the states (n, k) at other times come as near to that at one place as they do to each other."""
 
     def distance(row: int) -> float:

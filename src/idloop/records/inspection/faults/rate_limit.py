@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from idloop.arrays import Array
 from idloop.records.finding import Finding
-from idloop.records.inspection.axis import Axis, Floats
+from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import fault
 from idloop.records.inspection.response import PLAIN, Response, responses
 
@@ -68,7 +69,7 @@ def check(axis: Axis) -> list[Finding]:
 
 
 def _compare(
-    found: Response, limited: list[tuple[float, Floats]], others: list[Floats]
+    found: Response, limited: list[tuple[float, Array]], others: list[Array]
 ) -> tuple[float, float, float, Response]:
     """Return what the best limit leaves over what the best other leaves, its share explained, its time, and where."""
     known = found.known
@@ -77,7 +78,7 @@ def _compare(
     target = target - basis @ (basis.T @ target)
     power = float(target @ target)
 
-    def left(command: Floats) -> float:
+    def left(command: Array) -> float:
         column = found.functions.project(command)[known]
         column = column - basis @ (basis.T @ column)
         size = float(column @ column)
@@ -94,7 +95,7 @@ def _is_clear(ratio: float, explained: float) -> bool:
     return ratio <= _LEFT and explained >= _EXPLAINED
 
 
-def _limited(command: Floats, step: float) -> Floats:
+def _limited(command: Array, step: float) -> Array:
     """Follow a command (n,) by at most `step` in a sample."""
     applied, found = float(command[0]), []
     for value in command.tolist():
@@ -103,20 +104,20 @@ def _limited(command: Floats, step: float) -> Floats:
     return np.array(found)
 
 
-def _lagged(command: Floats, time: float) -> Floats:
+def _lagged(command: Array, time: float) -> Array:
     from scipy.signal import lfilter
 
     decay = float(np.exp(-1.0 / time))
     return np.asarray(lfilter([1.0 - decay], [1.0, -decay], command - command[0]) + command[0])
 
 
-def _delayed(command: Floats) -> list[Floats]:
+def _delayed(command: Array) -> list[Array]:
     """Delay a command (n,), as it was held from sample to sample, by each of the delays."""
     rows = np.arange(command.size)
     return [np.interp(rows - one, rows, command) for one in _DELAYS]
 
 
-def _filled(command: Floats) -> Floats:
+def _filled(command: Array) -> Array:
     """Hold the last known value, and the first before it."""
     known = np.flatnonzero(np.isfinite(command))
     return np.asarray(command[known[np.maximum(np.searchsorted(known, np.arange(command.size), side="right") - 1, 0)]])

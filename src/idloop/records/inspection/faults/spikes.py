@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Integers, Mask
 from idloop.records.finding import Finding
-from idloop.records.inspection.axis import Axis, Floats
+from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import around, fault
 from idloop.records.inspection.faults.local import isolated
 
@@ -16,7 +16,7 @@ _UNEVEN = 0.5
 _FURTHER = 4.0
 
 
-def stray(axis: Axis) -> dict[str, NDArray[np.int64]]:
+def stray(axis: Axis) -> dict[str, Integers]:
     """Return the samples of position and velocity off the course of their neighbours, by ``joint.field``."""
     after = driven(axis)
     signals = {"position": axis.place, "velocity": axis.velocity}
@@ -57,11 +57,11 @@ def check(axis: Axis) -> list[Finding]:
     return found
 
 
-def _none() -> NDArray[np.int64]:
+def _none() -> Integers:
     return np.zeros(0, dtype=np.int64)
 
 
-def _distance(value: Floats | None, rows: NDArray[np.int64]) -> Floats:
+def _distance(value: Array | None, rows: Integers) -> Array:
     """How far samples lie off the middle of the measured ones beside them."""
     if value is None or not rows.size:
         return np.zeros(0)
@@ -71,7 +71,7 @@ def _distance(value: Floats | None, rows: NDArray[np.int64]) -> Floats:
     return np.asarray(np.abs(value[rows] - beside))
 
 
-def _near(axis: Axis, signal: str, value: Floats, after: NDArray[np.int64]) -> NDArray[np.int64]:
+def _near(axis: Axis, signal: str, value: Array, after: Integers) -> Integers:
     """Samples off the course of their neighbours."""
     known = np.flatnonzero(np.isfinite(value))
     time, values = axis.time[known], value[known]
@@ -91,13 +91,13 @@ def _near(axis: Axis, signal: str, value: Floats, after: NDArray[np.int64]) -> N
     return np.asarray(known[rows])
 
 
-def _on_the_way(value: Floats, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _on_the_way(value: Array, rows: Integers) -> Mask:
     """Whether samples lie between the ones beside them: read late or early within the interval, a true value."""
     before, after = value[rows] - value[rows - 1], value[rows + 1] - value[rows]
     return np.asarray(before * after > 0.0)
 
 
-def _far(value: Floats, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _far(value: Array, rows: Integers) -> Mask:
     """Whether samples lie further off than the signal moves in any sample around them."""
     beside = rows[:, None] + np.array([-5, -4, -3, 2, 3, 4, 5])
     beside = np.clip(beside, 1, value.size - 1)
@@ -105,7 +105,7 @@ def _far(value: Floats, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
     return np.asarray(np.abs(value[rows] - 0.5 * (value[rows - 1] + value[rows + 1])) > _FURTHER * largest)
 
 
-def _moved(place: Floats, time: Floats, velocity: Floats, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _moved(place: Array, time: Array, velocity: Array, rows: Integers) -> Mask:
     """Whether the position moved as the velocity says, and not as its neighbours do."""
     step = time[rows + 1] - time[rows - 1]
     travel = place[rows + 1] - place[rows - 1]
@@ -114,7 +114,7 @@ def _moved(place: Floats, time: Floats, velocity: Floats, rows: NDArray[np.int64
     return np.asarray(np.abs(travel - with_it) < np.abs(travel - without))
 
 
-def driven(axis: Axis) -> NDArray[np.int64]:
+def driven(axis: Axis) -> Integers:
     """Samples up to four after a jump of the command, where such jumps are rare: a fast axis answers within them."""
     if axis.command.size < 64:
         return np.zeros(0, dtype=np.int64)

@@ -7,15 +7,13 @@ axis with inertia does.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import around, fault
 from idloop.records.inspection.faults.local import isolated
 from idloop.records.inspection.motion import white_noise
-
-Floats = NDArray[np.float64]
 
 KIND = "spliced"
 
@@ -61,7 +59,7 @@ def check(axis: Axis) -> list[Finding]:
     ]
 
 
-def _causes(jumps: Floats, before: Floats, after: Floats) -> str:
+def _causes(jumps: Array, before: Array, after: Array) -> str:
     """What may be behind the jumps, the most probable first, from the motion before and after each."""
     if not ((jumps * before > 0.0) & (jumps * after > 0.0)).all():
         return "two recordings were joined, samples were lost, or its zero was set"

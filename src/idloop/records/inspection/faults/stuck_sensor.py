@@ -7,14 +7,12 @@ stood still begins to move slowly.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import fault
 from idloop.records.inspection.motion import white_noise
-
-Floats = NDArray[np.float64]
 
 KIND = "stuck_sensor"
 
@@ -70,7 +68,7 @@ def check(axis: Axis) -> list[Finding]:
     return found
 
 
-def _stretches(value: Floats) -> list[tuple[int, int]]:
+def _stretches(value: Array) -> list[tuple[int, int]]:
     """First and last row of long stretches of one value; what lasts for nearly the whole record is no stretch."""
     ends = np.flatnonzero(np.concatenate([[True], value[1:] != value[:-1], [True]]))
     length = np.diff(ends)
@@ -79,7 +77,7 @@ def _stretches(value: Floats) -> list[tuple[int, int]]:
     return [(int(ends[k]), int(ends[k + 1]) - 1) for k in np.flatnonzero(long) if np.isfinite(value[ends[k]])]
 
 
-def _goes_on_with_a_jump(value: Floats, rows: tuple[int, int], stretches: list[tuple[int, int]]) -> bool:
+def _goes_on_with_a_jump(value: Array, rows: tuple[int, int], stretches: list[tuple[int, int]]) -> bool:
     """Whether the value leaves a stretch by a jump out of all proportion to its other steps, and moves on."""
     step, ends = np.abs(np.diff(value)), np.array([last for _, last in stretches])
     others = np.delete(step, ends[ends < step.size])
@@ -90,7 +88,7 @@ def _goes_on_with_a_jump(value: Floats, rows: tuple[int, int], stretches: list[t
     return bool(jump > max(_LARGER * usual, _LARGER * _step(value)) and after > _HALF * usual)
 
 
-def _moves(signal: str, time: Floats, position: Floats, velocity: Floats, rows: slice) -> bool:
+def _moves(signal: str, time: Array, position: Array, velocity: Array, rows: slice) -> bool:
     """Whether the other sensor shows a motion in the rows of a stretch."""
     if signal == "position":
         usual, here = (float(np.sqrt(np.nanmean(one**2))) for one in (velocity, velocity[rows]))
@@ -110,7 +108,7 @@ def _moves(signal: str, time: Floats, position: Floats, velocity: Floats, rows: 
     return moved and beside > max(_MOVING * usual, 2.0 * _step(velocity))
 
 
-def _step(value: Floats) -> float:
+def _step(value: Array) -> float:
     """The smallest usual change between samples; 0 without any."""
     change = np.abs(np.diff(value))
     change = change[np.isfinite(change) & (change > 0.0)]
