@@ -47,41 +47,21 @@ _WORDS: Final[dict[str, str]] = {
 
 @dataclass(frozen=True)
 class ParameterSpec:
-    """One row of a parameter table.
+    """One row of a parameter table."""
 
-    Parameters
-    ----------
-    name : str
-        Name of the parameter; a dot stands for a nested mapping (``linearisation.gain``).
-    type : str
-        ``float``, ``int``, ``bool``, ``str``, ``floats``, ``strs`` or ``matrix`` (equal rows).
-    default : object
-        Value when the parameter is left out; ``REQUIRED`` when it must be given. With a default
-        of None, None is a legal value and means "off" or "chosen automatically".
-    description : str
-        One sentence for help texts.
-    unit : str
-        Unit of the value, empty when it has none.
-    minimum, maximum : float or None
-        Range of a number, or of every number of a list.
-    exclusive : bool
-        The ends of the range are themselves not allowed.
-    nonzero : bool
-        Zero is not allowed.
-    choices : tuple of str
-        The allowed texts, where only some are.
-    """
-
-    name: str
-    type: ParameterType
+    name: str  # name of the parameter; a dot stands for a nested mapping (``linearisation.gain``)
+    type: ParameterType  # ``float``, ``int``, ``bool``, ``str``, ``floats``, ``strs`` or ``matrix`` (equal rows)
+    # Value when the parameter is left out; ``REQUIRED`` when it must be given. With a default of None, None is a legal
+    # value and means "off" or "chosen automatically".
     default: Any
-    description: str
-    unit: str = ""
+    description: str  # one sentence for help texts
+    unit: str = ""  # unit of the value, empty when it has none
+    # Range of a number, or of every number of a list
     minimum: float | None = None
     maximum: float | None = None
-    exclusive: bool = False
-    nonzero: bool = False
-    choices: tuple[str, ...] = ()
+    exclusive: bool = False  # the ends of the range are themselves not allowed
+    nonzero: bool = False  # zero is not allowed
+    choices: tuple[str, ...] = ()  # the allowed texts, where only some are
 
     @property
     def required(self) -> bool:

@@ -32,25 +32,14 @@ _ASTRAY = -100.0  # FIT of a velocity [%], which does not drift as a position do
 
 @dataclass(frozen=True)
 class FirstModel:
-    """What a first model is made of.
-
-    Attributes
-    ----------
-    name, joint : str
-    command_unit : str
-    outputs : dict of str to str
-        Unit by field.
-    measured : bool
-        The input was measured and is not held.
-    load : (str, str) or None
-        Name of the body that the joint drives, and unit of its position, where that was recorded.
-    """
+    """What a first model is made of."""
 
     name: str
     joint: str
     command_unit: str
-    outputs: dict[str, str]
-    measured: bool
+    outputs: dict[str, str]  # unit by field
+    measured: bool  # the input was measured and is not held
+    # Name of the body that the joint drives, and unit of its position, where that was recorded
     load: tuple[str, str] | None = None
 
     def model(self, records: Sequence[Record] = ()) -> Model:
@@ -63,44 +52,21 @@ class FirstModel:
 
 @dataclass(frozen=True)
 class FirstFit:
-    """What came of the fit.
+    """What came of the fit."""
 
-    Attributes
-    ----------
-    model : Model
-        With rough values.
-    fit : Fit or None
-    why_not : str
-        Why there is none.
-    asked : bool
-        Whether a fit was asked for.
-    possible : bool
-        Whether nothing stands against one.
-    reversed : bool
-        Whether the motion follows minus the command.
-    unmoved : bool
-        Whether there is no fit because the model predicts the motion no better with the command than without.
-    incomplete : bool
-        Whether there is no fit because the model of one body describes nothing, although the motion follows.
-    bags : tuple of Path
-        Of those that were given, the ones that are long enough for a fit.
-    notes : tuple of str
-        What was left out, and where records were cut.
-    apart : tuple of tuple of Path
-        Of those that cannot be fitted together, the ones that can.
-    """
-
-    model: Model
+    model: Model  # with rough values
     fit: Fit | None = None
-    why_not: str = ""
-    asked: bool = True
-    possible: bool = True
-    reversed: bool = False
+    why_not: str = ""  # why there is none
+    asked: bool = True  # whether a fit was asked for
+    possible: bool = True  # whether nothing stands against one
+    reversed: bool = False  # whether the motion follows minus the command
+    # Whether there is no fit because the model predicts the motion no better with the command than without
     unmoved: bool = False
+    # Whether there is no fit because the model of one body describes nothing, although the motion follows
     incomplete: bool = False
-    bags: tuple[Path, ...] = ()
-    notes: tuple[str, ...] = ()
-    apart: tuple[tuple[Path, ...], ...] = ()
+    bags: tuple[Path, ...] = ()  # of those that were given, the ones that are long enough for a fit
+    notes: tuple[str, ...] = ()  # what was left out, and where records were cut
+    apart: tuple[tuple[Path, ...], ...] = ()  # of those that cannot be fitted together, the ones that can
 
 
 def first_fit(

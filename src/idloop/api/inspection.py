@@ -17,17 +17,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class BagGrade:
-    """How far a bag can be used for one joint.
-
-    Attributes
-    ----------
-    bag : Path
-    grade, reason : str
-        As those of an inspection, by the faults alone: a constant command may serve beside other records.
-    faults : tuple of Finding
-    """
+    """How far a bag can be used for one joint."""
 
     bag: Path
+    # As those of an inspection, by the faults alone: a constant command may serve beside other records
     grade: str
     reason: str
     faults: tuple[Finding, ...]

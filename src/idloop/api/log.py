@@ -38,26 +38,13 @@ _FEW_SAMPLES = 100  # rows of a piece below which it is not worth a record
 
 @dataclass(frozen=True)
 class Log:
-    """Files as they were recognised.
-
-    Attributes
-    ----------
-    files : tuple of Path
-    recognitions : tuple of Recognition
-        Of each file, or of all joined.
-    joined : bool
-        Whether the files are one record with a signal or more in each.
-    between : tuple of str
-        What is uncertain about the files beside each other.
-    late : float
-        Time by which the command was recorded late [s].
-    """
+    """Files as they were recognised."""
 
     files: tuple[Path, ...]
-    recognitions: tuple[Recognition, ...]
-    joined: bool = False
-    between: tuple[str, ...] = ()
-    late: float = 0.0
+    recognitions: tuple[Recognition, ...]  # of each file, or of all joined
+    joined: bool = False  # whether the files are one record with a signal or more in each
+    between: tuple[str, ...] = ()  # what is uncertain about the files beside each other
+    late: float = 0.0  # time by which the command was recorded late [s]
 
     @property
     def recognition(self) -> Recognition:

@@ -565,19 +565,11 @@ def _is_useless(inspections: Sequence[Inspection]) -> bool:
 
 @dataclass(frozen=True)
 class _Apart:
-    """Why records cannot be fitted together, and which of them can.
-
-    Attributes
-    ----------
-    why : str
-    groups : tuple of tuple of Path
-    turned : bool
-        Whether the motion follows minus the command.
-    """
+    """Why records cannot be fitted together, and which of them can."""
 
     why: str
     groups: tuple[tuple[Path, ...], ...] = ()
-    turned: bool = False
+    turned: bool = False  # whether the motion follows minus the command
 
 
 def _apart(bags: Sequence[Path], inspections: Sequence[Inspection], between: Sequence[Finding]) -> _Apart | None:

@@ -174,17 +174,11 @@ def machine_of(source: Model | Path | None, effects: Sequence[str], model: Model
 
 @dataclass(frozen=True)
 class Loops:
-    """The loop without and with compensation.
-
-    Attributes
-    ----------
-    without, compensated : Tracking
-    aim : Tracking or None
-        Without compensation, on the model without what is cancelled: what no compensation can better.
-    """
+    """The loop without and with compensation."""
 
     without: Tracking
     compensated: Tracking
+    # Without compensation, on the model without what is cancelled: what no compensation can better
     aim: Tracking | None = None
 
 

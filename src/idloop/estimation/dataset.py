@@ -30,29 +30,16 @@ _FEWEST_OPENING = 1000
 
 @dataclass(frozen=True)
 class Data:
-    """One record as checked, contiguous arrays.
-
-    Attributes
-    ----------
-    name : str
-    input_time, input : array, shape (m,)
-    time : array, shape (n,)
-    output : array, shape (n, p)
-        NaN where not measured.
-    sample_time : float
-        Median step of `time` [s].
-    gaps : array of int
-        First sample after each gap of more than 5 steps.
-    conditions : Conditions, optional
-    """
+    """One record as checked, contiguous arrays."""
 
     name: str
+    # shape (m,)
     input_time: Array
     input: Array
-    time: Array
-    output: Array
-    sample_time: float
-    gaps: Integers
+    time: Array  # shape (n,)
+    output: Array  # shape (n, p): NaN where not measured
+    sample_time: float  # median step of `time` [s]
+    gaps: Integers  # first sample after each gap of more than 5 steps
     conditions: Conditions | None = None
 
     def held_input(self) -> Array:

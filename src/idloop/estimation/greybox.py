@@ -323,28 +323,18 @@ def _ranked(rule: Criterion, starts: list[Array]) -> list[Array]:
 
 @dataclass(frozen=True)
 class _Ended:
-    """End of a search by prediction or simulation, with k free parameters and m nuisance parameters.
+    """End of a search by prediction or simulation, with k free parameters and m nuisance parameters."""
 
-    Attributes
-    ----------
-    problem : LeastSquaresProblem
-        With the weights of the solution.
-    residual : callable
-        From a point to the whitened errors in units of their standard deviation, shape (n,).
-    point, lower, upper, scale : array, shape (k + m,)
-        The parameters, their bounds and typical sizes.
-    jacobian : array, shape (n, k + m)
-    covariance : array, shape (k, k)
-    """
-
-    problem: LeastSquaresProblem
+    problem: LeastSquaresProblem  # with the weights of the solution
+    # From a point to the whitened errors in units of their standard deviation, shape (n,)
     residual: Callable[[Array], Array]
+    # shape (k + m,): the parameters, their bounds and typical sizes
     point: Array
     lower: Array
     upper: Array
     scale: Array
-    jacobian: Array
-    covariance: Array
+    jacobian: Array  # shape (n, k + m)
+    covariance: Array  # shape (k, k)
     iterations: int
     converged: bool
 

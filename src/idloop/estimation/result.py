@@ -42,63 +42,34 @@ class Ratio:
 
 @dataclass(frozen=True)
 class FitResult:
-    """A fitted model with its uncertainty.
+    """A fitted model with its uncertainty."""
 
-    Attributes
-    ----------
-    model : Model
-        The model with fitted values and standard errors.
-    names : tuple of str
-        Free parameters.
-    values, stderr : array, shape (k,)
-        Estimates and standard errors; NaN where not determined.
-    covariance : array, shape (k, k)
-        Valid under coloured residuals: HAC sandwich, widened to inverse Hessian and block jackknife.
-    loss, fpe : float
-        Determinant of the residual covariance and Akaike's final prediction error.
-    criterion, why : str
-        The minimised criterion, and the reason for it.
-    disturbance_intensity : float or None
-        Intensity of the disturbance force's random walk [force²/s] (prediction only).
-    output_noise : array, shape (p,)
-        Standard deviation of each output's measurement noise.
-    command_shift : float or None
-        Time from stamp to action of the command beyond its hold [s] (force only).
-    residuals : tuple of RecordResidual
-        One per record.
-    at_bound : tuple of str
-        Parameters that ended on a bound.
-    warnings : tuple of str
-        One line each.
-    orders : tuple of int
-        Orders of the autoregressions that whiten the errors.
-    ratios : tuple of Ratio
-        Ratios of parameters that are determined only up to a common factor.
-    force_error, force_error_unseen : float or None
-        Unexplained force over that of the drive: of the fit, and of each half under the parameters of the other (force
-        only).
-    """
-
-    model: Model
-    names: tuple[str, ...]
+    model: Model  # the model with fitted values and standard errors
+    names: tuple[str, ...]  # free parameters
+    # shape (k,): estimates and standard errors; NaN where not determined
     values: Array
     stderr: Array
+    # shape (k, k): valid under coloured residuals: HAC sandwich, widened to inverse Hessian and block jackknife
     covariance: Array
+    # Determinant of the residual covariance and Akaike's final prediction error
     loss: float
     fpe: float
+    # The minimised criterion, and the reason for it
     criterion: str
     why: str
-    disturbance_intensity: float | None
-    output_noise: Array
-    command_shift: float | None
-    residuals: tuple[RecordResidual, ...]
-    at_bound: tuple[str, ...]
-    warnings: tuple[str, ...]
+    disturbance_intensity: float | None  # intensity of the disturbance force's random walk [force²/s] (prediction only)
+    output_noise: Array  # shape (p,): standard deviation of each output's measurement noise
+    command_shift: float | None  # time from stamp to action of the command beyond its hold [s] (force only)
+    residuals: tuple[RecordResidual, ...]  # one per record
+    at_bound: tuple[str, ...]  # parameters that ended on a bound
+    warnings: tuple[str, ...]  # one line each
     samples: int
     iterations: int
     converged: bool
-    orders: tuple[int, ...] = field(default=())
-    ratios: tuple[Ratio, ...] = ()
+    orders: tuple[int, ...] = field(default=())  # orders of the autoregressions that whiten the errors
+    ratios: tuple[Ratio, ...] = ()  # ratios of parameters that are determined only up to a common factor
+    # Unexplained force over that of the drive: of the fit, and of each half under the parameters of the other (force
+    # only)
     force_error: float | None = None
     force_error_unseen: float | None = None
 

@@ -44,27 +44,15 @@ def _unreadable(bag: Path, error: Exception) -> IdloopError:
 
 @dataclass(frozen=True)
 class LiveResult:
-    """The last result of a run.
+    """The last result of a run."""
 
-    Attributes
-    ----------
-    fit : dict
-        FIT per output in percent, on samples that the fit did not use.
-    fit_train : dict
-        FIT per output in percent, on the samples that it used.
-    parameters : dict
-        By name: value, stderr (or None), unit; where recorded, whether it is ``trusted`` and ``why``.
-    fits : int
-        Number of fits.
-    error : str
-        Reason why the last fit failed; empty otherwise.
-    """
-
+    # FIT per output in percent, on samples that the fit did not use
     fit: dict[str, float] = field(default_factory=dict)
-    fit_train: dict[str, float] = field(default_factory=dict)
+    fit_train: dict[str, float] = field(default_factory=dict)  # FIT per output in percent, on the samples that it used
+    # By name: value, stderr (or None), unit; where recorded, whether it is ``trusted`` and ``why``
     parameters: dict[str, dict[str, Any]] = field(default_factory=dict)
-    fits: int = 0
-    error: str = ""
+    fits: int = 0  # number of fits
+    error: str = ""  # reason why the last fit failed; empty otherwise
 
 
 def read_results(bag: Path) -> LiveResult:

@@ -21,24 +21,12 @@ USUAL_GROWTH = 0.2
 
 @dataclass(frozen=True)
 class Watch:
-    """A parameter and its growth to detect.
+    """A parameter and its growth to detect."""
 
-    Attributes
-    ----------
-    parameter : str
-        Name in the model, such as ``coulomb_friction@motor.level``.
-    value : float
-        Value in the model [unit].
-    growth : float
-        Change to detect [unit], not 0; negative where wear reduces the parameter, such as a stiffness.
-    unit : str
-        Unit of the parameter.
-    """
-
-    parameter: str
-    value: float
-    growth: float
-    unit: str
+    parameter: str  # name in the model, such as ``coulomb_friction@motor.level``
+    value: float  # value in the model [unit]
+    growth: float  # change to detect [unit], not 0; negative where wear reduces the parameter, such as a stiffness
+    unit: str  # unit of the parameter
 
 
 def parse_watch(model: Model, text: str) -> Watch:

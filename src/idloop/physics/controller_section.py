@@ -15,24 +15,12 @@ FIELDS = ("position", "velocity", "effort")
 
 @dataclass(frozen=True)
 class ControllerKind:
-    """A controller type.
+    """A controller type."""
 
-    Parameters
-    ----------
-    name : str
-        Name used in model files.
-    description : str
-        One sentence.
-    law : str
-        Its equation in plain text.
-    parameters : tuple of ParameterSpec
-        Every key that its section of a model file may hold, besides ``type``.
-    """
-
-    name: str
-    description: str
-    law: str
-    parameters: tuple[ParameterSpec, ...]
+    name: str  # name used in model files
+    description: str  # one sentence
+    law: str  # its equation in plain text
+    parameters: tuple[ParameterSpec, ...]  # every key that its section of a model file may hold, besides ``type``
 
 
 _SAMPLE_TIME = positive("sample_time", REQUIRED, "Period of the controller.", "s")

@@ -39,18 +39,10 @@ class Linear:
 
 
 class ForceBalance(NamedTuple):
-    """Forces along a measured motion.
+    """Forces along a measured motion."""
 
-    Attributes
-    ----------
-    residual : ndarray (n, b)
-        Equation error of every body: inertia times acceleration minus all modelled forces.
-    required : ndarray (n,)
-        Force of the drive that the motion requires.
-    """
-
-    residual: Array
-    required: Array
+    residual: Array  # shape (n, b): equation error of every body: inertia times acceleration minus all modelled forces
+    required: Array  # shape (n,): force of the drive that the motion requires
 
     @property
     def applied(self) -> Array:

@@ -24,33 +24,15 @@ MOST_STEPS = 2e5
 
 @dataclass(frozen=True)
 class Layout:
-    """Arrays of one model with one set of values.
+    """Arrays of one model with one set of values."""
 
-    Attributes
-    ----------
-    axis : Axis
-        For the compiled simulator.
-    bodies : int
-        Number of bodies after compliance has split some.
-    body_of : tuple of int
-        Index in the chain by body of the model.
-    joint_of : mapping of str to int
-        Index in the chain by coupling of the model, including those inside split bodies.
-    states : int
-        Length of the state vector.
-    delay : float
-        Longest delay of a sensor [s].
-    wanted : tuple of (str, str)
-        Site and measured condition of each effect that depends on one.
-    """
-
-    axis: Axis
-    bodies: int
-    body_of: tuple[int, ...]
-    joint_of: Mapping[str, int]
-    states: int
-    delay: float
-    wanted: tuple[Wanted, ...] = ()
+    axis: Axis  # for the compiled simulator
+    bodies: int  # number of bodies after compliance has split some
+    body_of: tuple[int, ...]  # index in the chain by body of the model
+    joint_of: Mapping[str, int]  # index in the chain by coupling of the model, including those inside split bodies
+    states: int  # length of the state vector
+    delay: float  # longest delay of a sensor [s]
+    wanted: tuple[Wanted, ...] = ()  # site and measured condition of each effect that depends on one
 
     def under(self, conditions: Conditions | None) -> Layout:
         """The layout under measured conditions; without any they are at their references.

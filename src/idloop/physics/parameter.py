@@ -11,33 +11,17 @@ NORMAL_95 = 1.959963984540054
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number of a model.
+    """A number of a model."""
 
-    Attributes
-    ----------
-    name : str
-        Path in the model, such as ``motor.inertia`` or ``dead_zone@input.width``.
-    value : float
-        Value in ``unit``.
-    min, max : float
-        Bounds of the estimate.
-    free : bool
-        Estimated from data (a mapping in the model file) or known (a bare number).
-    stderr : float or None
-        Standard error after a fit.
-    unit : str
-        Unit.
-    stated : (float or None, float or None)
-        Bounds as in the model file, to write them again; None where it has none.
-    """
-
-    name: str
-    value: float
+    name: str  # path in the model, such as ``motor.inertia`` or ``dead_zone@input.width``
+    value: float  # value in ``unit``
+    # Bounds of the estimate
     min: float
     max: float
-    free: bool
-    stderr: float | None
-    unit: str
+    free: bool  # estimated from data (a mapping in the model file) or known (a bare number)
+    stderr: float | None  # standard error after a fit
+    unit: str  # unit
+    # Bounds as in the model file, to write them again; None where it has none
     stated: tuple[float | None, float | None] = (None, None)
 
     @property

@@ -16,21 +16,11 @@ from idloop.physics.model import Model
 
 @dataclass(frozen=True)
 class Simulation:
-    """Result of `simulate`.
+    """Result of `simulate`."""
 
-    Attributes
-    ----------
-    time : ndarray (n,)
-        When the outputs were read [s].
-    output : ndarray (n, p)
-        Outputs in the units of the model.
-    names : tuple of str
-        Names of the outputs.
-    """
-
-    time: Array
-    output: Array
-    names: tuple[str, ...]
+    time: Array  # shape (n,): when the outputs were read [s]
+    output: Array  # shape (n, p): outputs in the units of the model
+    names: tuple[str, ...]  # names of the outputs
 
 
 def simulate(

@@ -17,61 +17,38 @@ FurtherTrials = Callable[["Scales", Trial], Sequence[Sequence[Trial]]]
 
 @dataclass(frozen=True)
 class Scales:
-    """Typical sizes at one site of a model in a set of records.
+    """Typical sizes at one site of a model in a set of records."""
 
-    Attributes
-    ----------
-    command, command_most : float
-        Root mean square and largest command [input unit].
-    limit : float
-        Command limit that the model has already; infinite without one.
-    force : float
-        Root mean square force of the drive.
-    speed, speed_most : float
-        Root mean square and largest speed of the body.
-    middle, span : float
-        Middle and range of the body's positions.
-    twist, torque, torque_most : float
-        Typical twist of the coupling; typical and largest torque through it.
-    inertia, stiffness : float
-        Of the body or the coupling.
-    output, noise : float
-        Root mean square and measurement noise of the output.
-    sample_time, duration : float
-        Of the records [s].
-    dry : float
-        Level of dry friction that the model has already at the body.
-    angle : bool
-        Whether positions are angles in radians.
-    turns : float
-        Range of the positions in turns; 0 for a linear axis.
-    harmonics : tuple of int
-        Strongest harmonics of a turn in an unexplained force; empty where none shows or none was looked for.
-    conditions : mapping of str to float
-        Mean of each measured condition at the site, such as ``temperature``.
-    """
-
+    # Root mean square and largest command [input unit]
     command: float
     command_most: float
-    limit: float
-    force: float
+    limit: float  # command limit that the model has already; infinite without one
+    force: float  # root mean square force of the drive
+    # Root mean square and largest speed of the body
     speed: float
     speed_most: float
+    # Middle and range of the body's positions
     middle: float
     span: float
+    # Typical twist of the coupling; typical and largest torque through it
     twist: float
     torque: float
     torque_most: float
+    # Of the body or the coupling
     inertia: float
     stiffness: float
+    # Root mean square and measurement noise of the output
     output: float
     noise: float
+    # Of the records [s]
     sample_time: float
     duration: float
-    dry: float
-    angle: bool
-    turns: float
+    dry: float  # level of dry friction that the model has already at the body
+    angle: bool  # whether positions are angles in radians
+    turns: float  # range of the positions in turns; 0 for a linear axis
+    # Strongest harmonics of a turn in an unexplained force; empty where none shows or none was looked for
     harmonics: tuple[int, ...] = ()
+    # Mean of each measured condition at the site, such as ``temperature``
     conditions: Mapping[str, float] = field(default_factory=dict)
 
     def repeating(self, orders: Iterable[int]) -> list[int]:

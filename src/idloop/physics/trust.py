@@ -34,18 +34,10 @@ _ALLOWED: set[Allowed] = set()
 
 @dataclass(frozen=True)
 class EffectFiles:
-    """The Python files of a folder as they are now.
+    """The Python files of a folder as they are now."""
 
-    Attributes
-    ----------
-    folder : Path
-        Resolved path.
-    sources : dict of str to bytes
-        Content by name.
-    """
-
-    folder: Path
-    sources: dict[str, bytes]
+    folder: Path  # resolved path
+    sources: dict[str, bytes]  # content by name
 
     @property
     def checksum(self) -> str:
@@ -63,17 +55,10 @@ class EffectFiles:
 
 @dataclass(frozen=True)
 class TrustedFolder:
-    """A trusted folder.
-
-    Attributes
-    ----------
-    folder : Path
-    state : {"trusted", "changed", "gone"}
-        Whether its files are still those that were trusted.
-    """
+    """A trusted folder."""
 
     folder: Path
-    state: str
+    state: str  # one of `trusted`, `changed`, `gone`: whether its files are still those that were trusted
 
 
 def read_effect_files(folder: Path) -> EffectFiles:

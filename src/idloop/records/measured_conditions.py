@@ -23,18 +23,10 @@ TOPIC, FIELD = "conditions", "position"
 
 @dataclass(frozen=True)
 class ConditionSources:
-    """Topics of a bag that hold conditions.
+    """Topics of a bag that hold conditions."""
 
-    Attributes
-    ----------
-    named : tuple of (ConditionSource, str)
-        Conditions that the model names and the bag has, with the topic.
-    ours : str
-        The topic ``conditions``; empty where there is none.
-    """
-
-    named: tuple[tuple[ConditionSource, str], ...]
-    ours: str
+    named: tuple[tuple[ConditionSource, str], ...]  # conditions that the model names and the bag has, with the topic
+    ours: str  # the topic ``conditions``; empty where there is none
 
     @classmethod
     def of(cls, signals: Sequence[ConditionSource], ours: str, topics: Mapping[str, object]) -> ConditionSources:

@@ -21,17 +21,10 @@ _HALF = 0.5
 
 @dataclass(frozen=True)
 class Unwrapped:
-    """A continuous position.
+    """A continuous position."""
 
-    Attributes
-    ----------
-    value : ndarray, shape (n,)
-        Positions in their unit; NaN where they were.
-    doubtful : tuple of (float, float)
-        Start [s] and length [s] of the gaps over which another number of turns is as likely.
-    """
-
-    value: Array
+    value: Array  # shape (n,): positions in their unit; NaN where they were
+    # Start [s] and length [s] of the gaps over which another number of turns is as likely
     doubtful: tuple[tuple[float, float], ...]
 
 

@@ -28,45 +28,25 @@ _DEVIATIONS = NORMAL_95
 
 @dataclass(frozen=True)
 class Curve:
-    """A line.
+    """A line."""
 
-    Attributes
-    ----------
-    time, value : array, shape (n,)
-        Instants [s] and values.
-    rival : int or None
-        Whose it is; None for what is sent in.
-    held : bool
-        Whether each value is held to the next instant.
-    """
-
+    # shape (n,): instants [s] and values
     time: Array
     value: Array
-    rival: int | None = None
-    held: bool = False
+    rival: int | None = None  # whose it is; None for what is sent in
+    held: bool = False  # whether each value is held to the next instant
 
 
 @dataclass(frozen=True)
 class Row:
-    """A row of the figure.
-
-    Attributes
-    ----------
-    label : str
-        Of its axis.
-    limits : tuple of float
-        Those that are drawn.
-    band : float, optional
-        Half width of the band of the noise.
-    entries : list of (str, str)
-        Legend: what it says, and for what: "limit", "band", or the number of a rival.
-    """
+    """A row of the figure."""
 
     kind: str
-    label: str
+    label: str  # of its axis
     curves: list[Curve]
-    limits: tuple[float, ...] = ()
-    band: float | None = None
+    limits: tuple[float, ...] = ()  # those that are drawn
+    band: float | None = None  # half width of the band of the noise
+    # Legend: what it says, and for what: "limit", "band", or the number of a rival
     entries: list[tuple[str, str]] = field(default_factory=list)
 
 

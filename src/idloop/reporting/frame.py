@@ -25,16 +25,11 @@ _ROOM = 0.06
 
 @dataclass(frozen=True)
 class Frame:
-    """Range of one value axis.
-
-    Attributes
-    ----------
-    strays : mapping of str to str
-        By the label of a curve that leaves the frame: how far it goes, in words.
-    """
+    """Range of one value axis."""
 
     low: float
     high: float
+    # By the label of a curve that leaves the frame: how far it goes, in words
     strays: Mapping[str, str] = field(default_factory=dict)
 
     @property

@@ -24,21 +24,11 @@ READABLE = 0.6
 
 @dataclass(frozen=True, eq=False)
 class BodeLine:
-    """A response of one output as it is drawn, over all lines from the resolution upwards.
+    """A response of one output as it is drawn, over all lines from the resolution upwards."""
 
-    Attributes
-    ----------
-    magnitude : array, shape (f,)
-        At every line.
-    readable : array of bool, shape (f,)
-        Where the command explains the output.
-    phase : array, shape (f,)
-        [deg]; NaN where it is not readable: what is unwrapped there is noise.
-    """
-
-    magnitude: Array
-    readable: Mask
-    phase: Array
+    magnitude: Array  # shape (f,): at every line
+    readable: Mask  # shape (f,): where the command explains the output
+    phase: Array  # shape (f,): [deg]; NaN where it is not readable: what is unwrapped there is noise
 
     @property
     def read(self) -> Array:
@@ -54,19 +44,12 @@ class BodeLine:
 
 @dataclass(frozen=True, eq=False)
 class FrequencyView:
-    """A model beside a record over frequency.
+    """A model beside a record over frequency."""
 
-    Attributes
-    ----------
-    measured, model : FrequencyResponse
-        Of the measured outputs and of the free run, at the same lines.
-    poles : array of complex
-        Of the linear part of the model [1/s].
-    """
-
+    # Of the measured outputs and of the free run, at the same lines
     measured: FrequencyResponse
     model: FrequencyResponse
-    poles: Complex
+    poles: Complex  # of the linear part of the model [1/s]
 
     @property
     def frequency(self) -> Array:

@@ -24,26 +24,13 @@ _DECADES = 5.0
 
 @dataclass(frozen=True)
 class ErrorLine:
-    """Error of one quantity at every step.
+    """Error of one quantity at every step."""
 
-    Attributes
-    ----------
-    quantity : str
-        Name of the output, or "drive force".
-    kind : {"train", "validation"}
-    use : str
-        What the data served for, in words; empty where there are no others.
-    colour : int
-        Number of the quantity; train and validation of one have the same.
-    error : array, shape (steps,)
-        NaN where not known.
-    """
-
-    quantity: str
-    kind: str
-    use: str
-    colour: int
-    error: Array
+    quantity: str  # name of the output, or "drive force"
+    kind: str  # one of `train`, `validation`
+    use: str  # what the data served for, in words; empty where there are no others
+    colour: int  # number of the quantity; train and validation of one have the same
+    error: Array  # shape (steps,): NaN where not known
 
     @property
     def label(self) -> str:

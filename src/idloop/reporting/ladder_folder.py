@@ -26,30 +26,19 @@ FILES = (
 
 @dataclass(frozen=True)
 class Kept:
-    """A ladder as it lies in its folder.
-
-    Attributes
-    ----------
-    ladder : Ladder
-    bags, validate : tuple of Path
-        What it was climbed on.
-    folder : Path or None
-        Of the model file, where effects of the user's own lie.
-    provenance : dict
-        Commands, seed, versions, checksums, see `idloop.reporting.provenance`; empty where it is not known.
-    unseen, seen : tuple of (Path, float, float)
-        Parts of recordings that no fit has seen, and those that were fitted, where it was not whole ones [s].
-    taken_back : tuple of dict
-        What was undone, the latest last: ``steps`` by name, and the whole ``ladder`` as it was before.
-    """
+    """A ladder as it lies in its folder."""
 
     ladder: Ladder
+    # What it was climbed on
     bags: tuple[Path, ...] = ()
     validate: tuple[Path, ...] = ()
-    folder: Path | None = field(default=None)
+    folder: Path | None = field(default=None)  # of the model file, where effects of the user's own lie
+    # Commands, seed, versions, checksums, see `idloop.reporting.provenance`; empty where it is not known
     provenance: dict[str, Any] = field(default_factory=dict)
+    # Parts of recordings that no fit has seen, and those that were fitted, where it was not whole ones [s]
     unseen: tuple[tuple[Path, float, float], ...] = ()
     seen: tuple[tuple[Path, float, float], ...] = ()
+    # What was undone, the latest last: ``steps`` by name, and the whole ``ladder`` as it was before
     taken_back: tuple[dict[str, Any], ...] = ()
 
     def without_last(self, count: int, where: Path) -> Kept:

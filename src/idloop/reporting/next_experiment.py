@@ -28,30 +28,15 @@ _NOTHING = 1.0
 
 @dataclass(frozen=True)
 class Next:
-    """What is to be done next.
+    """What is to be done next."""
 
-    Attributes
-    ----------
-    suggestion : Suggestion or None
-        An experiment that is worth running.
-    twins : tuple of EquivalentEffects
-        What no experiment settles.
-    undetectable : mapping of str to str
-        Effects that the data cannot show, and why; those that the experiment would show included.
-    reason : str
-        Why there is no experiment, in words; empty where there is one.
-    futile : bool
-        The best experiment is expected to say nothing.
-    lead : str
-        What was found before; empty where that is known.
-    """
-
-    suggestion: Suggestion | None = None
-    twins: tuple[EquivalentEffects, ...] = ()
+    suggestion: Suggestion | None = None  # an experiment that is worth running
+    twins: tuple[EquivalentEffects, ...] = ()  # what no experiment settles
+    # Effects that the data cannot show, and why; those that the experiment would show included
     undetectable: Mapping[str, str] = field(default_factory=dict)
-    reason: str = ""
-    futile: bool = False
-    lead: str = ""
+    reason: str = ""  # why there is no experiment, in words; empty where there is one
+    futile: bool = False  # the best experiment is expected to say nothing
+    lead: str = ""  # what was found before; empty where that is known
 
     def blocks(self) -> Iterator[Block]:
         """Yield what was found before, the experiment with what each rival would show, or why there is none."""

@@ -26,28 +26,16 @@ BETTER, WORSE, SAME = "better", "worse", "same"
 
 @dataclass(frozen=True)
 class Score:
-    """An error.
+    """An error."""
 
-    Attributes
-    ----------
-    view : {"free_run", "force"}
-    quantity : str
-        Name of the output, or "drive force".
-    value : float or None
-        FIT of the free run [%], or error of the force as a part of the commanded force; None where not known.
-    data : str
-        What it is of: "unseen data", "run2 (unseen)"; empty where that is said beside it.
-    model : str
-        Version of the model, see `idloop.reporting.workbench.state.model_version`; empty where there is only one.
-    predicted, steps : float or None, int
-        FIT of the prediction of the same output so many samples ahead [%]; None where not known.
-    """
-
-    view: str
-    quantity: str
+    view: str  # one of `free_run`, `force`
+    quantity: str  # name of the output, or "drive force"
+    # FIT of the free run [%], or error of the force as a part of the commanded force; None where not known
     value: float | None
-    data: str = ""
+    data: str = ""  # what it is of: "unseen data", "run2 (unseen)"; empty where that is said beside it
+    # Version of the model, see `idloop.reporting.workbench.state.model_version`; empty where there is only one
     model: str = ""
+    # FIT of the prediction of the same output so many samples ahead [%]; None where not known
     predicted: float | None = None
     steps: int = 0
 

@@ -30,33 +30,18 @@ _EDGE = 1e-9
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DescribingFunction:
-    """Complex gain N(A, f) from a sine to the first harmonic of the answer, point by point.
+    """Complex gain N(A, f) from a sine to the first harmonic of the answer, point by point."""
 
-    Attributes
-    ----------
-    name : str
-        Of the element or of the pair of signals.
-    amplitude : ndarray, shape (n,)
-        Of the sine [input unit].
-    frequency : ndarray, shape (n,)
-        Hz; NaN where the gain does not depend on it.
-    gain : ndarray of complex, shape (n,)
-        Phase of the answer against the input's [output unit / input unit].
-    distortion : ndarray, shape (n,)
-        Total harmonic distortion of the answer: where it is small (and what follows is a low-pass), the
-        harmonic assumption holds. NaN for a constant answer.
-    harmonics : ndarray, shape (n, m)
-        Size of harmonics 2, 3, ... over the first; NaN where not known.
-    input_unit, output_unit : str
-        Empty where not known.
-    """
-
-    name: str
-    amplitude: Array
-    frequency: Array
-    gain: Complex
+    name: str  # of the element or of the pair of signals
+    amplitude: Array  # shape (n,): of the sine [input unit]
+    frequency: Array  # shape (n,): Hz; NaN where the gain does not depend on it
+    gain: Complex  # shape (n,): phase of the answer against the input's [output unit / input unit]
+    # shape (n,): total harmonic distortion of the answer: where it is small (and what follows is a low-pass), the
+    # harmonic assumption holds. NaN for a constant answer.
     distortion: Array
+    # shape (n, m): size of harmonics 2, 3, ... over the first; NaN where not known.
     harmonics: Array
+    # Empty where not known
     input_unit: str = ""
     output_unit: str = ""
 

@@ -120,35 +120,17 @@ class LimitCycle:
 
 @dataclass(frozen=True, eq=False)
 class LimitCycles:
-    """All limit cycles of one loop within a range of amplitudes and a band.
+    """All limit cycles of one loop within a range of amplitudes and a band."""
 
-    Attributes
-    ----------
-    name : str
-        Of the element.
-    cycles : tuple of LimitCycle
-        By growing amplitude; empty where none is predicted.
-    amplitude : ndarray, shape (m,)
-        Searched amplitudes at the element's input.
-    locus : ndarray of complex, shape (m,)
-        −1/N at them; of a gain that depends on the frequency, at the cycle's or else the middle frequency.
-    frequency : ndarray, shape (k,)
-        Searched frequencies [Hz].
-    response : ndarray of complex, shape (k,)
-        G(jω) at them.
-    unit : str
-        Of the element's input; empty where not known.
-    exact : tuple of RelayCycle
-        Of a relay without a dead zone behind a continuous system, without the harmonic assumption (`relay_cycles`).
-    """
-
-    name: str
-    cycles: tuple[LimitCycle, ...]
-    amplitude: Array
+    name: str  # of the element
+    cycles: tuple[LimitCycle, ...]  # by growing amplitude; empty where none is predicted
+    amplitude: Array  # shape (m,): searched amplitudes at the element's input
+    # shape (m,): −1/N at them; of a gain that depends on the frequency, at the cycle's or else the middle frequency
     locus: Complex
-    frequency: Array
-    response: Complex
-    unit: str = ""
+    frequency: Array  # shape (k,): searched frequencies [Hz]
+    response: Complex  # shape (k,): g(jω) at them
+    unit: str = ""  # of the element's input; empty where not known
+    # Of a relay without a dead zone behind a continuous system, without the harmonic assumption (`relay_cycles`)
     exact: tuple[RelayCycle, ...] = ()
 
     def __repr__(self) -> str:

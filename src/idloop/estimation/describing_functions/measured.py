@@ -27,35 +27,20 @@ SAMPLES_PER_UNKNOWN = 2
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MeasuredDescribingFunction(DescribingFunction):
-    """A describing function measured from records, with how sure each point is.
+    """A describing function measured from records, with how sure each point is."""
 
-    Attributes
-    ----------
-    record : tuple of str, length n
-        Record of each point.
-    source, target : str
-        The two signals.
-    stderr : ndarray, shape (n,)
-        Standard error of the complex gain, rms of its distance from the true one; NaN where one period
-        leaves no frequency beside the fundamental to read the noise at.
-    radius : ndarray, shape (n,)
-        Radius of the circle around the gain that holds the true one with the given probability.
-    probability : float
-        Of the circle.
-    source_distortion : ndarray, shape (n,)
-        Total harmonic distortion of the source: a describing function asks for a sine.
-    periods : ndarray of int, shape (n,)
-        Periods fitted.
-    """
-
-    record: tuple[str, ...]
+    record: tuple[str, ...]  # length n: record of each point
+    # The two signals
     source: str
     target: str
+    # shape (n,): standard error of the complex gain, rms of its distance from the true one; NaN where one period leaves
+    # no frequency beside the fundamental to read the noise at
     stderr: Array
-    radius: Array
-    probability: float
+    radius: Array  # shape (n,): radius of the circle around the gain that holds the true one with the given probability
+    probability: float  # of the circle
+    # shape (n,): total harmonic distortion of the source: a describing function asks for a sine
     source_distortion: Array
-    periods: Array
+    periods: Array  # shape (n,): periods fitted
 
     def without(self, system: Any, delay: float = 0.0) -> MeasuredDescribingFunction:
         """Divide a known linear part out: what is left is the element before it (exactly) or behind it.

@@ -26,27 +26,13 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class RelayCycle:
-    """One symmetric oscillation of a loop with a relay, exact.
+    """One symmetric oscillation of a loop with a relay, exact."""
 
-    Attributes
-    ----------
-    frequency : float
-        Hz.
-    peak : float
-        Greatest value of the relay's input.
-    amplitude : float
-        First harmonic of the relay's input, to compare with a describing function.
-    point : complex
-        G(jω) there.
-    stable : bool
-        Whether the loop returns to it after a small disturbance.
-    """
-
-    frequency: float
-    peak: float
-    amplitude: float
-    point: complex
-    stable: bool
+    frequency: float  # Hz
+    peak: float  # greatest value of the relay's input
+    amplitude: float  # first harmonic of the relay's input, to compare with a describing function
+    point: complex  # g(jω) there
+    stable: bool  # whether the loop returns to it after a small disturbance
 
     @property
     def gain(self) -> complex:

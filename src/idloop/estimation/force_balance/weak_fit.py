@@ -67,33 +67,18 @@ _DRAFT, _WORTH_A_DRAFT = 2000, 4
 
 @dataclass(frozen=True)
 class WeakFit:
-    """Parameters fitted by the force balance.
-
-    Attributes
-    ----------
-    form : WeakForm
-    point : array, shape (k,) or (k + 1,)
-        Free parameters, then the time from the stamp of a command to its action [s] where that is free.
-    scale : array, shape (bodies,)
-        Of Student's t distribution of the unexplained force.
-    rows : array of int
-        Fitted windows.
-    log_likelihood : float
-        Of these windows.
-    iterations : int
-    converged : bool
-    jacobian : array, shape (rows bodies, k)
-        Of the normalised errors at the end of the search.
-    """
+    """Parameters fitted by the force balance."""
 
     form: WeakForm
+    # shape (k,) or (k + 1,): free parameters, then the time from the stamp of a command to its action [s] where that is
+    # free
     point: Array
-    scale: Array
-    rows: Rows
-    log_likelihood: float
+    scale: Array  # shape (bodies,): of Student's t distribution of the unexplained force
+    rows: Rows  # fitted windows
+    log_likelihood: float  # of these windows
     iterations: int
     converged: bool
-    jacobian: Array
+    jacobian: Array  # shape (rows bodies, k): of the normalised errors at the end of the search
 
     @property
     def theta(self) -> Array:
@@ -416,23 +401,12 @@ class _Target:
 
 @dataclass(frozen=True)
 class _Counts:
-    """Sums of the window shares for a target.
+    """Sums of the window shares for a target."""
 
-    Attributes
-    ----------
-    standing : array, shape (rows,)
-    moving : float
-        Number of windows in the scale.
-    silent : array, shape (rows,)
-        Share of the motion.
-    constant : float
-        Part of minus the log-likelihood that no other parameter changes.
-    """
-
-    standing: Array
-    moving: float
-    silent: Array
-    constant: float
+    standing: Array  # shape (rows,)
+    moving: float  # number of windows in the scale
+    silent: Array  # shape (rows,): share of the motion
+    constant: float  # part of minus the log-likelihood that no other parameter changes
 
 
 def _moves_slope(model: Model, name: str) -> bool:

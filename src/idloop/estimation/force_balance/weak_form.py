@@ -54,33 +54,18 @@ LARGEST_REST = 0.03
 
 @dataclass(frozen=True)
 class WindowedRecord:
-    """Measured motion of one record, for windows of one width.
+    """Measured motion of one record, for windows of one width."""
 
-    Attributes
-    ----------
-    motion : Motion
-        Gives each force its arguments: filtered only as the noise demands, whatever the width. A velocity that is
-        smooth over a window would turn late, and friction with it.
-    inertial : array, shape (rows, bodies)
-        Weak acceleration of every body, from the unfiltered signals.
-    noise : array, shape (bodies,)
-        Standard deviation of the sensor noise in it.
-    rows : array of int, shape (rows,)
-        First sample of each window; windows over a gap are left out.
-    held : HeldCommand
-    conditions : Conditions or None
-    disagreement : float
-        Relative rms difference of two sensors' velocities, the largest of all bodies; 0 within their noise.
-    acceleration_disagreement : array, shape (bodies,)
-        Rms difference of two sensors' weak accelerations; 0 within their noise.
-    """
-
+    # Gives each force its arguments: filtered only as the noise demands, whatever the width. A velocity that is smooth
+    # over a window would turn late, and friction with it.
     motion: Motion
-    inertial: Array
-    noise: Array
-    rows: Integers
+    inertial: Array  # shape (rows, bodies): weak acceleration of every body, from the unfiltered signals
+    noise: Array  # shape (bodies,): standard deviation of the sensor noise in it
+    rows: Integers  # shape (rows,): first sample of each window; windows over a gap are left out
     held: HeldCommand
+    # Relative rms difference of two sensors' velocities, the largest of all bodies; 0 within their noise
     disagreement: float
+    # shape (bodies,): rms difference of two sensors' weak accelerations; 0 within their noise
     acceleration_disagreement: Array
     conditions: Conditions | None = None
 
@@ -104,20 +89,11 @@ class WindowShares:
 
     By its command, given the motion, as far as the balance depends on the command; else (in a dead zone, beyond a
     limit, at standstill) by its motion, given the command.
-
-    Attributes
-    ----------
-    command : array, shape (rows,)
-        Share of the command.
-    standing : array, shape (rows,)
-        Share of a body that friction holds, whatever the command.
-    strength : array, shape (rows,)
-        Log of the force per input for the share of the command.
     """
 
-    command: Array
-    standing: Array
-    strength: Array
+    command: Array  # shape (rows,): share of the command
+    standing: Array  # shape (rows,): share of a body that friction holds, whatever the command
+    strength: Array  # shape (rows,): log of the force per input for the share of the command
 
 
 def test_functions(width: int, step: float) -> tuple[Array, Array, Array]:

@@ -93,37 +93,18 @@ def chain_rate(layout: Layout) -> float:
 
 @dataclass(frozen=True)
 class EstimationProblem:
-    """Data, criterion and noise for the estimation of one model or several.
+    """Data, criterion and noise for the estimation of one model or several."""
 
-    Attributes
-    ----------
-    kind : {"prediction", "simulation"}
-        Criterion, see `idloop.estimation.fit`.
-    records : tuple of Record
-    data : tuple of Data
-        The records as arrays for the simulator.
-    noise : array, shape (p,)
-        Standard deviation of each output's measurement noise.
-    force : float
-        Typical drive force.
-    speed : float
-        Largest measured speed.
-    deviation : array, shape (p,)
-        Standard deviation of each output.
-    groups : list of list of int
-        Outputs that are measured at the same instants, as of `output_groups`, in these records and their companions.
-    whiteners : tuple of Whitener or None
-        Common whitening of all models, by group of outputs; each model's own when None.
-    """
-
-    kind: str
+    kind: str  # one of `prediction`, `simulation`: criterion, see `idloop.estimation.fit`
     records: tuple[Record, ...]
-    data: tuple[Data, ...]
-    noise: Array
-    force: float
-    speed: float
-    deviation: Array
+    data: tuple[Data, ...]  # the records as arrays for the simulator
+    noise: Array  # shape (p,): standard deviation of each output's measurement noise
+    force: float  # typical drive force
+    speed: float  # largest measured speed
+    deviation: Array  # shape (p,): standard deviation of each output
+    # Outputs that are measured at the same instants, as of `output_groups`, in these records and their companions
     groups: list[list[int]]
+    # Common whitening of all models, by group of outputs; each model's own when None
     whiteners: tuple[Whitener, ...] | None = None
 
     @cached_property

@@ -56,39 +56,18 @@ _PROMISE = 0.02
 
 @dataclass(frozen=True)
 class Refit:
-    """A model at the maximum of its likelihood.
+    """A model at the maximum of its likelihood."""
 
-    Attributes
-    ----------
-    model : Model
-        With the estimates.
-    criterion : Criterion
-        Tuned for the estimates.
-    problem : LeastSquaresProblem
-        With the noise model of the estimates.
-    point : array, shape (k + m,)
-        Free parameters, then nuisance parameters.
-    log_likelihood : float
-        As of `weigh`.
-    step : array, shape (k + m,)
-        Difference steps.
-    slopes : array, shape (n, k), or None
-        Approximate Jacobian of the whitened errors, with which searches of neighbouring models begin.
-    rounds : int
-        Rounds of the search.
-    settled : bool
-        Whether the search converged.
-    """
-
-    model: Model
-    criterion: Criterion
-    problem: LeastSquaresProblem
-    point: Array
-    log_likelihood: float
-    step: Array
+    model: Model  # with the estimates
+    criterion: Criterion  # tuned for the estimates
+    problem: LeastSquaresProblem  # with the noise model of the estimates
+    point: Array  # shape (k + m,): free parameters, then nuisance parameters
+    log_likelihood: float  # as of `weigh`
+    step: Array  # shape (k + m,): difference steps
+    # shape (n, k): approximate Jacobian of the whitened errors, with which searches of neighbouring models begin
     slopes: NDArray[np.float32] | None = None
-    rounds: int = 0
-    settled: bool = True
+    rounds: int = 0  # rounds of the search
+    settled: bool = True  # whether the search converged
 
     @property
     def parameters(self) -> int:

@@ -116,33 +116,21 @@ def _outputs(network: Network, z: Array, values: Array) -> Array:
 class TrainingRules:
     """When to step and when to stop.
 
-    Attributes
-    ----------
-    epochs : int
-        Most steps.
-    goal : float
-        Mean square of the scaled training errors that is good enough.
-    min_gradient : float
-        Norm of the gradient of that mean square at which nothing is left to gain.
-    max_fail : int
-        Epochs in a row without a better validation error; without validation data, without a gain in training.
-    min_gain : float
-        Share of the training error by which a step without validation data must lower it: what is left to gain
-        then is noise.
-    mu, mu_decrease, mu_increase, mu_max : float
-        Damping at the start, its factors after good and bad steps, and where to give up.
-
     Raises
     ------
     InputError
         Numbers out of range.
     """
 
-    epochs: int = 1000
-    goal: float = 0.0
-    min_gradient: float = 1e-7
+    epochs: int = 1000  # most steps
+    goal: float = 0.0  # mean square of the scaled training errors that is good enough
+    min_gradient: float = 1e-7  # norm of the gradient of that mean square at which nothing is left to gain
+    # Epochs in a row without a better validation error; without validation data, without a gain in training
     max_fail: int = 6
+    # Share of the training error by which a step without validation data must lower it: what is left to gain then is
+    # noise
     min_gain: float = 5e-4
+    # Damping at the start, its factors after good and bad steps, and where to give up
     mu: float = 1e-3
     mu_decrease: float = 0.1
     mu_increase: float = 10.0
@@ -162,30 +150,19 @@ class TrainingRules:
 
 @dataclass(frozen=True, eq=False)
 class TrainingHistory:
-    """Course of a training.
+    """Course of a training."""
 
-    Attributes
-    ----------
-    train, validation, test : ndarray, shape (e + 1,)
-        Mean squares of the scaled errors after each step, the start first; NaN where there are no such samples.
-    gradient, mu : ndarray, shape (e + 1,)
-        Norm of the gradient and damping; NaN where none was needed.
-    best : int
-        Step whose network was kept.
-    stop : str
-        Why it ended.
-    step : {"epoch", "unit"}
-        What a step is: one of Levenberg-Marquardt, or one more unit selected.
-    """
-
+    # shape (e + 1,): mean squares of the scaled errors after each step, the start first; NaN where there are no such
+    # samples
     train: Array
     validation: Array
     test: Array
+    # shape (e + 1,): norm of the gradient and damping; NaN where none was needed
     gradient: Array
     mu: Array
-    best: int
-    stop: str
-    step: str = "epoch"
+    best: int  # step whose network was kept
+    stop: str  # why it ended
+    step: str = "epoch"  # one of `epoch`, `unit`: what a step is: one of Levenberg-Marquardt, or one more unit selected
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers for JSON."""

@@ -40,22 +40,17 @@ def by_spread(values: Array) -> tuple[Array, Array]:
 class Division:
     """How the samples are shared out.
 
-    Attributes
-    ----------
-    train, validation, test : float
-        Shares; they add up to one.
-    by : {"random", "blocks"}
-        Single samples drawn at random, or one unbroken stretch of each experiment for each purpose, in this order.
-
     Raises
     ------
     InputError
         Shares that do not add up.
     """
 
+    # Shares; they add up to one
     train: float = 0.70
     validation: float = 0.15
     test: float = 0.15
+    # Single samples drawn at random, or one unbroken stretch of each experiment for each purpose, in this order
     by: Literal["random", "blocks"] = "random"
 
     def __post_init__(self) -> None:
@@ -107,24 +102,15 @@ class TappedDelays:
     The regressors of sample k are y(k - 1), ..., y(k - na) of each output and u(k - nk), ..., u(k - nk - nb + 1)
     of each input.
 
-    Attributes
-    ----------
-    na : int or sequence of int
-        Past samples of each output.
-    nb : int or sequence of int
-        Samples of each input.
-    nk : int or sequence of int
-        Delay of each input [samples]; 0 where the input acts within the sample.
-
     Raises
     ------
     InputError
         Negative orders.
     """
 
-    na: int | Sequence[int] = 2
-    nb: int | Sequence[int] = 2
-    nk: int | Sequence[int] = 1
+    na: int | Sequence[int] = 2  # past samples of each output
+    nb: int | Sequence[int] = 2  # samples of each input
+    nk: int | Sequence[int] = 1  # delay of each input [samples]; 0 where the input acts within the sample
 
     def __post_init__(self) -> None:
         for name in ("na", "nb", "nk"):

@@ -12,18 +12,10 @@ from idloop.errors import IdloopError
 
 @dataclass(frozen=True)
 class Observer:
-    """Stationary Kalman filter of the linear part.
+    """Stationary Kalman filter of the linear part."""
 
-    Attributes
-    ----------
-    gain : array, shape (2 b + 1, p)
-        Correction of [positions, velocities, disturbance force] per unit innovation.
-    memory : float
-        Samples after which an initial error has fallen to one thousandth.
-    """
-
-    gain: Array
-    memory: float
+    gain: Array  # shape (2 b + 1, p): correction of [positions, velocities, disturbance force] per unit innovation
+    memory: float  # samples after which an initial error has fallen to one thousandth
 
 
 def discretise(matrix: Array, noise: Array, sample_time: float) -> tuple[Array, Array]:

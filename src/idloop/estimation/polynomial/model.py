@@ -70,14 +70,9 @@ def excitation_notes(
 
 @dataclass(frozen=True, eq=False)
 class PolynomialModel(LinearModel):
-    """Linear model with the polynomials that it was estimated as.
+    """Linear model with the polynomials that it was estimated as."""
 
-    Attributes
-    ----------
-    polynomials : tuple of Polynomials, one per output
-        Of a coupled ARX model those of an output have the other outputs as further inputs.
-    """
-
+    # one per output: of a coupled ARX model those of an output have the other outputs as further inputs
     polynomials: tuple[Polynomials, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:

@@ -30,26 +30,14 @@ _DRAWN: dict[Criterion, str] = {"validation": "validation loss", "aic": "AIC", "
 
 @dataclass(frozen=True, eq=False)
 class DelayEstimate:
-    """Delays, and how much worse the others would be.
-
-    Attributes
-    ----------
-    sample_time : float
-        Period [s].
-    delay : tuple of int
-        Of each input [samples].
-    candidates : ndarray of int, shape (k,)
-        Delays that were compared [samples].
-    bic : ndarray, shape (m, k)
-        Extended Bayesian information criterion of each, less the least.
-    """
+    """Delays, and how much worse the others would be."""
 
     output_name: str
     input_names: tuple[str, ...]
-    sample_time: float
-    delay: tuple[int, ...]
-    candidates: Integers
-    bic: Array
+    sample_time: float  # period [s]
+    delay: tuple[int, ...]  # of each input [samples]
+    candidates: Integers  # shape (k,): delays that were compared [samples]
+    bic: Array  # shape (m, k): extended Bayesian information criterion of each, less the least
 
     @property
     def seconds(self) -> tuple[float, ...]:
@@ -166,27 +154,15 @@ def _criteria(factor: Array, orders: Orders, index: int, candidates: int, rows: 
 
 @dataclass(frozen=True, eq=False)
 class ArxStructures:
-    """Losses of ARX models of several structures, all on the same rows.
-
-    Attributes
-    ----------
-    loss : ndarray, shape (s,)
-        Mean squared prediction error on the data that it was fitted to [output unit squared].
-    validation_loss : ndarray, shape (s,), or None
-        On the validation data.
-    samples : int
-        Rows of the fit.
-    variance : float
-        Of the output that is judged, that of the validation data where there are any.
-    """
+    """Losses of ARX models of several structures, all on the same rows."""
 
     output_name: str
     input_names: tuple[str, ...]
     structures: tuple[Orders, ...]
-    loss: Array
-    validation_loss: Array | None
-    samples: int
-    variance: float
+    loss: Array  # shape (s,): mean squared prediction error on the data that it was fitted to [output unit squared]
+    validation_loss: Array | None  # shape (s,): on the validation data
+    samples: int  # rows of the fit
+    variance: float  # of the output that is judged, that of the validation data where there are any
 
     @property
     def parameters(self) -> Integers:

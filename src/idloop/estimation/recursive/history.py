@@ -21,33 +21,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class CoefficientHistory:
-    """Coefficients over time, with the innovations that moved them.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Of the k coefficients.
-    time : ndarray, shape (r,)
-        Instants of the rows; later experiments follow the first without a gap [s].
-    values, stderr : ndarray, shape (r, k)
-        Coefficients and standard errors after the sample at `time`.
-    innovations : ndarray, shape (n,)
-        Of every sample [output unit].
-    measured : ndarray, shape (n,)
-        What they are the prediction errors of [output unit].
-    final : Polynomials
-        The model at the end.
-    """
+    """Coefficients over time, with the innovations that moved them."""
 
     output_name: str
     output_unit: str
-    names: tuple[str, ...]
-    time: Array
+    names: tuple[str, ...]  # of the k coefficients
+    time: Array  # shape (r,): instants of the rows; later experiments follow the first without a gap [s]
+    # shape (r, k): coefficients and standard errors after the sample at `time`
     values: Array
     stderr: Array
-    innovations: Array
-    measured: Array
-    final: Polynomials
+    innovations: Array  # shape (n,): of every sample [output unit]
+    measured: Array  # shape (n,): what they are the prediction errors of [output unit]
+    final: Polynomials  # the model at the end
 
     @property
     def fit(self) -> float:

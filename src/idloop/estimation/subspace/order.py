@@ -18,30 +18,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class OrderSelection:
-    """Number of states and the evidence for it.
+    """Number of states and the evidence for it."""
 
-    Attributes
-    ----------
-    method : str
-        Subspace method.
-    horizon : int
-        Samples of past and of future.
-    singular_values : ndarray, shape (r,)
-        Of the method's weighted projection.
-    correlations : ndarray, shape (s,)
-        Canonical correlations between past and future, whatever the method's weights.
-    threshold : float
-        Correlation that unrelated past and future would hardly exceed.
-    order : int
-        Number of correlations above it, one at least.
-    """
-
-    method: str
-    horizon: int
-    singular_values: Array
-    correlations: Array
-    threshold: float
-    order: int
+    method: str  # subspace method
+    horizon: int  # samples of past and of future
+    singular_values: Array  # shape (r,): of the method's weighted projection
+    correlations: Array  # shape (s,): canonical correlations between past and future, whatever the method's weights
+    threshold: float  # correlation that unrelated past and future would hardly exceed
+    order: int  # number of correlations above it, one at least
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers for JSON."""

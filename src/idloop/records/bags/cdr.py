@@ -143,29 +143,17 @@ class CdrReader:
 
 @dataclass(frozen=True)
 class JointLayout:
-    """Where the parts of a sensor_msgs/JointState lie; the same while joint names and lengths stay the same.
+    """Where the parts of a sensor_msgs/JointState lie; the same while joint names and lengths stay the same."""
 
-    Attributes
-    ----------
-    order : str
-        ``"<"`` or ``">"``.
-    names : tuple of str
-        Joint names; bytes that are no UTF-8 are replaced.
-    offsets, counts : tuple of int
-        First byte and number of doubles of position, velocity and effort.
-    fixed : tuple of (int, int)
-        Stretches of bytes, from start to stop, that two messages of one layout have in common: all but the stamp, the
-        text of the frame, padding and numbers.
-    end : int
-        Bytes up to the end of the last number.
-    """
-
-    order: str
-    names: tuple[str, ...]
+    order: str  # ``"<"`` or ``">"``
+    names: tuple[str, ...]  # joint names; bytes that are no UTF-8 are replaced
+    # First byte and number of doubles of position, velocity and effort
     offsets: tuple[int, int, int]
     counts: tuple[int, int, int]
+    # Stretches of bytes, from start to stop, that two messages of one layout have in common: all but the stamp, the
+    # text of the frame, padding and numbers
     fixed: tuple[tuple[int, int], ...]
-    end: int
+    end: int  # bytes up to the end of the last number
 
 
 def read_layout(data: bytes) -> JointLayout:

@@ -22,35 +22,19 @@ _SAMPLE, _PASSED = 200, 100_000
 
 @dataclass(frozen=True)
 class BagField:
-    """One number that the messages of a topic carry.
+    """One number that the messages of a topic carry."""
 
-    Attributes
-    ----------
-    topic, type : str
-        Name and message type of the topic.
-    joint, field : str
-        `source_joint` and `field` of a mapping file; the joint is "" where the type has none.
-    count : int
-        Messages on the topic.
-    rate : float
-        Messages per second [Hz], on the clock of the recorder; NaN for fewer than two.
-    unit : str
-        "" where the bag does not state it.
-    stamped : bool
-        Whether the messages carry stamps of their own.
-    moves : bool
-        Whether the number changes within the messages that were looked at.
-    """
-
+    # Name and message type of the topic
     topic: str
     type: str
+    # `source_joint` and `field` of a mapping file; the joint is "" where the type has none
     joint: str
     field: str
-    count: int
-    rate: float
-    unit: str
-    stamped: bool
-    moves: bool
+    count: int  # messages on the topic
+    rate: float  # messages per second [Hz], on the clock of the recorder; NaN for fewer than two
+    unit: str  # "" where the bag does not state it
+    stamped: bool  # whether the messages carry stamps of their own
+    moves: bool  # whether the number changes within the messages that were looked at
 
 
 def bag_fields(

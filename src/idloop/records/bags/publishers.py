@@ -24,26 +24,15 @@ _GAP = 3.0  # times the spread of either clock
 
 @dataclass(frozen=True, eq=False)
 class Publishers:
-    """Two sequences within the messages of one topic.
-
-    Attributes
-    ----------
-    topic : str
-    evidence : {"clocks", "fields", "stamps"}
-        What tells them apart: two clocks, different joints or fields, or two grids of stamps.
-    second : ndarray of bool, shape (n,)
-        Messages of the rarer sequence.
-    clock_offset : float
-        Median of its stamp minus receive time, minus that of the other [s].
-    contradicting : tuple of str
-        Signals, such as ``motor.position``, of which the sequences hold different values at the same time; empty only
-        where `evidence` is ``"clocks"``.
-    """
+    """Two sequences within the messages of one topic."""
 
     topic: str
+    # What tells them apart: two clocks, different joints or fields, or two grids of stamps
     evidence: Literal["clocks", "fields", "stamps"]
-    second: Mask
-    clock_offset: float
+    second: Mask  # shape (n,): messages of the rarer sequence
+    clock_offset: float  # median of its stamp minus receive time, minus that of the other [s]
+    # Signals, such as ``motor.position``, of which the sequences hold different values at the same time; empty only
+    # where `evidence` is ``"clocks"``
     contradicting: tuple[str, ...]
 
     @property

@@ -26,36 +26,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Recovered:
-    """Result of a recovery: what was written, and read back.
+    """Result of a recovery: what was written, and read back."""
 
-    Attributes
-    ----------
-    bag : Path
-        The new bag.
-    messages : int
-        Messages saved.
-    duration : float
-        Time that they span on the recorder's clock [s].
-    topics : dict of str to int
-        Messages saved, by topic.
-    cut : tuple of Path
-        Files that are cut off, or in which something is damaged.
-    left_out : dict of str to int
-        Messages whose content does not fit their type, by topic; they were not saved.
-    missing : dict of str to int
-        Messages that the metadata announce and the files do not hold, by topic.
-    unchecked : tuple of str
-        Topics whose type neither the recording nor ROS describes: saved as they are.
-    """
-
-    bag: Path
-    messages: int
-    duration: float
-    topics: dict[str, int]
-    cut: tuple[Path, ...] = ()
+    bag: Path  # the new bag
+    messages: int  # messages saved
+    duration: float  # time that they span on the recorder's clock [s]
+    topics: dict[str, int]  # messages saved, by topic
+    cut: tuple[Path, ...] = ()  # files that are cut off, or in which something is damaged
+    # Messages whose content does not fit their type, by topic; they were not saved
     left_out: dict[str, int] = field(default_factory=dict)
+    # Messages that the metadata announce and the files do not hold, by topic
     missing: dict[str, int] = field(default_factory=dict)
-    unchecked: tuple[str, ...] = ()
+    unchecked: tuple[str, ...] = ()  # topics whose type neither the recording nor ROS describes: saved as they are
 
     @property
     def state(self) -> str:

@@ -15,27 +15,15 @@ _FIRST_DATE_NS = 10**18  # 2001-09-09: earlier stamps count from a start, not fr
 
 @dataclass(frozen=True)
 class StampClock:
-    """Clock of the stamps of one topic.
-
-    Attributes
-    ----------
-    topic : str
-    source : {"recorder", "date", "start"}
-        ``recorder``: the messages carry no stamps, receive times stand for them. ``date``: seconds since 1970, as by
-        the clock of a computer. ``start``: seconds since a start, as in simulated time, while the recorder has dates.
-    offset : float
-        Median of stamp minus receive time [s].
-    spread : float
-        Range of stamp minus receive time over the middle 90 % of the messages [s].
-    speed : float
-        Seconds of the stamps per second of the recorder; 1 in real time, NaN where all came at once.
-    """
+    """Clock of the stamps of one topic."""
 
     topic: str
+    # ``recorder``: the messages carry no stamps, receive times stand for them. ``date``: seconds since 1970, as by the
+    # clock of a computer. ``start``: seconds since a start, as in simulated time, while the recorder has dates.
     source: Literal["recorder", "date", "start"]
-    offset: float
-    spread: float
-    speed: float
+    offset: float  # median of stamp minus receive time [s]
+    spread: float  # range of stamp minus receive time over the middle 90 % of the messages [s]
+    speed: float  # seconds of the stamps per second of the recorder; 1 in real time, NaN where all came at once
 
 
 def stamp_clock(stream: JointStream) -> StampClock:

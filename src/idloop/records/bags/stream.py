@@ -19,41 +19,26 @@ FIELDS = ("position", "velocity", "effort")
 
 @dataclass(frozen=True, eq=False)
 class JointStream:
-    """All messages of one topic, joints as columns; NaN where a message does not carry a value.
+    """All messages of one topic, joints as columns; NaN where a message does not carry a value."""
 
-    Parameters
-    ----------
-    topic : str
-        Topic name as in the bag.
-    stamp_ns, receive_ns : ndarray of int64, shape (n,)
-        Header stamp and receive time in nanoseconds, in the order of reception. Where the messages carry no
-        stamp, `stamp_ns` equals `receive_ns` and `stamped` is False.
-    names : tuple of str
-        Joint names in the order of first appearance. Of other message types: the paths of their numeric
-        fields (``wrench.force.x``); of bare numbers their positions ``"0"``, ``"1"``, ...
-    position, velocity, effort : ndarray of float64, shape (n, j)
-        Values per joint. Messages of other types carry one value per name: all three are then the same array.
-    type : str
-        Message type.
-    stamped : bool
-        Whether `stamp_ns` comes from the messages themselves.
-    findings : tuple of Finding
-        What was noticed while reading.
-    paths : mapping of str to str
-        Names by the place of their numbers in a message, such as ``interface_values[1].values[0]``, where it is the
-        same in all messages.
-    """
-
-    topic: str
+    topic: str  # topic name as in the bag
+    # shape (n,): header stamp and receive time in nanoseconds, in the order of reception. Where the messages carry no
+    # stamp, `stamp_ns` equals `receive_ns` and `stamped` is False.
     stamp_ns: Integers
     receive_ns: Integers
+    # Joint names in the order of first appearance. Of other message types: the paths of their numeric fields
+    # (``wrench.force.x``); of bare numbers their positions ``"0"``, ``"1"``, ...
     names: tuple[str, ...]
+    # shape (n, j): values per joint. Messages of other types carry one value per name: all three are then the same
+    # array.
     position: Array
     velocity: Array
     effort: Array
-    type: str = JOINT_STATE
-    stamped: bool = True
-    findings: tuple[Finding, ...] = ()
+    type: str = JOINT_STATE  # message type
+    stamped: bool = True  # whether `stamp_ns` comes from the messages themselves
+    findings: tuple[Finding, ...] = ()  # what was noticed while reading
+    # Names by the place of their numbers in a message, such as ``interface_values[1].values[0]``, where it is the same
+    # in all messages
     paths: Mapping[str, str] = field(default_factory=dict)
 
     def __len__(self) -> int:

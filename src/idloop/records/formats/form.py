@@ -15,33 +15,16 @@ Options = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Form:
-    """One form of log file.
+    """One form of log file."""
 
-    Attributes
-    ----------
-    kind : str
-        Its name, as ``format:`` of a mapping file.
-    suffixes : tuple of str
-        Of its files, in small letters.
-    about : str
-        What it is, in a few words.
-    columns : str
-        How its columns are named.
-    sniff : callable
-        Whether the first bytes of a file (at most `HEAD`) are of this form.
-    read : callable
-        Reads a file; `InputError` for one that is damaged.
-    sniff_on : callable
-        Whether a file is of this form that its first bytes do not show yet; asked of files of text that no other form
-        claims.
-    """
-
-    kind: str
-    suffixes: tuple[str, ...]
-    about: str
-    columns: str
-    sniff: Callable[[bytes], bool]
-    read: Callable[[Path, Options], Table]
+    kind: str  # its name, as ``format:`` of a mapping file
+    suffixes: tuple[str, ...]  # of its files, in small letters
+    about: str  # what it is, in a few words
+    columns: str  # how its columns are named
+    sniff: Callable[[bytes], bool]  # whether the first bytes of a file (at most `HEAD`) are of this form
+    read: Callable[[Path, Options], Table]  # reads a file; `InputError` for one that is damaged
+    # Whether a file is of this form that its first bytes do not show yet; asked of files of text that no other form
+    # claims
     sniff_on: Callable[[Path], bool] = lambda _: False
 
 

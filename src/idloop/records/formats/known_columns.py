@@ -23,53 +23,27 @@ class _Strict(BaseModel):
 
 
 class KnownColumn(_Strict):
-    """What a column is: value = decode(raw) * scale / divide_by + offset, in `unit`.
+    """What a column is: value = decode(raw) * scale / divide_by + offset, in `unit`."""
 
-    Attributes
-    ----------
-    role : str
-        Signal of a mapping file that it is.
-    unit : str
-        As a mapping file writes it.
-    scale, offset : float
-    decode : "int8", "int16", "int32" or {sign_bit: n}
-        How a signed integer was stored as an unsigned one.
-    wrap : float
-        Range after which it starts again, in `unit`.
-    divide_by : str
-        Number that only the user knows, by which it is divided as well, such as ``pole pairs``; empty without one.
-    note : str
-        What is uncertain about it.
-    """
-
-    role: Signal
-    unit: str
+    role: Signal  # signal of a mapping file that it is
+    unit: str  # as a mapping file writes it
     scale: float = 1.0
     offset: float = 0.0
+    # How a signed integer was stored as an unsigned one
     decode: Literal["int8", "int16", "int32"] | SignBit | None = None
-    wrap: float | None = None
+    wrap: float | None = None  # range after which it starts again, in `unit`
+    # Number that only the user knows, by which it is divided as well, such as ``pole pairs``; empty without one
     divide_by: str = ""
-    note: str = ""
+    note: str = ""  # what is uncertain about it
 
 
 class KnownDevice(_Strict):
-    """The columns of one drive's logs.
-
-    Attributes
-    ----------
-    device : str
-    source : str
-        Manual that its figures are from.
-    match : list of list of str
-        Sets of columns, of which one must be there.
-    columns : dict of str to KnownColumn
-        By the name that `plain_name` makes of a column's.
-    """
+    """The columns of one drive's logs."""
 
     device: str
-    source: str = Field(min_length=1)
-    match: list[list[str]] = Field(min_length=1)
-    columns: dict[str, KnownColumn]
+    source: str = Field(min_length=1)  # manual that its figures are from
+    match: list[list[str]] = Field(min_length=1)  # sets of columns, of which one must be there
+    columns: dict[str, KnownColumn]  # by the name that `plain_name` makes of a column's
 
     def known(self, columns: Iterable[str]) -> dict[str, KnownColumn]:
         """Return those columns of a log that this drive has, by their names in the log."""

@@ -30,23 +30,14 @@ _NO_SERIES = ("t", "xy")
 
 @dataclass(frozen=True)
 class Reading:
-    """One value.
-
-    Attributes
-    ----------
-    label : str
-    value : float
-    stamp, clock : str
-        When it was taken, and the unit of that; empty where the line does not say it.
-    unit : str
-        As the line writes it.
-    """
+    """One value."""
 
     label: str
     value: float
+    # When it was taken, and the unit of that; empty where the line does not say it
     stamp: str = ""
     clock: str = ""
-    unit: str = ""
+    unit: str = ""  # as the line writes it
 
 
 def readings(line: str) -> list[Reading]:

@@ -25,75 +25,42 @@ _COVERED = 0.75
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Signals of an axis at even instants, shape (n,); NaN in holes.
+    """Signals of an axis at even instants, shape (n,); NaN in holes."""
 
-    Attributes
-    ----------
-    period : float
-        [s].
-    time, position, velocity, command : array, shape (n,)
-        The command is the mean of the held one around each instant. All NaN where not recorded.
-    speed : array, shape (n,)
-        Velocity, where the record has a true one, else the slope of the position.
-    noise : float
-        Standard deviation of the noise of `speed`.
-    """
-
-    period: float
+    period: float  # [s]
+    # shape (n,): the command is the mean of the held one around each instant. All NaN where not recorded.
     time: Array
     position: Array
     velocity: Array
     command: Array
-    speed: Array
-    noise: float
+    speed: Array  # shape (n,): velocity, where the record has a true one, else the slope of the position
+    noise: float  # standard deviation of the noise of `speed`
 
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """The streams of one joint.
-
-    Attributes
-    ----------
-    joint : str
-    time : array, shape (n,)
-        Stamps of the measurements [s from the first stamp of the recording], increasing.
-    position, velocity : array, shape (n,), or None
-        NaN where not measured; None where not recorded.
-    input_time, command : array, shape (m,)
-        Stamps [s] and values of the held command; empty where not recorded.
-    command_name : str
-        ``joint.field``, "" without a command.
-    units : mapping of str to str
-        By ``joint.field``, where known.
-    has_reference : bool
-        Whether a reference was recorded.
-    measured_stream, command_stream : JointStream or None
-        Where they come from.
-    publishers : tuple of Publishers
-        Topics with two publishers; the joint has the messages of the more frequent one.
-    trusts_velocity : bool
-        Whether the velocity is that of the position.
-    joined : bool
-        Whether command and motion may come from files of their own.
-    bad : mapping of str to (array, array)
-        Times and values of the readings of position, velocity or command that lie far outside of all others; the
-        arrays have NaN there.
-    """
+    """The streams of one joint."""
 
     joint: str
-    time: Array
+    time: Array  # shape (n,): stamps of the measurements [s from the first stamp of the recording], increasing
+    # shape (n,): NaN where not measured; None where not recorded
     position: Array | None
     velocity: Array | None
+    # shape (m,): stamps [s] and values of the held command; empty where not recorded
     input_time: Array = field(default_factory=lambda: np.zeros(0))
     command: Array = field(default_factory=lambda: np.zeros(0))
-    command_name: str = ""
-    units: Mapping[str, str] = field(default_factory=dict)
-    has_reference: bool = False
+    command_name: str = ""  # ``joint.field``, "" without a command
+    units: Mapping[str, str] = field(default_factory=dict)  # by ``joint.field``, where known
+    has_reference: bool = False  # whether a reference was recorded
+    # Where they come from
     measured_stream: JointStream | None = None
     command_stream: JointStream | None = None
+    # Topics with two publishers; the joint has the messages of the more frequent one
     publishers: tuple[Publishers, ...] = ()
-    trusts_velocity: bool = True
-    joined: bool = False
+    trusts_velocity: bool = True  # whether the velocity is that of the position
+    joined: bool = False  # whether command and motion may come from files of their own
+    # Times and values of the readings of position, velocity or command that lie far outside of all others; the arrays
+    # have NaN there
     bad: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
 
     def without_bad_readings(self) -> Axis:

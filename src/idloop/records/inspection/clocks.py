@@ -35,44 +35,23 @@ _CURES = {
 
 @dataclass(frozen=True)
 class StampStatistics:
-    """Stamps of one stream in numbers.
+    """Stamps of one stream in numbers."""
 
-    Attributes
-    ----------
-    count : int
-        Number of stamps.
-    duration, period, rate : float
-        Span [s], median interval [s], its inverse [Hz]; NaN below two stamps.
-    jitter : dict of str to float
-        Percentiles ``p50``, ``p95``, ``p99``, ``max`` of the deviation of an interval from the median [s].
-    regular : bool
-        Whether the stamps lie on a grid well enough to count losses.
-    lost : int
-        Samples missing on that grid (0 where not regular).
-    gaps : tuple of (float, float)
-        Start after the first stamp [s] and length [s] of intervals longer than ten periods.
-    duplicates : int
-        Stamps equal to the one before.
-    resets : tuple of int
-        Indices at which the clock was set back.
-    reordered : int
-        Steps back by no more than three periods.
-    largest_step_back : float
-        [s], 0 where time never runs backwards.
-    """
-
-    count: int
+    count: int  # number of stamps
+    # Span [s], median interval [s], its inverse [Hz]; NaN below two stamps
     duration: float
     period: float
     rate: float
+    # Percentiles ``p50``, ``p95``, ``p99``, ``max`` of the deviation of an interval from the median [s]
     jitter: dict[str, float]
-    regular: bool
-    lost: int
+    regular: bool  # whether the stamps lie on a grid well enough to count losses
+    lost: int  # samples missing on that grid (0 where not regular)
+    # Start after the first stamp [s] and length [s] of intervals longer than ten periods
     gaps: tuple[tuple[float, float], ...]
-    duplicates: int
-    resets: tuple[int, ...]
-    reordered: int
-    largest_step_back: float
+    duplicates: int  # stamps equal to the one before
+    resets: tuple[int, ...]  # indices at which the clock was set back
+    reordered: int  # steps back by no more than three periods
+    largest_step_back: float  # [s], 0 where time never runs backwards
 
 
 def stamp_statistics(stamp_ns: Stamps) -> StampStatistics:
@@ -183,24 +162,12 @@ def stamp_findings(
 
 @dataclass(frozen=True)
 class ClockComparison:
-    """Stamps of two streams seen from the one clock of the recorder.
+    """Stamps of two streams seen from the one clock of the recorder."""
 
-    Attributes
-    ----------
-    overlap : float
-        Common span of the stamps [s]; negative when they do not meet.
-    offset : float
-        Median of (first minus second) stamp at equal receive time [s].
-    drift : float
-        Change of that offset per second of stamps [s/s].
-    drifted : float
-        Change of that offset over the recording, in seconds of the recorder's clock.
-    """
-
-    overlap: float
-    offset: float
-    drift: float
-    drifted: float
+    overlap: float  # common span of the stamps [s]; negative when they do not meet
+    offset: float  # median of (first minus second) stamp at equal receive time [s]
+    drift: float  # change of that offset per second of stamps [s/s]
+    drifted: float  # change of that offset over the recording, in seconds of the recorder's clock
 
 
 def compare_clocks(first: JointStream, second: JointStream) -> ClockComparison:

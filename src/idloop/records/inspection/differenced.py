@@ -61,21 +61,11 @@ _known: dict[int, tuple[Array, list[Finding]]] = {}
 
 @dataclass(frozen=True)
 class Difference:
-    """How a velocity follows from a position.
+    """How a velocity follows from a position."""
 
-    Attributes
-    ----------
-    text : str
-        Kind of difference, for the user.
-    delay : float
-        Delay of the velocity behind the motion [s].
-    misfit : float
-        Residual of the sum over the noise that it transmits.
-    """
-
-    text: str
-    delay: float
-    misfit: float
+    text: str  # kind of difference, for the user
+    delay: float  # delay of the velocity behind the motion [s]
+    misfit: float  # residual of the sum over the noise that it transmits
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,42 +15,23 @@ _LONGEST_SPECTRUM = 1 << 18
 
 @dataclass(frozen=True)
 class Excitation:
-    """A command in numbers.
+    """A command in numbers."""
 
-    Attributes
-    ----------
-    minimum, maximum, mean : float
-        In the command's unit.
-    rms : float
-        Root mean square about the mean.
-    crest_factor : float
-        Largest deviation from the mean over `rms`; 1 for a two-level signal, about 1.4 for a sine. NaN when constant.
-    levels : int
-        Number of distinct values, at most 65: more counts as continuous.
-    changes, sign_changes : int
-        How often the value and its sign change.
-    band_hz : (float, float)
-        Band that holds the middle 90 % of the power about the mean [Hz].
-    top_hz : float
-        Highest frequency with power within 20 dB of the strongest [Hz].
-    zero_share : float
-        Share of the time at exactly zero.
-    limit_share : float
-        Share of the time at the largest or smallest value, zero not counted as a limit.
-    """
-
+    # In the command's unit
     minimum: float
     maximum: float
     mean: float
-    rms: float
+    rms: float  # root mean square about the mean
+    # Largest deviation from the mean over `rms`; 1 for a two-level signal, about 1.4 for a sine. NaN when constant.
     crest_factor: float
-    levels: int
+    levels: int  # number of distinct values, at most 65: more counts as continuous
+    # How often the value and its sign change
     changes: int
     sign_changes: int
-    band_hz: tuple[float, float]
-    top_hz: float
-    zero_share: float
-    limit_share: float
+    band_hz: tuple[float, float]  # band that holds the middle 90 % of the power about the mean [Hz]
+    top_hz: float  # highest frequency with power within 20 dB of the strongest [Hz]
+    zero_share: float  # share of the time at exactly zero
+    limit_share: float  # share of the time at the largest or smallest value, zero not counted as a limit
 
 
 def analyse_command(time: Array, value: Array) -> Excitation:

@@ -18,36 +18,16 @@ _ONE_WAY = 0.05  # largest speed in one direction over that in the other
 
 @dataclass(frozen=True)
 class Evidence:
-    """Numbers from which the sentences are derived, for one driven joint.
+    """Numbers from which the sentences are derived, for one driven joint."""
 
-    Attributes
-    ----------
-    command : Excitation or None
-        None when no command topic was found.
-    motions : mapping of str to Motion
-        Measured signals by ``joint.field``.
-    units : mapping of str to str
-        Units by ``joint.field`` where the bag states them.
-    closed_loop : bool
-        Whether a reference was recorded.
-    sample_rate : float
-        Rate of the measurements [Hz].
-    coasting : float
-        Longest time with zero command while the axis moves [s].
-    runs : int
-        Runs between which the clock was set back.
-    from_rest : bool
-        Whether the axis starts from rest as the record begins.
-    """
-
-    command: Excitation | None
-    motions: Mapping[str, Motion]
-    units: Mapping[str, str]
-    closed_loop: bool
-    sample_rate: float
-    coasting: float
-    runs: int = 1
-    from_rest: bool = False
+    command: Excitation | None  # None when no command topic was found
+    motions: Mapping[str, Motion]  # measured signals by ``joint.field``
+    units: Mapping[str, str]  # units by ``joint.field`` where the bag states them
+    closed_loop: bool  # whether a reference was recorded
+    sample_rate: float  # rate of the measurements [Hz]
+    coasting: float  # longest time with zero command while the axis moves [s]
+    runs: int = 1  # runs between which the clock was set back
+    from_rest: bool = False  # whether the axis starts from rest as the record begins
 
     @property
     def step(self) -> bool:

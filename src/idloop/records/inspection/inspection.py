@@ -51,127 +51,65 @@ _COASTS = 0.05  # of the largest speed: above, the axis moves
 
 @dataclass(frozen=True)
 class TopicReport:
-    """One topic.
-
-    Attributes
-    ----------
-    name, type : str
-    count : int
-        Messages.
-    readable : bool
-        Whether its numbers could be read.
-    stamped : bool
-        Whether its messages carry stamps of their own.
-    stamps : StampStatistics
-        Of the header stamps where there are any, else of the receive times.
-    receive : StampStatistics
-        Of the receive times.
-    delay : dict of str to float
-        Receive time minus stamp, ``p50``, ``p99``, ``max`` [s]; empty where the clocks have nothing in common.
-    """
+    """One topic."""
 
     name: str
     type: str
-    count: int
-    readable: bool
-    stamped: bool
-    stamps: StampStatistics
-    receive: StampStatistics
+    count: int  # messages
+    readable: bool  # whether its numbers could be read
+    stamped: bool  # whether its messages carry stamps of their own
+    stamps: StampStatistics  # of the header stamps where there are any, else of the receive times
+    receive: StampStatistics  # of the receive times
+    # Receive time minus stamp, ``p50``, ``p99``, ``max`` [s]; empty where the clocks have nothing in common
     delay: dict[str, float]
 
 
 @dataclass(frozen=True)
 class ConditionReport:
-    """Values of one measured condition.
+    """Values of one measured condition."""
 
-    Attributes
-    ----------
-    unit : str
-        Empty where the bag does not say.
-    count : int
-        Values.
-    minimum, maximum : float
-    """
-
-    unit: str
-    count: int
+    unit: str  # empty where the bag does not say
+    count: int  # values
     minimum: float
     maximum: float
 
 
 @dataclass(frozen=True)
 class JointReport:
-    """One joint that moves.
+    """One joint that moves."""
 
-    Attributes
-    ----------
-    command : str
-        Its command, ``joint.field``; "" where none was found.
-    grade, reason : str
-        As those of the recording.
-    faults : tuple of str
-        Kinds of its faults.
-    """
-
-    command: str
+    command: str  # its command, ``joint.field``; "" where none was found
+    # As those of the recording
     grade: str
     reason: str
-    faults: tuple[str, ...]
+    faults: tuple[str, ...]  # kinds of its faults
 
 
 @dataclass(frozen=True)
 class Inspection:
-    """What `inspect_bag` found.
-
-    Attributes
-    ----------
-    path : Path
-    topics : tuple of TopicReport
-    commands : dict of str to Excitation
-        By ``joint.field``.
-    signals : dict of str to dict of str to Motion
-        Measured signals: topic to ``joint.field`` to numbers.
-    conditions : dict of str to ConditionReport
-        Conditions measured beside the axis, by name.
-    units : dict of str to str
-        Units by ``joint.field``, where the bag states them.
-    findings : tuple of Finding
-    insights : tuple of str
-        What this data can show, in sentences.
-    verdict : str
-        ``usable``, ``short``, ``too_short``, ``contradictory``, ``several_runs``, ``not_excited``, ``no_command`` or
-        ``unreadable``.
-    grade, grade_reason : str
-        ``usable``, ``usable with care``, or ``not usable for`` what the faults spoil; and why.
-    joints : dict of str to JointReport
-        The joints that move.
-    left_out : tuple of str
-        Velocities that fits leave out, because they are not the derivatives of the recorded positions.
-    streams : dict of str to JointStream
-        The data itself, for plots.
-    axes : tuple of Axis
-        The joints that move, for comparisons with other records.
-    command_topic : str
-        "" when none was found.
-    """
+    """What `inspect_bag` found."""
 
     path: Path
     topics: tuple[TopicReport, ...]
-    commands: dict[str, Excitation]
-    signals: dict[str, dict[str, Motion]]
-    units: dict[str, str]
+    commands: dict[str, Excitation]  # by ``joint.field``
+    signals: dict[str, dict[str, Motion]]  # measured signals: topic to ``joint.field`` to numbers
+    units: dict[str, str]  # units by ``joint.field``, where the bag states them
     findings: tuple[Finding, ...]
-    insights: tuple[str, ...]
+    insights: tuple[str, ...]  # what this data can show, in sentences
+    # ``usable``, ``short``, ``too_short``, ``contradictory``, ``several_runs``, ``not_excited``, ``no_command`` or
+    # ``unreadable``
     verdict: str
-    command_topic: str
-    conditions: dict[str, ConditionReport] = field(default_factory=dict)
+    command_topic: str  # "" when none was found
+    conditions: dict[str, ConditionReport] = field(default_factory=dict)  # conditions measured beside the axis, by name
+    # Velocities that fits leave out, because they are not the derivatives of the recorded positions
     left_out: tuple[str, ...] = ()
     imported: dict[str, Any] = field(default_factory=dict)
-    streams: dict[str, JointStream] = field(default_factory=dict, repr=False)
+    streams: dict[str, JointStream] = field(default_factory=dict, repr=False)  # the data itself, for plots
+    # ``usable``, ``usable with care``, or ``not usable for`` what the faults spoil; and why
     grade: str = ""
     grade_reason: str = ""
-    joints: dict[str, JointReport] = field(default_factory=dict)
-    axes: tuple[Axis, ...] = field(default=(), repr=False)
+    joints: dict[str, JointReport] = field(default_factory=dict)  # the joints that move
+    axes: tuple[Axis, ...] = field(default=(), repr=False)  # the joints that move, for comparisons with other records
 
     @property
     def faults(self) -> tuple[Finding, ...]:

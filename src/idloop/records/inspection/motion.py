@@ -35,33 +35,19 @@ _WIDTHS, _LONG = (1, 2, 4), 64
 
 @dataclass(frozen=True)
 class Motion:
-    """A measured signal in numbers.
+    """A measured signal in numbers."""
 
-    Attributes
-    ----------
-    count : int
-        Samples measured (not NaN).
-    minimum, maximum, std : float
-        In the signal's unit.
-    resolution : float
-        Smallest step between two values that occur; 0 when constant.
-    moves : bool
-        Whether it is more than noise around one value.
-    reversals : int
-        How often the direction of motion changes: swings of a position, sign changes of a velocity, each of more
-        than 2 % of its range.
-    infinite : int
-        Infinite samples.
-    """
-
-    count: int
+    count: int  # samples measured (not NaN)
+    # In the signal's unit
     minimum: float
     maximum: float
     std: float
-    resolution: float
-    moves: bool
+    resolution: float  # smallest step between two values that occur; 0 when constant
+    moves: bool  # whether it is more than noise around one value
+    # How often the direction of motion changes: swings of a position, sign changes of a velocity, each of more than 2 %
+    # of its range
     reversals: int
-    infinite: int
+    infinite: int  # infinite samples
 
 
 def analyse_motion(value: Array, *, velocity: bool = False) -> Motion | None:

@@ -89,34 +89,21 @@ class Gain(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """The weak balance ``acceleration = gain command + friction + spring + constant``.
+    """The weak balance ``acceleration = gain command + friction + spring + constant``."""
 
-    Attributes
-    ----------
-    gain, error : float
-        Acceleration per command, and its standard error.
-    share : float
-        Share of the power of the acceleration, beside the other terms, that the command explains.
-    motion_share : float
-        Share of the power of the command that follows from speed, friction and position: all of it where the
-        excitation is slow.
-    functions : Projection
-    acceleration, command : array, shape (rows,)
-    others : array, shape (rows, k)
-        Speed, its sign, constant, position where recorded, and what a resonance adds.
-    known : array of bool
-        Rows without a hole.
-    """
-
+    # Acceleration per command, and its standard error
     gain: float
     error: float
-    share: float
+    share: float  # share of the power of the acceleration, beside the other terms, that the command explains
+    # Share of the power of the command that follows from speed, friction and position: all of it where the excitation
+    # is slow
     motion_share: float
     functions: Projection
+    # shape (rows,)
     acceleration: Array
     command: Array
-    others: Array
-    known: Mask
+    others: Array  # shape (rows, k): speed, its sign, constant, position where recorded, and what a resonance adds
+    known: Mask  # rows without a hole
 
     @property
     def certainty(self) -> float:

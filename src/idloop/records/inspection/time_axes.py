@@ -27,27 +27,17 @@ class TimeAxes:
     """How the times of a command would have to be changed for the motion to follow it best.
 
     A stamp ``t`` of the command becomes ``first + offset + stretch (t - first)``, with the first stamp of all.
-
-    Attributes
-    ----------
-    offset, stretch : float
-        [s]; 1 where both clocks run alike.
-    share : float
-        Share of the acceleration that the command explains then.
-    without_stretch : float
-        ... with the best shift alone.
-    causal : float
-        ... as it is, or acting later by any time.
-    duration : float
-        [s].
     """
 
+    # [s]; 1 where both clocks run alike
     offset: float
     stretch: float
-    share: float
+    share: float  # share of the acceleration that the command explains then
+    # ... with the best shift alone.
     without_stretch: float
+    # ... as it is, or acting later by any time.
     causal: float
-    duration: float
+    duration: float  # [s]
 
 
 def time_axes(axis: Axis) -> TimeAxes | None:

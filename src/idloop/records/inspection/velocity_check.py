@@ -68,25 +68,14 @@ _READINGS = 2  # told of a slope, at most
 
 @dataclass(frozen=True)
 class Slope:
-    """The slope of a velocity's integral against the position.
+    """The slope of a velocity's integral against the position."""
 
-    Attributes
-    ----------
-    value, error : float
-        Slope over all motion, and its standard error.
-    unrelated : bool
-        Whether the integral of the velocity is uncorrelated with the position.
-    wrong : bool
-        Whether the velocity is certainly not the derivative of this position.
-    limit : VelocityLimit or None
-        Where the velocity is cut off.
-    """
-
+    # Slope over all motion, and its standard error
     value: float
     error: float
-    unrelated: bool
-    wrong: bool
-    limit: VelocityLimit | None = None
+    unrelated: bool  # whether the integral of the velocity is uncorrelated with the position
+    wrong: bool  # whether the velocity is certainly not the derivative of this position
+    limit: VelocityLimit | None = None  # where the velocity is cut off
 
     @property
     def undecided(self) -> bool:

@@ -20,21 +20,11 @@ _AGREES = 0.1
 
 @dataclass(frozen=True)
 class VelocityLimit:
-    """Where a velocity is cut off.
+    """Where a velocity is cut off."""
 
-    Attributes
-    ----------
-    value : float
-        The limit, in the unit of the velocity; of two the one that is held longer.
-    share : float
-        Share of the samples at a limit.
-    faster : float
-        Mean speed of the position there, over the limit.
-    """
-
-    value: float
-    share: float
-    faster: float
+    value: float  # the limit, in the unit of the velocity; of two the one that is held longer
+    share: float  # share of the samples at a limit
+    faster: float  # mean speed of the position there, over the limit
 
 
 def velocity_limit(time: Array, position: Array, velocity: Array) -> VelocityLimit | None:

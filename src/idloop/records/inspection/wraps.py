@@ -16,21 +16,11 @@ _LARGER, _EQUAL = 5.0, 0.1
 
 @dataclass(frozen=True, eq=False)
 class Wraps:
-    """Where a position jumps by the range of its encoder.
+    """Where a position jumps by the range of its encoder."""
 
-    Attributes
-    ----------
-    rows : array of int
-        Samples after the jumps.
-    span : float
-        Range of the encoder.
-    unwrapped : array, shape (n,)
-        Position without the jumps.
-    """
-
-    rows: Integers
-    span: float
-    unwrapped: Array
+    rows: Integers  # samples after the jumps
+    span: float  # range of the encoder
+    unwrapped: Array  # shape (n,): position without the jumps
 
 
 def find_wraps(position: Array) -> Wraps | None:

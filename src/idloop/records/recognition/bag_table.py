@@ -28,19 +28,11 @@ _MOST = 200
 
 @dataclass(frozen=True)
 class BagTable:
-    """A bag as a table.
-
-    Attributes
-    ----------
-    table : Table
-    fields : dict of str to BagField
-        Where a column stands in the bag.
-    received : bool
-        Whether the times of receipt serve as stamps, because the stamps of the topics have no clock in common.
-    """
+    """A bag as a table."""
 
     table: Table
-    fields: dict[str, BagField]
+    fields: dict[str, BagField]  # where a column stands in the bag
+    # Whether the times of receipt serve as stamps, because the stamps of the topics have no clock in common
     received: bool
 
     @property

@@ -60,30 +60,15 @@ _FEEDBACK = re.compile(r"([fr])(pos|vel|acc)")  # as controllers of motion abbre
 
 @dataclass(frozen=True)
 class ColumnName:
-    """A name taken apart.
+    """A name taken apart."""
 
-    Attributes
-    ----------
-    words : tuple of str
-        In small letters, without unit and index.
-    unit : str
-        As a mapping file writes it, ``counts`` of an encoder; empty where the name has none.
-    index : str
-        Number of the joint or channel; empty without one.
-    letter : str
-        The single letter that the name is but for what was wanted or measured, whose case tells V from v: M_soll.
-    factor : float
-        Number of the unit that the column counts in: 0.01 of ``[0.01 A]``.
-    written : str
-        What is written as a unit and is none that is known.
-    """
-
-    words: tuple[str, ...]
-    unit: str
-    index: str
+    words: tuple[str, ...]  # in small letters, without unit and index
+    unit: str  # as a mapping file writes it, ``counts`` of an encoder; empty where the name has none
+    index: str  # number of the joint or channel; empty without one
+    # The single letter that the name is but for what was wanted or measured, whose case tells V from v: M_soll
     letter: str = ""
-    factor: float = 1.0
-    written: str = ""
+    factor: float = 1.0  # number of the unit that the column counts in: 0.01 of ``[0.01 A]``
+    written: str = ""  # what is written as a unit and is none that is known
 
 
 def parse_column_name(name: str, unit: str = "") -> ColumnName:

@@ -26,37 +26,19 @@ NONE = "none"
 
 @dataclass(frozen=True)
 class Guess:
-    """What a column is taken for.
+    """What a column is taken for."""
 
-    Attributes
-    ----------
-    role : str
-        ``command``, ``position``, ``velocity``, ``load``, ``effort``, ``reference``, ``reference velocity``, or the
-        name of a condition.
-    column : str
-        Column or formula; empty where the value stands elsewhere, such as in the name of the file.
-    unit : str
-        As a mapping file writes it.
-    reason : str
-        Why this column, and why this unit.
-    doubts : tuple of str
-        What is uncertain and how to say otherwise.
-    options : dict
-        Further keys of the channel in the mapping: ``scale``, ``wrap``, ``decode``, ...
-    measured : bool
-        Whether the name says that a force, torque, current or voltage was measured.
-    written : str
-        What the log writes as its unit, where that is none that is known.
-    """
-
+    # ``command``, ``position``, ``velocity``, ``load``, ``effort``, ``reference``, ``reference velocity``, or the name
+    # of a condition
     role: str
-    column: str
-    unit: str
-    reason: str
-    doubts: tuple[str, ...] = ()
+    column: str  # column or formula; empty where the value stands elsewhere, such as in the name of the file
+    unit: str  # as a mapping file writes it
+    reason: str  # why this column, and why this unit
+    doubts: tuple[str, ...] = ()  # what is uncertain and how to say otherwise
+    # Further keys of the channel in the mapping: ``scale``, ``wrap``, ``decode``, ...
     options: dict[str, Any] = field(default_factory=dict)
-    measured: bool = False
-    written: str = ""
+    measured: bool = False  # whether the name says that a force, torque, current or voltage was measured
+    written: str = ""  # what the log writes as its unit, where that is none that is known
 
     def with_doubt(self, doubt: str) -> Guess:
         """Return it with a further doubt."""
@@ -65,18 +47,10 @@ class Guess:
 
 @dataclass(frozen=True)
 class Given:
-    """What the user says of one role, and so is not guessed.
+    """What the user says of one role, and so is not guessed."""
 
-    Attributes
-    ----------
-    column : str
-        Column or formula; empty where only the unit is given.
-    unit : str
-        Empty where not given; ``counts/4096`` is an encoder of 4096 counts per turn.
-    """
-
-    column: str = ""
-    unit: str = ""
+    column: str = ""  # column or formula; empty where only the unit is given
+    unit: str = ""  # empty where not given; ``counts/4096`` is an encoder of 4096 counts per turn
 
     @classmethod
     def parse(cls, text: str, columns: list[str]) -> Given:

@@ -67,40 +67,18 @@ _COMMAND_WORDS = {"V", "mV", "A", "mA", "%"}
 
 @dataclass(frozen=True)
 class Recognition:
-    """What a table holds.
-
-    Attributes
-    ----------
-    table : Table
-    base : TimeBase
-    guesses : tuple of Guess
-        In the order of `ROLES`.
-    clocks : dict of str to Time
-        Stamps of a column of its own, by column.
-    rows : tuple of slice
-        Records in the table: rows of each.
-    other : tuple of str
-        Columns that are not used.
-    doubts : tuple of str
-        What is uncertain beside the columns.
-    sources : mapping of str to mapping
-        Of a bag: how a mapping file names each column.
-    definitions : mapping of str to str
-        Of a bag: message types that a mapping has to define.
-    joints : tuple of str
-        All that have a motion and a command or effort, where there are several.
-    """
+    """What a table holds."""
 
     table: Table
     base: TimeBase
-    guesses: tuple[Guess, ...]
-    clocks: dict[str, Time] = field(default_factory=dict)
-    rows: tuple[slice, ...] = ()
-    other: tuple[str, ...] = ()
-    doubts: tuple[str, ...] = ()
-    sources: Map[str, Map[str, str]] = field(default_factory=dict)
-    definitions: Map[str, str] = field(default_factory=dict)
-    joints: tuple[str, ...] = ()
+    guesses: tuple[Guess, ...]  # in the order of `ROLES`
+    clocks: dict[str, Time] = field(default_factory=dict)  # stamps of a column of its own, by column
+    rows: tuple[slice, ...] = ()  # records in the table: rows of each
+    other: tuple[str, ...] = ()  # columns that are not used
+    doubts: tuple[str, ...] = ()  # what is uncertain beside the columns
+    sources: Map[str, Map[str, str]] = field(default_factory=dict)  # of a bag: how a mapping file names each column
+    definitions: Map[str, str] = field(default_factory=dict)  # of a bag: message types that a mapping has to define
+    joints: tuple[str, ...] = ()  # all that have a motion and a command or effort, where there are several
 
     def of(self, role: str) -> Guess | None:
         """Return the guess of one role."""

@@ -115,19 +115,10 @@ BY_UNIT = "by its unit"
 
 @dataclass(frozen=True)
 class RoleByName:
-    """What a name says.
+    """What a name says."""
 
-    Attributes
-    ----------
-    role : Role
-        Empty where the name says nothing.
-    rank : float
-        The larger, the surer; among columns of one role the largest is taken.
-    reason : str
-    """
-
-    role: Role
-    rank: float
+    role: Role  # empty where the name says nothing
+    rank: float  # the larger, the surer; among columns of one role the largest is taken
     reason: str
 
 

@@ -44,22 +44,13 @@ _RUNS_ON, _NEAR_ZERO = 0.6, 0.8
 
 @dataclass(frozen=True)
 class MotionUnits:
-    """Units of position and velocity, and of time where that was open.
-
-    Attributes
-    ----------
-    position, velocity, time : str
-    slope : float
-        The velocity over the slope of the position, in these units; NaN where nothing can be said.
-    agree : bool
-        Whether it is one, up to the sign.
-    """
+    """Units of position and velocity, and of time where that was open."""
 
     position: str
     velocity: str
     time: str
-    slope: float
-    agree: bool
+    slope: float  # the velocity over the slope of the position, in these units; NaN where nothing can be said
+    agree: bool  # whether it is one, up to the sign
 
 
 def motion_units(
@@ -105,18 +96,10 @@ def motion_units(
 
 @dataclass(frozen=True)
 class SlopeOf:
-    """A column that runs with the slope of a position.
+    """A column that runs with the slope of a position."""
 
-    Attributes
-    ----------
-    value : float
-        Its values over that slope.
-    correlation : float
-        Of its integral with the increments of the position, without sign.
-    """
-
-    value: float
-    correlation: float
+    value: float  # its values over that slope
+    correlation: float  # of its integral with the increments of the position, without sign
 
 
 def slope_of(time: Array, position: Array, rate: Array, runs: Sequence[slice] = ()) -> SlopeOf | None:

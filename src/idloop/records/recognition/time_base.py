@@ -59,24 +59,13 @@ _RATE = re.compile(r"fs|((sampl(e|ing)|control|action|data|log(ging)?|update)_?)
 
 @dataclass(frozen=True)
 class TimeBase:
-    """Where the stamps of a table come from.
+    """Where the stamps of a table come from."""
 
-    Attributes
-    ----------
-    time : Time
-        As in a mapping.
-    reason, doubt : str
-    seconds : array, shape (n,)
-        Stamps [s].
-    units : tuple of str
-        Units that the column may be in, the most probable first; one where it is certain.
-    """
-
-    time: Time
+    time: Time  # as in a mapping
     reason: str
     doubt: str
-    seconds: Array
-    units: tuple[str, ...] = ("s",)
+    seconds: Array  # shape (n,): stamps [s]
+    units: tuple[str, ...] = ("s",)  # units that the column may be in, the most probable first; one where it is certain
 
     @property
     def columns(self) -> tuple[str, ...]:

@@ -61,36 +61,19 @@ _TEXT_CELL = 64
 
 @dataclass
 class CsvTable:
-    """What a text file holds.
+    """What a text file holds."""
 
-    Attributes
-    ----------
-    columns : dict of str to ndarray (n,) or list of str
-        Numbers where every cell is one or empty (NaN), texts otherwise.
-    notes : list of str
-        What was found out about the format.
-    units : dict of str to str
-        Units of columns, from rows below the header.
-    attributes : dict of str to float
-        Numbers in such a row: what a column holds once.
-    preamble : list of str
-        Lines above the header.
-    text_rows, cut_rows : list of int
-        Rows before which lines without data, and rows of numbers with more or fewer cells, were left out.
-    ends_within : bool
-        Whether the last of these rows is the last line of the file.
-    clocks : dict of str to str
-        Column that holds the stamps of each, where there are several.
-    """
-
+    # Numbers where every cell is one or empty (NaN), texts otherwise
     columns: dict[str, Any] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
-    units: dict[str, str] = field(default_factory=dict)
-    attributes: dict[str, float | str] = field(default_factory=dict)
-    preamble: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)  # what was found out about the format
+    units: dict[str, str] = field(default_factory=dict)  # units of columns, from rows below the header
+    attributes: dict[str, float | str] = field(default_factory=dict)  # numbers in such a row: what a column holds once
+    preamble: list[str] = field(default_factory=list)  # lines above the header
+    # Rows before which lines without data, and rows of numbers with more or fewer cells, were left out
     text_rows: list[int] = field(default_factory=list)
     cut_rows: list[int] = field(default_factory=list)
-    ends_within: bool = False
+    ends_within: bool = False  # whether the last of these rows is the last line of the file
+    # Column that holds the stamps of each, where there are several
     clocks: dict[str, str] = field(default_factory=dict)
 
     @property

@@ -42,29 +42,14 @@ _UNIT_CELL = re.compile(r"\[.*\]|\(.*\)|<.*>|-|[%°µΩa-zA-Z²³·/*^.0-9]{1,8}
 
 @dataclass(frozen=True)
 class Layout:
-    """Where a table lies in the lines of a file.
+    """Where a table lies in the lines of a file."""
 
-    Attributes
-    ----------
-    delimiter : str
-        Between cells; a blank stands for any white space.
-    skip : int
-        Lines above the header, or above the rows where there is no header.
-    names : list of str
-        Header; empty without one.
-    units : tuple of list of str
-        Rows between the header and the first row of data.
-    width : int
-        Cells of a row of data.
-    own_names : list of str
-        Names without those of groups of columns, which stand in the last of the lines above; empty without groups.
-    """
-
-    delimiter: str
-    skip: int
-    names: Row
-    units: tuple[Row, ...]
-    width: int
+    delimiter: str  # between cells; a blank stands for any white space
+    skip: int  # lines above the header, or above the rows where there is no header
+    names: Row  # header; empty without one
+    units: tuple[Row, ...]  # rows between the header and the first row of data
+    width: int  # cells of a row of data
+    # Names without those of groups of columns, which stand in the last of the lines above; empty without groups
     own_names: Row = field(default_factory=list)
 
     @property

@@ -32,39 +32,22 @@ Stamps = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Imported:
-    """Result of an import.
+    """Result of an import."""
 
-    Attributes
-    ----------
-    bag, source : Path
-        The bag written and the file read.
-    mapping, part : str
-        Name of the mapping and of the part ("" where the file is one record).
-    samples : int
-        Measurements written.
-    duration, period : float
-        Span and median interval of the measurements [s].
-    channels : dict of str to str
-        Unit of each signal written, such as ``joint_command motor.effort``.
-    attributes : dict of str to float or str
-        Single values found beside the data (gains, masses).
-    findings : tuple of Finding
-        Remarks on the data.
-    notes : tuple of str
-        Notes of the mapping on this data.
-    """
-
+    # The bag written and the file read
     bag: Path
     source: Path
+    # Name of the mapping and of the part ("" where the file is one record)
     mapping: str
     part: str
-    samples: int
+    samples: int  # measurements written
+    # Span and median interval of the measurements [s]
     duration: float
     period: float
-    channels: dict[str, str]
-    attributes: dict[str, float | str]
-    findings: tuple[Finding, ...]
-    notes: tuple[str, ...]
+    channels: dict[str, str]  # unit of each signal written, such as ``joint_command motor.effort``
+    attributes: dict[str, float | str]  # single values found beside the data (gains, masses)
+    findings: tuple[Finding, ...]  # remarks on the data
+    notes: tuple[str, ...]  # notes of the mapping on this data
 
     def to_dict(self) -> dict[str, object]:
         """Return plain values, schema ``idloop/import/1``."""

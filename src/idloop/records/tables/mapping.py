@@ -77,55 +77,30 @@ class Time(_Strict):
 
 
 class Channel(_Strict):
-    r"""One signal: value = decode(raw) * scale * times + offset.
+    """One signal: value = decode(raw) * scale * times + offset."""
 
-    Attributes
-    ----------
-    column : str or int
-        Column of a table, by name or position.
-    compute : str
-        Formula over columns of a table, see `Expression`.
-    value : float
-        A constant, such as a command that is in no column.
-    file_name : str
-        Regular expression whose group is that constant in the name of the file: ``pwm_(\d+)``.
-    time : Time
-        Stamps of this signal alone, where the signals have several time bases.
-    topic, field : str
-        Of a bag: topic and path of the number in its messages (``pos_estimate``, ``data[0]``), or of a
-        JointState topic the field, with `source_joint`.
-    joint : str
-        Joint that it becomes; the mapping's `joint` by default.
-    unit : str
-        Unit after scale and offset; written in that of the topics (rad, m, V, A, ...), see `base_units`.
-    scale, offset : float
-        Linear conversion; a negative scale turns the sign.
-    times : str
-        A second column that multiplies the first (duty times supply voltage).
-    decode : "int8", "int16", "int32" or {sign_bit: n}
-        How a signed integer was stored as an unsigned one.
-    wrap : float
-        Range after which an encoder repeats, in `unit`; the position is unwrapped.
-    optional : bool
-        Do without when the file lacks the column.
-    """
-
-    column: str | int | None = None
-    compute: Name | None = None
-    value: float | None = Field(default=None, allow_inf_nan=False)
+    column: str | int | None = None  # column of a table, by name or position
+    compute: Name | None = None  # formula over columns of a table, see `Expression`
+    value: float | None = Field(default=None, allow_inf_nan=False)  # a constant, such as a command that is in no column
+    # Regular expression whose group is that constant in the name of the file: ``pwm_(\d+)``
     file_name: Name | None = None
-    time: Time | None = None
+    time: Time | None = None  # stamps of this signal alone, where the signals have several time bases
+    # Of a bag: topic and path of the number in its messages (``pos_estimate``, ``data[0]``), or of a JointState topic
+    # the field, with `source_joint`
     topic: Name | None = None
     field: Name | None = None
     source_joint: Name | None = None
-    joint: Name | None = None
-    unit: Name = ""
+    joint: Name | None = None  # joint that it becomes; the mapping's `joint` by default
+    unit: Name = ""  # unit after scale and offset; written in that of the topics (rad, m, V, A, ...), see `base_units`
+    # Linear conversion; a negative scale turns the sign
     scale: float = Field(default=1.0, allow_inf_nan=False)
     offset: float = Field(default=0.0, allow_inf_nan=False)
-    times: str | int | None = None
+    times: str | int | None = None  # a second column that multiplies the first (duty times supply voltage)
+    # How a signed integer was stored as an unsigned one
     decode: Literal["int8", "int16", "int32"] | SignBit | None = None
+    # Range after which an encoder repeats, in `unit`; the position is unwrapped
     wrap: float | None = Field(default=None, gt=0, allow_inf_nan=False)
-    optional: bool = False
+    optional: bool = False  # do without when the file lacks the column
 
     @field_validator("compute")
     @classmethod

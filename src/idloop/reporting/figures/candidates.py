@@ -31,33 +31,17 @@ STANDINGS = {
 
 @dataclass(frozen=True)
 class EffectRow:
-    """One effect and its standing.
+    """One effect and its standing."""
 
-    Attributes
-    ----------
-    name : str
-        ``effect@site``.
-    standing : {"added", "tied", "missing", "weighed", "untestable"}
-        ``tied``: this data cannot distinguish it from `tied_with`.
-    explains : float
-        Share of the error's power that it takes away, 0 to 1; NaN where it was not fitted.
-    p_value : float
-        NaN where there is none.
-    gain : float
-        Log-likelihood gained; NaN where it was not fitted.
-    text : str
-        The effect in one sentence of physics, or why it cannot be shown.
-    tied_with : str
-        Empty but for tied effects.
-    """
-
-    name: str
+    name: str  # ``effect@site``
+    # one of `added`, `tied`, `missing`, `weighed`, `untestable`: ``tied``: this data cannot distinguish it from
+    # `tied_with`
     standing: str
-    explains: float
-    p_value: float
-    gain: float
-    text: str
-    tied_with: str = ""
+    explains: float  # share of the error's power that it takes away, 0 to 1; NaN where it was not fitted
+    p_value: float  # NaN where there is none
+    gain: float  # log-likelihood gained; NaN where it was not fitted
+    text: str  # the effect in one sentence of physics, or why it cannot be shown
+    tied_with: str = ""  # empty but for tied effects
 
     @property
     def evidence(self) -> str:

@@ -25,15 +25,9 @@ MARKS = ("circle", "square", "triangle", "diamond", "inverted_triangle", "hex")
 
 @dataclass(frozen=True)
 class Decided:
-    """Where the evidence for an effect reached the threshold.
+    """Where the evidence for an effect reached the threshold."""
 
-    Attributes
-    ----------
-    seconds : float
-        New samples that had been scored [s].
-    """
-
-    seconds: float
+    seconds: float  # new samples that had been scored [s]
     samples: int
     log_e: float
 

@@ -21,34 +21,23 @@ DASHES = ("solid", [10, 4], [3, 3], [10, 3, 3, 3])
 
 @dataclass(frozen=True)
 class Theme:
-    """Colours by what they stand for; no two of a theme are equal, so that a page may be switched to the other.
+    """Colours by what they stand for; no two of a theme are equal, so that a page may be switched to the other."""
 
-    Attributes
-    ----------
-    name : str
-        ``light`` or ``dark``.
-    page, surface : str
-        Background of the page and of a figure; none is a default of Bokeh's, which is not written to a page.
-    text, muted, grid : str
-        Words, ticks and less important words, lines of the grid.
-    measured, command, band, found, limit : str
-        The measurement, what was sent in, bands of noise, what was found to be missing, limits.
-    models : tuple of str
-        Models and rivals, in their order.
-    """
-
-    name: str
+    name: str  # ``light`` or ``dark``
+    # Background of the page and of a figure; none is a default of Bokeh's, which is not written to a page
     page: str
     surface: str
+    # Words, ticks and less important words, lines of the grid
     text: str
     muted: str
     grid: str
+    # The measurement, what was sent in, bands of noise, what was found to be missing, limits
     measured: str
     command: str
     band: str
     found: str
     limit: str
-    models: tuple[str, ...]
+    models: tuple[str, ...]  # models and rivals, in their order
 
     @property
     def colours(self) -> list[str]:

@@ -30,18 +30,11 @@ _STEPS, _PURE = 3, 0.2
 
 @dataclass(frozen=True)
 class Judged:
-    """One record beside the first and the last model of a ladder.
-
-    Attributes
-    ----------
-    rows : tuple of (str, Comparison)
-        Label and comparison, one where nothing was added.
-    driven : tuple of (str, Comparison), optional
-        The last model whose drive force can be read off the motion, where that is not the last one.
-    """
+    """One record beside the first and the last model of a ladder."""
 
     use: str
-    rows: tuple[tuple[str, Comparison], ...]
+    rows: tuple[tuple[str, Comparison], ...]  # label and comparison, one where nothing was added
+    # The last model whose drive force can be read off the motion, where that is not the last one
     driven: tuple[str, Comparison] | None = None
 
     @property
@@ -62,34 +55,19 @@ class Judged:
 
 @dataclass(frozen=True)
 class Contents:
-    """What a report says.
-
-    Attributes
-    ----------
-    judged : tuple of Judged
-        Unseen records first.
-    floor : mapping of str to float
-        NRMSE that the noise of each output alone leaves.
-    characteristics : mapping of str to Characteristic
-        By the name of the effect, of those that the data show: what the last model leaves without it.
-    describing : tuple of MeasuredDescribingFunction
-        Where sines were run.
-    suggestion : Suggestion or None
-        The next experiment with its rivals.
-    refuted_noise : mapping of str to float
-        Outputs that are quieter than the model file says, and the most that their noise can be.
-    drawn_at : mapping of str to int
-        Step whose model a characteristic was drawn with, where the last one does not show it.
-    """
+    """What a report says."""
 
     ladder: Ladder
-    judged: tuple[Judged, ...]
-    floor: Mapping[str, float]
+    judged: tuple[Judged, ...]  # unseen records first
+    floor: Mapping[str, float]  # NRMSE that the noise of each output alone leaves
+    # By the name of the effect, of those that the data show: what the last model leaves without it
     characteristics: Mapping[str, Characteristic]
-    describing: tuple[MeasuredDescribingFunction, ...]
-    suggestion: Suggestion | None = None
+    describing: tuple[MeasuredDescribingFunction, ...]  # where sines were run
+    suggestion: Suggestion | None = None  # the next experiment with its rivals
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    # Outputs that are quieter than the model file says, and the most that their noise can be
     refuted_noise: Mapping[str, float] = field(default_factory=dict)
+    # Step whose model a characteristic was drawn with, where the last one does not show it
     drawn_at: Mapping[str, int] = field(default_factory=dict)
 
 

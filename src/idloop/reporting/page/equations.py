@@ -26,19 +26,11 @@ _OTHER_LETTERS = ("q", r"\dot{q}", "F", "m")
 
 @dataclass(frozen=True)
 class Equation:
-    """One line.
-
-    Attributes
-    ----------
-    about : str
-        What it says, in a few words.
-    effect : str
-        ``effect@site`` that it belongs to; empty for the linear part.
-    """
+    """One line."""
 
     latex: str
-    about: str
-    effect: str = ""
+    about: str  # what it says, in a few words
+    effect: str = ""  # ``effect@site`` that it belongs to; empty for the linear part
 
 
 @dataclass

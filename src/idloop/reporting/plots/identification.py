@@ -31,33 +31,20 @@ _LOWEST = 3e-4  # of the sample rate, where no response says from where it knows
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """A method's result with its score.
-
-    Attributes
-    ----------
-    score : Score or None
-        None for responses.
-    """
+    """A method's result with its score."""
 
     label: str
     found: Identified
-    score: Score | None
+    score: Score | None  # None for responses
 
 
 @dataclass(frozen=True)
 class SweepLine:
-    """One method over the values of a sweep.
-
-    Attributes
-    ----------
-    value : ndarray, shape (k,)
-        Those that gave a model.
-    free_run, ahead : ndarray, shape (k,)
-        Mean FIT over the outputs [%].
-    """
+    """One method over the values of a sweep."""
 
     label: str
-    value: Array
+    value: Array  # shape (k,): those that gave a model
+    # shape (k,): mean FIT over the outputs [%]
     free_run: Array
     ahead: Array
 

@@ -31,18 +31,12 @@ _START_TIMEOUT = 30.0
 
 @dataclass(frozen=True)
 class Steps:
-    """What the page asks for.
+    """What the page asks for."""
 
-    Attributes
-    ----------
-    recognise : callable
-        Given the files and what the user says of each signal, returns the document of the page.
-    begin : callable
-        Given the same, writes and fits. Returns the address of the workbench, what the inspection found (sentences),
-        and why there is no fit.
-    """
-
+    # Given the files and what the user says of each signal, returns the document of the page
     recognise: Callable[[list[Path], Mapping[str, str]], dict[str, Any]]
+    # Given the same, writes and fits. Returns the address of the workbench, what the inspection found (sentences), and
+    # why there is no fit.
     begin: Callable[[list[Path], Mapping[str, str]], dict[str, Any]]
 
 

@@ -64,16 +64,9 @@ def misses_every_output(comparisons: Iterable[Comparison]) -> bool:
 
 @dataclass(frozen=True)
 class WorstOutput:
-    """The output whose free run is worst.
+    """The output whose free run is worst."""
 
-    Attributes
-    ----------
-    fit : float
-        FIT [%].
-    output, record : str
-    """
-
-    fit: float
+    fit: float  # FIT [%]
     output: str
     record: str
 

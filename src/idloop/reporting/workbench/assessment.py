@@ -25,40 +25,22 @@ MOST_PICTURES = 16
 
 @dataclass(frozen=True, eq=False)
 class Assessment:
-    """A model beside a stretch of data.
+    """A model beside a stretch of data."""
 
-    Attributes
-    ----------
-    model : Model
-        That was assessed.
-    stamps : array of int, shape (n,)
-        Of the measurements [ns].
-    simulated, predicted : array, shape (n, p)
-        Free run and one step ahead; NaN where there is none.
-    innovation : array, shape (n, p)
-        Measured minus one step ahead.
-    error : array, shape (n, p)
-        Measured minus free run.
-    errors : dict
-        ``fit`` of the free run by output [%] and ``force``, as a step of a ladder has them, and ``ahead``, the FIT of
-        the prediction ``steps`` samples ahead.
-    frequency : FrequencyView or None
-        Bode plot and poles.
-    residual_tests : tuple of ResidualFinding
-        Of the one-step errors, output by output.
-    """
-
-    model: Model
+    model: Model  # that was assessed
     record: str
-    stamps: Integers
+    stamps: Integers  # shape (n,): of the measurements [ns]
+    # shape (n, p): free run and one step ahead; NaN where there is none
     simulated: Array
     predicted: Array
-    innovation: Array
-    error: Array
+    innovation: Array  # shape (n, p): measured minus one step ahead
+    error: Array  # shape (n, p): measured minus free run
+    # ``fit`` of the free run by output [%] and ``force``, as a step of a ladder has them, and ``ahead``, the FIT of the
+    # prediction ``steps`` samples ahead
     errors: dict[str, Any]
     where: Where
-    frequency: FrequencyView | None = None
-    residual_tests: tuple[ResidualFinding, ...] = ()
+    frequency: FrequencyView | None = None  # Bode plot and poles
+    residual_tests: tuple[ResidualFinding, ...] = ()  # of the one-step errors, output by output
 
     def looked_at(self, error: str) -> str:
         """Output whose error it is; of the drive force the first output whose residual test objects, or the first."""

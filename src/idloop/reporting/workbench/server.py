@@ -54,18 +54,10 @@ UNUSED_SESSION = 5_000  # milliseconds after which a closed browser's figures ar
 
 @dataclass(frozen=True)
 class Place:
-    """Where the page is served.
+    """Where the page is served."""
 
-    Attributes
-    ----------
-    address : str
-        To listen on.
-    port : int
-        0 takes any that is free.
-    """
-
-    address: str = "127.0.0.1"
-    port: int = 0
+    address: str = "127.0.0.1"  # to listen on
+    port: int = 0  # 0 takes any that is free
 
     @property
     def local(self) -> bool:

@@ -33,25 +33,15 @@ SCALARS = ("command", "reference")  # one column; the others have one for each o
 
 @dataclass(frozen=True)
 class View:
-    """A stretch of all streams with few enough points to draw.
+    """A stretch of all streams with few enough points to draw."""
 
-    Attributes
-    ----------
-    points : dict of str to (time, values)
-        By stream; seconds since the start, and shape (m, columns).
-    start, stop : float
-        Ends of the stretch [s].
-    newest : dict of str to float
-        Newest sample of each stream in the stretch [s]; absent where there is none.
-    band : array, shape (outputs,)
-        Half width of the band around a residual of zero; NaN where nothing is known.
-    """
-
+    # (time, values) by name: by stream; seconds since the start, and shape (m, columns)
     points: dict[str, tuple[Array, Array]]
+    # Ends of the stretch [s]
     start: float
     stop: float
-    newest: dict[str, float]
-    band: Array
+    newest: dict[str, float]  # newest sample of each stream in the stretch [s]; absent where there is none
+    band: Array  # shape (outputs,): half width of the band around a residual of zero; NaN where nothing is known
 
 
 class Signals:

@@ -50,18 +50,10 @@ def model_version(model: Model) -> str:
 
 @dataclass(frozen=True)
 class Health:
-    """One check of one node.
+    """One check of one node."""
 
-    Attributes
-    ----------
-    name : str
-        ``node: check``.
-    level : int
-        OK, WARN, ERROR or STALE.
-    """
-
-    name: str
-    level: int = OK
+    name: str  # ``node: check``
+    level: int = OK  # OK, WARN, ERROR or STALE
     message: str = ""
     values: Mapping[str, str] = field(default_factory=dict)
 
@@ -91,41 +83,21 @@ class Fit:
 
 @dataclass(frozen=True)
 class Missing:
-    """What the newest diagnosis found.
+    """What the newest diagnosis found."""
 
-    Attributes
-    ----------
-    verdict : str
-        ``missing``, ``adequate``, ``unknown_structure`` or ``not_excited``.
-    line : str
-        The verdict for a person.
-    candidates : tuple of Candidate
-        Best first.
-    set : tuple of str
-        Effects that this data cannot distinguish from the best one, that one included.
-    pair : tuple of str
-        Two that show only together.
-    untestable, findings : tuple of str
-        What this data cannot show, and what it can.
-    passed_over : mapping of str to str
-        Effects that are significant and were not taken for what is missing, and why.
-    left : tuple of ResidualFinding
-        Residual tests of the model on the fitted data.
-    error : str
-        Why there is no diagnosis; empty when there is one.
-    """
-
-    verdict: str = ""
-    line: str = ""
-    candidates: tuple[Candidate, ...] = ()
-    set: tuple[str, ...] = ()
-    pair: tuple[str, ...] = ()
+    verdict: str = ""  # ``missing``, ``adequate``, ``unknown_structure`` or ``not_excited``
+    line: str = ""  # the verdict for a person
+    candidates: tuple[Candidate, ...] = ()  # best first
+    set: tuple[str, ...] = ()  # effects that this data cannot distinguish from the best one, that one included
+    pair: tuple[str, ...] = ()  # two that show only together
+    # What this data cannot show, and what it can
     untestable: tuple[str, ...] = ()
     findings: tuple[str, ...] = ()
     unknown: UnknownStructure | None = None
-    error: str = ""
+    error: str = ""  # why there is no diagnosis; empty when there is one
+    # Effects that are significant and were not taken for what is missing, and why
     passed_over: Mapping[str, str] = field(default_factory=dict)
-    left: tuple[ResidualFinding, ...] = ()
+    left: tuple[ResidualFinding, ...] = ()  # residual tests of the model on the fitted data
 
 
 @dataclass(frozen=True)
@@ -140,35 +112,18 @@ class TrustedEstimate:
 
 @dataclass(frozen=True)
 class Evidence:
-    """How the evidence for missing effects has grown, on a live graph or over a recording.
+    """How the evidence for missing effects has grown, on a live graph or over a recording."""
 
-    Attributes
-    ----------
-    line : str
-        The newest look for a person.
-    effects : tuple of str
-        Of the model that they were weighed against.
-    seconds : tuple of float
-        New samples that had been scored at each look [s].
-    lines : mapping of str to tuple of float
-        Log-evidence at each look by effect; NaN before an effect was weighed.
-    threshold : float
-        Log-evidence that decides.
-    ended : str
-        Why the experiment has been ended; empty where it has not.
-    recorded : bool
-        Of a recording: every stretch is scored by fits to the others.
-    """
-
-    line: str = ""
-    effects: tuple[str, ...] = ()
-    seconds: tuple[float, ...] = ()
+    line: str = ""  # the newest look for a person
+    effects: tuple[str, ...] = ()  # of the model that they were weighed against
+    seconds: tuple[float, ...] = ()  # new samples that had been scored at each look [s]
+    # Log-evidence at each look by effect; NaN before an effect was weighed
     lines: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
-    threshold: float = float("inf")
+    threshold: float = float("inf")  # log-evidence that decides
     decided: Mapping[str, Decided] = field(default_factory=dict)
     estimates: tuple[TrustedEstimate, ...] = ()
-    ended: str = ""
-    recorded: bool = False
+    ended: str = ""  # why the experiment has been ended; empty where it has not
+    recorded: bool = False  # of a recording: every stretch is scored by fits to the others
 
 
 @dataclass(frozen=True)
@@ -190,84 +145,45 @@ class Note:
 
 @dataclass(frozen=True)
 class Snapshot:
-    """Everything that the page shows beside the streams.
+    """Everything that the page shows beside the streams."""
 
-    Attributes
-    ----------
-    version : int
-        Grows with every change.
-    live : bool
-        A graph that runs, not recordings.
-    model : Model or None
-        The present one, behind every number.
-    looks : int
-        Diagnoses that have come in so far.
-    suggested : dict or None
-        The next experiment as `idloop suggest` writes it.
-    suggestion : Suggestion or None
-        The same with its rivals, for the figures; a live graph sends none.
-    note : Note or None
-        Answer to the last order.
-    limits : tuple of (str, str)
-        What an experiment may do: name, value with unit.
-    automatic : tuple of str, or None
-        Those of `AUTOMATIC` that are switched on; None where there is nothing to switch.
-    stop : str
-        `FREE`; `SENT`: the stop is set or asked for, and not seen to work; `STOPPED`: the last node before the motor
-        has confirmed it, and neutral commands have been seen since; `RELEASING`: the reset is asked for.
-    moves : bool
-        There is a motor that a button could move.
-    assessment : Assessment or None
-        Where the model fails.
-    pictures : dict of str to Characteristic, or None
-        Of effects that may be missing, by ``effect@site``; None while they are being drawn.
-    recordings : tuple of str
-        That may be shown, and `shown`, which of them is.
-    bags, validate : tuple of str
-        Paths of the recordings that are fitted, and of those that no fit sees; empty where nobody has said.
-    options : tuple of str
-        Words of the command line for how they are judged.
-    model_file : (str, str)
-        A file that is there and the version of the model in it, as `model_version` gives it; empty where there is none.
-    inspected : tuple of str
-        What the inspection says of the recordings that are fitted.
-    computing : str
-        What the next model has or lacks while it is computed: until then no number of the present one is the newest.
-    reason : str
-        Why the present model is another one than that with which the page was opened.
-    given : Step or None
-        The model as the page was opened with it, where the first step of the ladder has other values.
-    """
-
-    version: int = 0
-    live: bool = False
+    version: int = 0  # grows with every change
+    live: bool = False  # a graph that runs, not recordings
     title: str = ""
-    model: Model | None = None
+    model: Model | None = None  # the present one, behind every number
     fit: Fit | None = None
     missing: Missing | None = None
     evidence: Evidence | None = None
-    looks: int = 0
+    looks: int = 0  # diagnoses that have come in so far
     ladder: Ladder | None = None
-    suggested: Mapping[str, Any] | None = None
-    suggestion: Suggestion | None = None
+    suggested: Mapping[str, Any] | None = None  # the next experiment as `idloop suggest` writes it
+    suggestion: Suggestion | None = None  # the same with its rivals, for the figures; a live graph sends none
     activity: Activity | None = None
-    note: Note | None = None
+    note: Note | None = None  # answer to the last order
     health: tuple[Health, ...] = ()
-    limits: tuple[tuple[str, str], ...] = ()
+    limits: tuple[tuple[str, str], ...] = ()  # what an experiment may do: name, value with unit
+    # Those of `AUTOMATIC` that are switched on; None where there is nothing to switch
     automatic: tuple[str, ...] | None = None
+    # `FREE`; `SENT`: the stop is set or asked for, and not seen to work; `STOPPED`: the last node before the motor has
+    # confirmed it, and neutral commands have been seen since; `RELEASING`: the reset is asked for
     stop: str = FREE
-    moves: bool = False
-    assessment: Assessment | None = None
+    moves: bool = False  # there is a motor that a button could move
+    assessment: Assessment | None = None  # where the model fails
+    # Of effects that may be missing, by ``effect@site``; None while they are being drawn
     pictures: Mapping[str, Characteristic] | None = field(default_factory=dict)
-    recordings: tuple[str, ...] = ()
+    recordings: tuple[str, ...] = ()  # that may be shown, and `shown`, which of them is
     shown: int = 0
+    # Paths of the recordings that are fitted, and of those that no fit sees; empty where nobody has said
     bags: tuple[str, ...] = ()
     validate: tuple[str, ...] = ()
-    options: tuple[str, ...] = ()
+    options: tuple[str, ...] = ()  # words of the command line for how they are judged
+    # A file that is there and the version of the model in it, as `model_version` gives it; empty where there is none
     model_file: tuple[str, str] = ("", "")
-    inspected: tuple[str, ...] = ()
+    inspected: tuple[str, ...] = ()  # what the inspection says of the recordings that are fitted
+    # What the next model has or lacks while it is computed: until then no number of the present one is the newest
     computing: str = ""
-    reason: str = ""
+    reason: str = ""  # why the present model is another one than that with which the page was opened
+    # The model as the page was opened with it, where the first step of the ladder has other values
     given: Step | None = None
 
     @property

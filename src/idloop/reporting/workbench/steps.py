@@ -23,33 +23,18 @@ Report = Callable[[float, str], None]
 
 @dataclass(frozen=True)
 class Study:
-    """The data and how they are judged.
+    """The data and how they are judged."""
 
-    Attributes
-    ----------
-    records, validation : tuple of Record
-        What is fitted, and what the fits do not see.
-    level : float
-        Family-wise error rate.
-    effects : tuple of str
-        That are looked for; all when empty.
-    limits : Limits or None
-        Of a suggested experiment.
-    duration : float or None
-        Of a suggested experiment [s].
-    minimum_improvement : float
-        Part by which an effect must make errors on unseen samples smaller.
-    """
-
+    # What is fitted, and what the fits do not see
     records: tuple[Record, ...]
     validation: tuple[Record, ...] = ()
-    level: float = 0.01
+    level: float = 0.01  # family-wise error rate
     criterion: str = "auto"
-    effects: tuple[str, ...] = ()
+    effects: tuple[str, ...] = ()  # that are looked for; all when empty
     seed: int = 0
-    limits: Limits | None = None
-    duration: float | None = None
-    minimum_improvement: float = 0.01
+    limits: Limits | None = None  # of a suggested experiment
+    duration: float | None = None  # of a suggested experiment [s]
+    minimum_improvement: float = 0.01  # part by which an effect must make errors on unseen samples smaller
 
     @property
     def options(self) -> tuple[str, ...]:

@@ -27,30 +27,14 @@ ALIGNMENT = 8  # bytes: a browser reads 64-bit floats at multiples of it only
 
 @dataclass(frozen=True)
 class Question:
-    """What a browser wants to see and what it has.
+    """What a browser wants to see and what it has."""
 
-    Attributes
-    ----------
-    follow : float or None
-        Length of the newest stretch [s]; None shows `stretch`.
-    stretch : (float, float) or None
-        Ends of a stretch [s]; None shows everything that is kept.
-    buckets : int
-        Of time across a strip.
-    shown : str
-        ``one_step`` or ``free_run``.
-    epoch : str
-        Of the answer that it has; with the same one it lacks only what is newer.
-    have : dict of str to float
-        Newest sample of each stream that it has [s].
-    """
-
-    follow: float | None = None
-    stretch: tuple[float, float] | None = None
-    buckets: int = 400
-    shown: str = ONE_STEP
-    epoch: str = ""
-    have: Mapping[str, float] = field(default_factory=dict)
+    follow: float | None = None  # length of the newest stretch [s]; None shows `stretch`
+    stretch: tuple[float, float] | None = None  # ends of a stretch [s]; None shows everything that is kept
+    buckets: int = 400  # of time across a strip
+    shown: str = ONE_STEP  # ``one_step`` or ``free_run``
+    epoch: str = ""  # of the answer that it has; with the same one it lacks only what is newer
+    have: Mapping[str, float] = field(default_factory=dict)  # newest sample of each stream that it has [s]
 
     @classmethod
     def read(cls, given: Mapping[str, str]) -> Question:

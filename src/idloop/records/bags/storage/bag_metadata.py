@@ -16,24 +16,13 @@ DISTROS = ("humble", "iron", "jazzy", "kilted", "lyrical")
 
 @dataclass(frozen=True)
 class BagMetadata:
-    """What the metadata say; empty where a bag has none.
+    """What the metadata say; empty where a bag has none."""
 
-    Attributes
-    ----------
-    files : tuple of Path
-        Storage files in their order; empty where none of those named is there, as after renaming.
-    counts : dict of str to int
-        Messages by topic.
-    custom : dict of str to str
-        Text that was stored with the bag.
-    distro : str or None
-        ROS distribution that recorded it, where it is known.
-    """
-
+    # Storage files in their order; empty where none of those named is there, as after renaming
     files: tuple[Path, ...] = ()
-    counts: dict[str, int] = field(default_factory=dict)
-    custom: dict[str, str] = field(default_factory=dict)
-    distro: str | None = None
+    counts: dict[str, int] = field(default_factory=dict)  # messages by topic
+    custom: dict[str, str] = field(default_factory=dict)  # text that was stored with the bag
+    distro: str | None = None  # ROS distribution that recorded it, where it is known
 
 
 def read_metadata(bag: Path) -> BagMetadata:

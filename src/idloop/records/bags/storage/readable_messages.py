@@ -26,22 +26,14 @@ _SQLITE_MESSAGE = (type(None), int, int, bytes)  # id (it is the row's), topic, 
 
 @dataclass(frozen=True)
 class Channel:
-    """One topic of a recording.
-
-    Attributes
-    ----------
-    topic, message_type : str
-    definition, type_hash : str
-        Text of the message's definition and REP-2011 hash of the type; empty where the recording has none.
-    serialization : str
-        Usually ``cdr``.
-    """
+    """One topic of a recording."""
 
     topic: str
     message_type: str
+    # Text of the message's definition and REP-2011 hash of the type; empty where the recording has none
     definition: str
     type_hash: str
-    serialization: str
+    serialization: str  # usually ``cdr``
 
 
 @dataclass(frozen=True)
