@@ -88,16 +88,8 @@ def read_text(path: Path, most: int = MOST_YAML) -> str:
 def read_yaml(text: str, where: str) -> Any:
     """Read a YAML 1.2 document.
 
-    Parameters
-    ----------
-    text : str
-    where : str
-        Name of the file for error lines.
-
-    Raises
-    ------
-    InputError
-        Not YAML, or beyond a limit of this module.
+    `where`: name of the file for error lines.
+    Raises InputError: not YAML, or beyond a limit of this module.
     """
     try:
         return LimitedYAML().load(text)
@@ -112,18 +104,9 @@ def read_yaml(text: str, where: str) -> Any:
 def read_json(text: str, where: str, most: int = MOST_JSON) -> Any:
     """Read a JSON document.
 
-    Parameters
-    ----------
-    text : str
-    where : str
-        Name of the file for error lines.
-    most : int
-        Characters that it may have.
-
-    Raises
-    ------
-    InputError
-        Not JSON, or beyond a limit of this module.
+    `where`: name of the file for error lines.
+    `most`: characters that it may have.
+    Raises InputError: not JSON, or beyond a limit of this module.
     """
     if len(text) > most:
         raise InputError(f"{where}: longer than {most:,} characters; check that this is the file")
@@ -142,16 +125,8 @@ def read_json(text: str, where: str, most: int = MOST_JSON) -> Any:
 def read_npz(path: Path, most: int) -> dict[str, NDArray[Any]]:
     """Read the arrays of an NPZ file; pickled objects are never opened.
 
-    Parameters
-    ----------
-    path : Path
-    most : int
-        Bytes that they may take in memory.
-
-    Raises
-    ------
-    InputError
-        It cannot be read, or takes more.
+    `most`: bytes that they may take in memory.
+    Raises InputError: it cannot be read, or takes more.
     """
     import zipfile
 

@@ -78,17 +78,10 @@ def short_numbers() -> Iterator[None]:
 def new_figure(rows: int, columns: int = 1, heights: tuple[float, ...] | None = None) -> tuple[Figure, Any]:
     """Make a figure without a window or global state.
 
-    Parameters
-    ----------
-    rows, columns : int
-        Grid of axes. The time axes of a column and the value axes of a row are linked.
-    heights : tuple of float, optional
-        Height of each row in inches.
-
-    Returns
-    -------
-    figure : matplotlib Figure
-    axes : ndarray of Axes, shape (rows, columns)
+    `rows`, `columns`: grid of axes. The time axes of a column and the value axes of a row are linked.
+    `heights`: height of each row in inches.
+    Returns `figure`.
+    and `axes` (rows, columns).
     """
     from matplotlib.figure import Figure
 

@@ -16,22 +16,11 @@ def probe_file(
 ) -> Path:
     """Return `path` when a file can be written there; what is there stays as it is.
 
-    Parameters
-    ----------
-    path : Path
-    what : str
-        What names it in the message: the option.
-    suffixes : sequence of str
-        What it may end in; anything when empty.
-    overwrite : bool
-        A file that is there may be written anew.
-    forcible : bool
-        The verb has `--force`.
-
-    Raises
-    ------
-    InputError
-        It cannot, or a file is there already.
+    `what`: what names it in the message: the option.
+    `suffixes`: what it may end in; anything when empty.
+    `overwrite`: a file that is there may be written anew.
+    `forcible`: the verb has `--force`.
+    Raises InputError: it cannot, or a file is there already.
     """
     with _one_line(path, what):
         if path.is_dir():
@@ -56,20 +45,10 @@ def probe_file(
 def probe_folder(path: Path, what: str, *, new: bool = False, parents: bool = False) -> Path:
     """Return `path` when files can be written in such a folder; nothing is left behind.
 
-    Parameters
-    ----------
-    path : Path
-    what : str
-        What names it in the message: the option.
-    new : bool
-        A folder that is there is refused.
-    parents : bool
-        Folders above it are made as well.
-
-    Raises
-    ------
-    InputError
-        They cannot, or something is there already.
+    `what`: what names it in the message: the option.
+    `new`: a folder that is there is refused.
+    `parents`: folders above it are made as well.
+    Raises InputError: they cannot, or something is there already.
     """
     with _one_line(path, what):
         if new and (path.exists() or path.is_symlink()):
@@ -131,10 +110,7 @@ def writing(path: Path) -> Iterator[None]:
 def make_folder(path: Path, *, parents: bool = False) -> Path:
     """Make a folder whose place was probed, where it is not there.
 
-    Raises
-    ------
-    IdloopError
-        When it cannot be made after all.
+    Raises IdloopError: when it cannot be made after all.
     """
     try:
         path.mkdir(parents=parents, exist_ok=True)

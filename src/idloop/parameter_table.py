@@ -91,17 +91,9 @@ class ParameterSpec:
     def check(self, value: Any, where: str) -> Any:
         """Return the value in its plain Python type.
 
-        Parameters
-        ----------
-        value : object
-            What the user gave.
-        where : str
-            Place named at the start of the error line, for example ``controller pid``.
-
-        Raises
-        ------
-        InputError
-            Wrong type, not finite, or outside the range.
+        `value`: what the user gave.
+        `where`: place named at the start of the error line, for example ``controller pid``.
+        Raises InputError: wrong type, not finite, or outside the range.
         """
         if value is None and self.default is None:
             return None
@@ -174,24 +166,11 @@ def positive(name: str, default: Any, description: str, unit: str = "") -> Param
 def check_values(specs: Sequence[ParameterSpec], given: Mapping[str, Any], where: str) -> dict[str, Any]:
     """Validate a mapping against a table and fill in the defaults.
 
-    Parameters
-    ----------
-    specs : sequence of ParameterSpec
-        The table; its order is the order of the result.
-    given : mapping
-        Values by name; nested mappings are read as dotted names.
-    where : str
-        Place named at the start of every error line.
-
-    Returns
-    -------
-    dict
-        Every parameter of the table by (dotted) name.
-
-    Raises
-    ------
-    InputError
-        Unknown name (with the nearest known one), missing name, or a value that does not fit.
+    `specs`: the table; its order is the order of the result.
+    `given`: values by name; nested mappings are read as dotted names.
+    `where`: place named at the start of every error line.
+    Returns: every parameter of the table by (dotted) name.
+    Raises InputError: unknown name (with the nearest known one), missing name, or a value that does not fit.
     """
     by_name = {spec.name: spec for spec in specs}
     flat = flatten(given, by_name)
@@ -231,18 +210,9 @@ def _short(value: Any) -> str:
 def read_mapping(text: str, where: str, example: str) -> dict[str, Any]:
     """Read parameters in one line of YAML, as on the command line and in node parameters.
 
-    Parameters
-    ----------
-    text : str
-    where : str
-        Place named at the start of an error line.
-    example : str
-        Correct form, for the error line.
-
-    Raises
-    ------
-    InputError
-        Not YAML, or not a mapping.
+    `where`: place named at the start of an error line.
+    `example`: correct form, for the error line.
+    Raises InputError: not YAML, or not a mapping.
     """
     read = read_yaml(text, where)
     if not isinstance(read, dict):

@@ -35,12 +35,8 @@ class WorkerProcess:
 
     Functions and their arguments travel as pickles. Any thread may close it for good, also during a call.
 
-    Parameters
-    ----------
-    name : str
-        Name of the process, as `top` shows it (at most 15 characters).
-    yields : bool
-        Yield the processor to control loops; not where the user waits for the result.
+    `name`: name of the process, as `top` shows it (at most 15 characters).
+    `yields`: yield the processor to control loops; not where the user waits for the result.
     """
 
     def __init__(self, name: str = "idloop worker", *, yields: bool = True) -> None:
@@ -65,12 +61,8 @@ class WorkerProcess:
     def call(self, function: Callable[..., Any], *arguments: Any, report: Report = lambda share, text: None) -> Any:
         """Run ``function(*arguments, report)`` in the child and return what it returns.
 
-        Raises
-        ------
-        InputError, IdloopError
-            As the function did; any other error becomes an IdloopError.
-        WorkerLostError
-            The child was lost or closed.
+        Raises InputError, IdloopError: as the function did; any other error becomes an IdloopError.
+        Raises WorkerLostError: the child was lost or closed.
         """
         with self._calling:
             pipe = self._ready()

@@ -17,17 +17,9 @@ _MOST = 6  # that are listed
 def effect_text(text: str, model: Model) -> str:
     """Return an effect as `Model.with_effects` takes it, with `dead zone` written as `dead_zone`.
 
-    Parameters
-    ----------
-    text : str
-        ``NAME@SITE`` or ``NAME@SITE(parameter=value, ...)``.
-    model : Model
-        Has the sites.
-
-    Raises
-    ------
-    InputError
-        There is no site; the message has those of the model where the effect acts.
+    `text`: ``NAME@SITE`` or ``NAME@SITE(parameter=value, ...)``.
+    `model`: has the sites.
+    Raises InputError: there is no site; the message has those of the model where the effect acts.
     """
     name, at, rest = text.partition("@")
     name = re.sub(r"[\s\-]+", "_", name.strip())

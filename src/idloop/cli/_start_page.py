@@ -107,12 +107,8 @@ def refused(begun: Start) -> str:
 def serve(port: int, tell: Callable[[str], None]) -> None:
     """Serve the page until the process is ended, and a workbench for each log that was fitted.
 
-    Parameters
-    ----------
-    port : int
-        0 takes any that is free.
-    tell : callable
-        Called with the address.
+    `port`: 0 takes any that is free.
+    `tell`: called with the address.
     """
     from idloop.api.data import read_bags
     from idloop.ending_signals import event_on_ending_signal

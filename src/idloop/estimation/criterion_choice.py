@@ -50,12 +50,7 @@ def choose_criterion(
 ) -> Choice:
     """Choose between a fit by prediction and one by free run of the same model to the same records.
 
-    Parameters
-    ----------
-    prediction, simulation : FitResult
-    data : list of Data
-    predicted : sequence of RecordResidual
-        Errors of the free run with the values of prediction.
+    `predicted`: errors of the free run with the values of prediction.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = np.log(prediction.stderr / simulation.stderr)

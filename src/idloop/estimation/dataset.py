@@ -72,20 +72,10 @@ def prepare(
     A velocity that is computed from the position in any of the records counts as not measured
     (`idloop.records.inspection.differenced`): it is no second sensor.
 
-    Parameters
-    ----------
-    model : Model
-    records : sequence of Record
-    companions : sequence of Record
-        Further records of the same sensors, for the same check.
-    keep_computed : bool
-        Keep computed velocities.
-
-    Raises
-    ------
-    InputError
-        If there is no record, or one is too short, has other outputs than the model, infinite samples, or no
-        measurement.
+    `companions`: further records of the same sensors, for the same check.
+    `keep_computed`: keep computed velocities.
+    Raises InputError: if there is no record, or one is too short, has other outputs than the model, infinite samples,
+    or no measurement.
     """
     if len(records) == 0:
         raise InputError("no record to fit; give at least one bag")

@@ -251,22 +251,13 @@ def _result(
 ) -> FitResult:  # fmt: skip
     """Result with standard errors and warnings; the other fields of `FitResult` are given.
 
-    Parameters
-    ----------
-    model : Model
-        Before the fit.
-    theta : array, shape (k,)
-    covariance : array, shape (k, k)
-    jacobian : array, shape (n, k + m)
-        Of the standardised errors, parameters first.
-    loss : float
-    count : int
-        Samples.
-    converged : bool
-    notes : list of str
-        Further warnings.
-    intensity : float, optional
-        Of a random-walk disturbance [force²/s].
+    `model`: before the fit.
+    `theta` (k,).
+    `covariance` (k, k).
+    `jacobian` (n, k + m): of the standardised errors, parameters first.
+    `count`: samples.
+    `notes`: further warnings.
+    `intensity`: of a random-walk disturbance [force²/s].
     """
     k, (lower, upper) = len(theta), model.bounds
     tied, seen = ties(jacobian.T @ jacobian, k)

@@ -30,23 +30,14 @@ _RIVAL = 3.0
 class RecursiveEstimator:
     """Predict every sample, and update the parameters after every block.
 
-    Parameters
-    ----------
-    model : Model
-        Starting values, bounds and free parameters.
-    sample_time : float, optional
-        Nominal sample time [s]; from the first two samples when left out.
-    forgetting_time : float
-        Time constant of exponential forgetting [s]; infinite for none.
-    block : int
-        Samples between two parameter updates.
-    prior : float
-        Standard deviation of the starting values relative to their size.
-    disturbance : float, optional
-        Initial intensity of the disturbance force [force unit per √s]; from the model file when left out, else 5 % of
-        the drive force per √s. It is adapted by comparison with predictors of higher and lower intensity.
-    adapt : bool
-        False keeps the parameters and only predicts, at the cost of one simulation step per sample.
+    `model`: starting values, bounds and free parameters.
+    `sample_time`: nominal sample time [s]; from the first two samples when left out.
+    `forgetting_time`: time constant of exponential forgetting [s]; infinite for none.
+    `block`: samples between two parameter updates.
+    `prior`: standard deviation of the starting values relative to their size.
+    `disturbance`: initial intensity of the disturbance force [force unit per √s]; from the model file when left out,
+    else 5 % of the drive force per √s. It is adapted by comparison with predictors of higher and lower intensity.
+    `adapt`: False keeps the parameters and only predicts, at the cost of one simulation step per sample.
 
     Attributes
     ----------

@@ -17,14 +17,9 @@ if TYPE_CHECKING:
 class SimulationCriterion:
     """Measured minus freely simulated output; initial states are nuisance parameters.
 
-    Parameters
-    ----------
-    engine : Engine
-        Compiled model.
-    data : list of Data
-        Records.
-    groups : list of list of int, optional
-        Outputs that share a noise model; those measured at the same instants when left out.
+    `engine`: compiled model.
+    `data`: records.
+    `groups`: outputs that share a noise model; those measured at the same instants when left out.
     """
 
     name = "simulation"
@@ -67,17 +62,11 @@ class SimulationCriterion:
     def slopes(self, theta: Array, nuisance: Array, change: Array) -> Errors | None:
         """Derivatives of the errors by parameters and nuisance parameters, by sensitivity equations.
 
-        Parameters
-        ----------
-        theta : array, shape (k,)
-        nuisance : array, shape (q,)
-        change : array, shape (k,)
-            Small changes of the parameters within their bounds.
-
-        Returns
-        -------
-        list of list of array, shape (k + q, samples, outputs), or None
-            By group and record; NaN where the equations do not apply. None where they never apply.
+        `theta` (k,).
+        `nuisance` (q,).
+        `change` (k,): small changes of the parameters within their bounds.
+        Returns shape (k + q, samples, outputs): by group and record; NaN where the equations do not apply. None where
+        they never apply.
         """
         k, width = len(theta), self.initial.width
         found: Errors = [[] for _ in self.groups]

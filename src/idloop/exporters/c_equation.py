@@ -38,21 +38,9 @@ _POINTERS = ("state", "parameters")
 def c_function(name: str, hook: Hook) -> str:
     """Translate an equation without memory.
 
-    Parameters
-    ----------
-    name : str
-        Of the C function, ``double name(a, b, c, elapsed, state, parameters)``.
-    hook : Hook
-
-    Returns
-    -------
-    str
-        Its definition.
-
-    Raises
-    ------
-    InputError
-        The equation contains what has no translation, such as a loop.
+    `name`: of the C function, ``double name(a, b, c, elapsed, state, parameters)``.
+    Returns: its definition.
+    Raises InputError: the equation contains what has no translation, such as a loop.
     """
     tree = ast.parse(textwrap.dedent(inspect.getsource(hook.function))).body[0]
     if not isinstance(tree, ast.FunctionDef):

@@ -73,10 +73,7 @@ def condition_name(wanted: Wanted, names: Collection[str]) -> str:
 class Conditions:
     """The conditions of one experiment, as the compiled simulator reads them.
 
-    Raises
-    ------
-    InputError
-        Two of one name.
+    Raises InputError: two of one name.
     """
 
     def __init__(self, conditions: Iterable[Condition]) -> None:
@@ -101,10 +98,7 @@ class Conditions:
     def __getitem__(self, name: str) -> Condition:
         """One condition by name.
 
-        Raises
-        ------
-        InputError
-            There is none of this name.
+        Raises InputError: there is none of this name.
         """
         if name not in self._by_name:
             raise InputError(f"no condition {name!r}; there are {listed(self.names)}{did_you_mean(name, self.names)}")
@@ -118,10 +112,7 @@ class Conditions:
     def table(self, wanted: Sequence[Wanted]) -> Array:
         """Values at `time`, one column for each wanted condition.
 
-        Raises
-        ------
-        InputError
-            A condition is missing.
+        Raises InputError: a condition is missing.
         """
         key = tuple(wanted)
         if key not in self._tables:

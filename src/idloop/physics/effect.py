@@ -444,10 +444,7 @@ def unknown_effect(name: str, known: Mapping[str, Sequence[Effect]]) -> InputErr
 def find_effect(name: str, site: str, *folders: Path) -> Effect:
     """Look an effect up by name and kind of site.
 
-    Raises
-    ------
-    InputError
-        Unknown effect, or one that does not act at such a site.
+    Raises InputError: unknown effect, or one that does not act at such a site.
     """
     known = catalogue(*folders)
     if name not in known:
@@ -462,18 +459,9 @@ def find_effect(name: str, site: str, *folders: Path) -> Effect:
 def parameter_as(effect: Effect, fact: Callable[[Effect], str], *folders: Path) -> str:
     """Parameter that a fact names, such as the level of dry friction, of an effect or of one nested in it.
 
-    Parameters
-    ----------
-    effect : Effect
-    fact : callable
-        Such as ``lambda effect: effect.dry_level``.
-    *folders : Path
-        As in `catalogue`.
-
-    Returns
-    -------
-    str
-        Empty where the effect does not have the fact.
+    `fact`: such as ``lambda effect: effect.dry_level``.
+    `*folders`: as in `catalogue`.
+    Returns: empty where the effect does not have the fact.
     """
     own = fact(effect)
     if own or not effect.contains:

@@ -37,10 +37,7 @@ class Layout:
     def under(self, conditions: Conditions | None) -> Layout:
         """The layout under measured conditions; without any they are at their references.
 
-        Raises
-        ------
-        InputError
-            A condition that an effect depends on was not recorded.
+        Raises InputError: a condition that an effect depends on was not recorded.
         """
         if conditions is None or not self.wanted:
             return self
@@ -156,14 +153,9 @@ def _table(rows: list[list[int]]) -> Integers:
 def lay_out(model: Model, values: Mapping[str, float] | None = None, *, final: bool = True) -> Layout:
     """Lay a model out for the compiled simulator.
 
-    Parameters
-    ----------
-    model : Model
-        The structure.
-    values : mapping, optional
-        Value of every parameter by name; those of the model by default.
-    final : bool
-        With the effects that act after the noise of the sensors.
+    `model`: the structure.
+    `values`: value of every parameter by name; those of the model by default.
+    `final`: with the effects that act after the noise of the sensors.
     """
     values = model.values if values is None else values
     chain = _Chain(model, values)

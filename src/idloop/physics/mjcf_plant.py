@@ -21,27 +21,14 @@ class MjcfPlant:
     The model defines outputs, units and noise; the motion is MuJoCo's. An output is the MJCF sensor of its name where
     there is one, otherwise the position or velocity of its joint.
 
-    Parameters
-    ----------
-    file : Path
-        MJCF file; included files are found beside it.
-    model : Model
-        Model of the outputs, with their scale and noise; its bodies and effects are not used.
-    sample_time : float
-        Sample time [s]; MuJoCo's own step is shortened where it does not divide it.
-    joints : mapping of str to str
-        MJCF joint by joint of the model, where the names differ.
-    actuator : str
-        MJCF actuator that takes the command; empty: the only one.
-    seed : int
-        Seed of the measurement noise.
-    noise : bool
-        Add the measurement noise of the model's outputs.
-
-    Raises
-    ------
-    InputError
-        MuJoCo is not installed, the file is not valid MJCF, or it has no such joint or actuator.
+    `file`: MJCF file; included files are found beside it.
+    `model`: model of the outputs, with their scale and noise; its bodies and effects are not used.
+    `sample_time`: sample time [s]; MuJoCo's own step is shortened where it does not divide it.
+    `joints`: MJCF joint by joint of the model, where the names differ.
+    `actuator`: MJCF actuator that takes the command; empty: the only one.
+    `seed`: seed of the measurement noise.
+    `noise`: add the measurement noise of the model's outputs.
+    Raises InputError: MuJoCo is not installed, the file is not valid MJCF, or it has no such joint or actuator.
     """
 
     def __init__(
@@ -107,10 +94,7 @@ class MjcfPlant:
     def schedule(self, stamp: float, command: float) -> None:
         """Apply a command from ``stamp`` [s] on, rounded to MuJoCo's steps, or from now when that is past.
 
-        Raises
-        ------
-        InputError
-            The command is not finite.
+        Raises InputError: the command is not finite.
         """
         if not math.isfinite(command):
             raise InputError(f"command at {stamp:g} s is not finite")
@@ -121,10 +105,7 @@ class MjcfPlant:
     def advance(self, until: float) -> None:
         """Run to a time [s].
 
-        Raises
-        ------
-        InputError
-            MuJoCo's simulation has become unstable.
+        Raises InputError: MuJoCo's simulation has become unstable.
         """
         length = self.step_time
         end = round(until / length)

@@ -111,16 +111,8 @@ def to_mapping(model: Model) -> dict[str, Any]:
 def with_joints(model: Model, names: Mapping[str, str]) -> Model:
     """Return the model with its signals at joints of other names; its bodies keep theirs.
 
-    Parameters
-    ----------
-    model : Model
-    names : mapping of str to str
-        New name by joint of the model.
-
-    Raises
-    ------
-    InputError
-        A joint that the model does not have.
+    `names`: new name by joint of the model.
+    Raises InputError: a joint that the model does not have.
     """
     known = {model.input.joint, *(output.joint for output in model.outputs)}
     for name in names:
@@ -155,13 +147,8 @@ def to_yaml(model: Model) -> str:
 def from_text(text: str, folder: Path | None, allowed: Iterable[Allowed] = ()) -> Model:
     """Make a model of the text that `to_yaml` wrote.
 
-    Parameters
-    ----------
-    text : str
-    folder : Path or None
-        Folder that contains the folder ``effects``.
-    allowed : iterable
-        Effect files that another process has allowed, see `idloop.physics.trust`.
+    `folder`: folder that contains the folder ``effects``.
+    `allowed`: effect files that another process has allowed, see `idloop.physics.trust`.
     """
     allow_again(allowed)
     return build_model(read_model_file(text, "model"), "model", folder)
@@ -181,10 +168,7 @@ def _base_parameter(name: str, value: Value, unit: str, low: float, where: str, 
 def build_model(file: ModelFile, where: str, folder: Path | None = None) -> Model:
     """Make a model of a checked file.
 
-    Raises
-    ------
-    InputError
-        Inconsistent units, bodies, couplings or effects.
+    Raises InputError: inconsistent units, bodies, couplings or effects.
     """
     bodies = tuple(body.name for body in file.bodies)
     for name in bodies:

@@ -255,10 +255,7 @@ def _one_line(error: ValidationError, where: str) -> str:
 def read_mapping(text: str, where: str) -> dict[str, Any]:
     """Read YAML 1.2 text whose top is a mapping.
 
-    Raises
-    ------
-    InputError
-        Not YAML, or not a mapping.
+    Raises InputError: not YAML, or not a mapping.
     """
     raw = read_yaml(text, where)
     if not isinstance(raw, dict):
@@ -269,17 +266,9 @@ def read_mapping(text: str, where: str) -> dict[str, Any]:
 def read_model_file(text: str, where: str) -> ModelFile:
     """Check the text of a model file.
 
-    Parameters
-    ----------
-    text : str
-        YAML.
-    where : str
-        Name of the file for error lines.
-
-    Raises
-    ------
-    InputError
-        One line with file, key and correction.
+    `text`: YAML.
+    `where`: name of the file for error lines.
+    Raises InputError: one line with file, key and correction.
     """
     raw = read_mapping(text, where)
     if raw.get("schema") != SCHEMA:

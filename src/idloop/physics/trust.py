@@ -64,10 +64,7 @@ class TrustedFolder:
 def read_effect_files(folder: Path) -> EffectFiles:
     """Read the Python files of a folder; none where there is no such folder.
 
-    Raises
-    ------
-    InputError
-        A file that cannot be read, or too many files.
+    Raises InputError: a file that cannot be read, or too many files.
     """
     folder = folder.resolve()
     paths = sorted(path for path in folder.glob("*.py") if path.is_file())
@@ -79,10 +76,7 @@ def read_effect_files(folder: Path) -> EffectFiles:
 def check_trusted(files: EffectFiles) -> None:
     """Refuse to run files that are not trusted.
 
-    Raises
-    ------
-    InputError
-        The folder was never trusted, or its files have changed since.
+    Raises InputError: the folder was never trusted, or its files have changed since.
     """
     if not files.effects or (files.folder, files.checksum) in _ALLOWED:
         return
@@ -126,10 +120,7 @@ def revoke(folder: Path) -> None:
 def trusted_folders() -> list[TrustedFolder]:
     """List the trusted folders.
 
-    Raises
-    ------
-    InputError
-        A record cannot be read.
+    Raises InputError: a record cannot be read.
     """
     found = []
     for path in sorted((_ours() / "trusted").glob("*")):
@@ -160,10 +151,7 @@ def allow_again(several: Iterable[Allowed]) -> None:
 def kept_copy(files: EffectFiles, name: str) -> Path:
     """Private copy of one of the files, beside which machine code is cached.
 
-    Raises
-    ------
-    InputError
-        It cannot be written.
+    Raises InputError: it cannot be written.
     """
     path = _copies(files.folder, files.checksum) / name
     if not path.is_file():

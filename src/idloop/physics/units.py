@@ -58,10 +58,7 @@ def input_unit(unit: str, where: str) -> str:
 def position_unit(unit: str, field: str, where: str) -> str:
     """Position unit that belongs to the unit of an output.
 
-    Raises
-    ------
-    InputError
-        Not a unit of a position or velocity.
+    Raises InputError: not a unit of a position or velocity.
     """
     known = [name if field == "position" else f"{name}/s" for name in FORCES]
     if unit not in known:

@@ -13,25 +13,12 @@ _ON_GRID = 0.01  # stamps within 1 % of the period count as a grid and are filte
 def zero_phase(time: Array, value: Array, low: float | None, high: float | None, order: int = 4) -> Array:
     """Filter forwards and backwards with a Butterworth filter, so that nothing is delayed.
 
-    Parameters
-    ----------
-    time : ndarray, shape (n,)
-        Stamps [s], increasing.
-    value : ndarray, shape (n,)
-        Samples; NaN (not measured) stays NaN and takes no part.
-    low, high : float or None
-        Edges of the pass band [Hz]; None leaves that side open.
-    order : int
-        Order of one pass; the magnitude response is applied twice.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-
-    Raises
-    ------
-    InputError
-        Band empty or above half the sample rate, or too few samples.
+    `time` (n,): stamps [s], increasing.
+    `value` (n,): samples; NaN (not measured) stays NaN and takes no part.
+    `low`, `high`: edges of the pass band [Hz]; None leaves that side open.
+    `order`: order of one pass; the magnitude response is applied twice.
+    Returns shape (n,).
+    Raises InputError: band empty or above half the sample rate, or too few samples.
     """
     from scipy.signal import butter, sosfiltfilt
 

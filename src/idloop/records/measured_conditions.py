@@ -44,13 +44,8 @@ class ConditionSources:
     ) -> tuple[tuple[Condition, ...], list[Finding]]:
         """Conditions of one run, and findings on them.
 
-        Parameters
-        ----------
-        streams : mapping of str to JointStream
-        units : mapping of str to str
-            Units that the bag states, by condition.
-        start_ns, end_ns : int
-            First and last measurement [ns]; times count from the first.
+        `units`: units that the bag states, by condition.
+        `start_ns`, `end_ns`: first and last measurement [ns]; times count from the first.
         """
         sources = list(self.named)
         known = {source.name for source, _ in sources}
@@ -79,11 +74,7 @@ class ConditionSources:
 def conditions_columns(conditions: Sequence[Condition], start_ns: int) -> tuple[Integers, dict[str, Array]]:
     """Stamps [ns] and columns of several conditions on one topic, NaN where one was not measured.
 
-    Parameters
-    ----------
-    conditions : sequence of Condition
-    start_ns : int
-        Stamp of time 0 [ns].
+    `start_ns`: stamp of time 0 [ns].
     """
     stamps = {one.name: start_ns + np.round(one.time * 1e9).astype(np.int64) for one in conditions}
     every = np.unique(np.concatenate(list(stamps.values())))

@@ -12,10 +12,7 @@ DEFAULT = Path(__file__).resolve().parents[4] / "shared" / "data"
 def public_data(name: str) -> Path | None:
     """Folder of a public data set: in ``IDLOOP_DATA``, else in ``../shared/data`` beside the checkout.
 
-    Returns
-    -------
-    Path or None
-        None when it is not there.
+    Returns: None when it is not there.
     """
     folder = Path(os.environ.get(VARIABLE) or DEFAULT) / name
     return folder if folder.is_dir() else None

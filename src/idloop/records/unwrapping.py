@@ -31,19 +31,10 @@ class Unwrapped:
 def unwrap(time: Array, value: Array, span: float) -> Unwrapped:
     """Undo the wrap of an encoder that repeats after `span`.
 
-    Parameters
-    ----------
-    time : ndarray, shape (n,)
-        Stamps [s], not decreasing.
-    value : ndarray, shape (n,)
-        Positions; NaN stays NaN.
-    span : float
-        Declared range, e.g. 2π or 4096 counts, in the unit of `value`.
-
-    Raises
-    ------
-    InputError
-        A range that is not positive.
+    `time` (n,): stamps [s], not decreasing.
+    `value` (n,): positions; NaN stays NaN.
+    `span`: declared range, e.g. 2π or 4096 counts, in the unit of `value`.
+    Raises InputError: a range that is not positive.
     """
     if not span > 0:
         raise InputError(f"encoder range {span:g}; it must be positive, e.g. 6.283185 for one turn in rad")

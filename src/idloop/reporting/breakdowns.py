@@ -35,11 +35,8 @@ def bin_edges(breakdown: Breakdown) -> Array:
 def bins(breakdown: Breakdown) -> dict[str, Any]:
     """Columns of a breakdown as it is drawn, a row for each bin.
 
-    Returns
-    -------
-    dict
-        ``left``, ``right`` (ends on the axis), ``mean``, ``rms``, ``low``, ``high`` (the mean less and plus the
-        standard deviation about it; all NaN in an empty bin), ``error`` and ``usual`` [%], ``name``.
+    Returns: ``left``, ``right`` (ends on the axis), ``mean``, ``rms``, ``low``, ``high`` (the mean less and plus the
+    standard deviation about it; all NaN in an empty bin), ``error`` and ``usual`` [%], ``name``.
     """
     edges = bin_edges(breakdown)
     deviation = np.sqrt(np.maximum(breakdown.rms**2 - breakdown.mean**2, 0.0))
@@ -113,17 +110,10 @@ def _accounts_for(breakdown: Breakdown) -> float:
 def shown_first(maps: Sequence[ErrorMap]) -> tuple[str, str] | None:
     """Error and variable that a reader should see first.
 
-    Parameters
-    ----------
-    maps : sequence of ErrorMap
-        Of one model on one record.
-
-    Returns
-    -------
-    tuple of (str, str), or None
-        Name of the error and the variable: that which shows most of the error beyond what its share of the time would
-        be. Over frequency every error is spread otherwise than the signal, so that it comes last. None without a
-        breakdown.
+    `maps`: of one model on one record.
+    Returns: name of the error and the variable: that which shows most of the error beyond what its share of the time
+    would be. Over frequency every error is spread otherwise than the signal, so that it comes last. None without a
+    breakdown.
     """
     # The force is free of the drift of a free run, which follows whatever moves slowly; a reason against it is noise.
     considered = [one for one in maps if one.basis == "force" and not one.why] or list(maps)

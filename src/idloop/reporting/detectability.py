@@ -19,10 +19,7 @@ def undetectable(ladder: Ladder) -> dict[str, str]:
     is left of it beside the other says nothing about what the data could show. Nor is one that was significant and was
     not added: it is listed with the reason.
 
-    Returns
-    -------
-    dict
-        Why, by ``effect@site``; empty words where that is not known any more.
+    Returns: why, by ``effect@site``; empty words where that is not known any more.
     """
     why = {candidate.name: candidate.why for candidate in ladder.candidates}
     shown = {*_found(ladder), *_significant(ladder)}
@@ -32,10 +29,7 @@ def undetectable(ladder: Ladder) -> dict[str, str]:
 def detection_limits(ladder: Ladder) -> dict[str, str]:
     """Effects that were not found, and the size at which they would have been, for a table.
 
-    Returns
-    -------
-    dict
-        Size by ``effect@site``, such as "width ≥ 0.012 V"; without those that `undetectable` lists.
+    Returns: size by ``effect@site``, such as "width ≥ 0.012 V"; without those that `undetectable` lists.
     """
     hidden = {*_found(ladder), *_significant(ladder), *ladder.untestable}
     return {name: limit.short for name, limit in ladder.limits.items() if limit.short and name not in hidden}
@@ -44,10 +38,7 @@ def detection_limits(ladder: Ladder) -> dict[str, str]:
 def significant_not_added(ladder: Ladder) -> list[Candidate]:
     """Effects that are significant on the fitted data and that the ladder did not add, without having passed them over.
 
-    Returns
-    -------
-    list of Candidate
-        Of those that were refitted last, the surest first.
+    Returns: of those that were refitted last, the surest first.
     """
     named = {*ladder.model.effect_names, *ladder.added, *(name for step in ladder.steps for name in step.set)}
     named |= set(ladder.passed_over)

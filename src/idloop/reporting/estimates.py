@@ -23,11 +23,8 @@ _AT_BOUND = 1e-6  # of a standard error, from a bound
 def parameter_estimates(model: Model) -> dict[str, dict[str, Any]]:
     """Free parameters of a fitted model, as the document of a fit has them.
 
-    Returns
-    -------
-    dict
-        ``value``, ``stderr``, ``interval`` (95 %), ``unit``, ``at_bound`` by the name of the parameter; None where
-        it is not determined.
+    Returns: ``value``, ``stderr``, ``interval`` (95 %), ``unit``, ``at_bound`` by the name of the parameter; None where
+    it is not determined.
     """
     found = {}
     for parameter in model.parameters:
@@ -98,16 +95,9 @@ def read_off_parameters(ladder: Ladder) -> dict[str, Parameter]:
 def parameter_rows(model: Model, held: Collection[str] = ()) -> list[dict[str, str]]:
     """Rows of a table of all parameters of a fitted model.
 
-    Parameters
-    ----------
-    held : collection of str
-        Parameters that are no part of the machine's description and were not estimated.
-
-    Returns
-    -------
-    list of dict
-        ``key``, ``name`` in words, ``value`` with its 95 % interval, ``unit``, ``bounds`` (empty where there are none,
-        or nothing is estimated), and ``kind``: estimated, at its bound, held or known.
+    `held`: parameters that are no part of the machine's description and were not estimated.
+    Returns: ``key``, ``name`` in words, ``value`` with its 95 % interval, ``unit``, ``bounds`` (empty where there are
+    none, or nothing is estimated), and ``kind``: estimated, at its bound, held or known.
     """
     rows = []
     for one in model.parameters:

@@ -41,10 +41,7 @@ class Frame:
 def value_frame(measured: Array, modelled: Mapping[str, Array]) -> Frame | None:
     """Frame of measured and modelled values.
 
-    Returns
-    -------
-    Frame or None
-        None where nothing was measured or it never changes: nothing sets a scale.
+    Returns: None where nothing was measured or it never changes: nothing sets a scale.
     """
     low, high = _reach(measured)
     span = high - low
@@ -70,15 +67,8 @@ def value_frame(measured: Array, modelled: Mapping[str, Array]) -> Frame | None:
 def residual_frame(measured: Array, modelled: Mapping[str, Array], band: float | None = None) -> Frame | None:
     """Frame of measured less modelled values, with the band of the noise.
 
-    Parameters
-    ----------
-    band : float, optional
-        Its half width.
-
-    Returns
-    -------
-    Frame or None
-        None where nothing sets a scale.
+    `band`: its half width.
+    Returns: None where nothing sets a scale.
     """
     low, high = _reach(measured)
     span = high - low

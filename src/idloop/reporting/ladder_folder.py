@@ -44,16 +44,8 @@ class Kept:
     def without_last(self, count: int, where: Path) -> Kept:
         """Take the last steps back, and keep what they were.
 
-        Parameters
-        ----------
-        count : int
-        where : Path
-            Folder of the ladder, for the message.
-
-        Raises
-        ------
-        InputError
-            The ladder has fewer effects.
+        `where`: folder of the ladder, for the message.
+        Raises InputError: the ladder has fewer effects.
         """
         added = self.ladder.added
         if count > len(added):
@@ -70,18 +62,9 @@ class Kept:
 def check_target(folder: Path, what: str, *, overwrite: bool) -> None:
     """Refuse a folder that cannot be written or holds a ladder already, before the work is done.
 
-    Parameters
-    ----------
-    folder : Path
-    what : str
-        What names it in the message: the option.
-    overwrite : bool
-        A ladder that is there may be written anew.
-
-    Raises
-    ------
-    InputError
-        A file of that name, no folder above it, or files that would be overwritten.
+    `what`: what names it in the message: the option.
+    `overwrite`: a ladder that is there may be written anew.
+    Raises InputError: a file of that name, no folder above it, or files that would be overwritten.
     """
     probe_folder(folder, what)
     there = [name for name in FILES if (folder / name).exists()]
@@ -95,10 +78,7 @@ def check_target(folder: Path, what: str, *, overwrite: bool) -> None:
 def read_ladder(folder: Path) -> Kept:
     """Read what `idloop refine --output` has written.
 
-    Raises
-    ------
-    InputError
-        There is no ladder in the folder.
+    Raises InputError: there is no ladder in the folder.
     """
     from idloop.diagnosis import Ladder
 
@@ -124,10 +104,7 @@ def read_ladder(folder: Path) -> Kept:
 def write_ladder(folder: Path, kept: Kept) -> None:
     """Write the ladder and its model, so that it can be gone on with.
 
-    Raises
-    ------
-    IdloopError
-        When they cannot be written.
+    Raises IdloopError: when they cannot be written.
     """
     make_folder(folder)
     document = {
@@ -156,10 +133,7 @@ def write_all(
 ) -> Contents:
     """Write everything: ladder, model, figures, the next experiment with what its rivals would show, the report.
 
-    Returns
-    -------
-    Contents
-        What the report says.
+    Returns: what the report says.
     """
     from idloop.drawing import save
     from idloop.reporting.page.contents import gather

@@ -61,17 +61,7 @@ class Next:
 def next_of_ladder(ladder: Ladder, records: Sequence[Record], limits: Limits, options: Mapping[str, Any]) -> Next:
     """What settles what a ladder has left open.
 
-    Parameters
-    ----------
-    ladder : Ladder
-    records : sequence of Record
-    limits : Limits
-    options : mapping
-        Further arguments of `idloop.diagnosis.design.next_experiment.suggest_next`.
-
-    Returns
-    -------
-    Next
+    `options`: further arguments of `idloop.diagnosis.design.next_experiment.suggest_next`.
     """
     from idloop.diagnosis.design.next_experiment import suggest_next
 

@@ -15,10 +15,7 @@ SCHEMA = "idloop/next/1"
 def next_document(suggestion: Suggestion) -> dict[str, Any]:
     """Plain values for JSON.
 
-    Returns
-    -------
-    dict
-        Schema ``idloop/next/1``: what ``ladder.json`` says of it, and what its simulation needs.
+    Returns: schema ``idloop/next/1``: what ``ladder.json`` says of it, and what its simulation needs.
     """
     return {
         "schema": SCHEMA,
@@ -34,10 +31,7 @@ def next_document(suggestion: Suggestion) -> dict[str, Any]:
 def read_next(document: dict[str, Any], folder: Path | None = None) -> Suggestion:
     """Read what `next_document` wrote.
 
-    Parameters
-    ----------
-    folder : Path, optional
-        Where the models' own effects lie.
+    `folder`: where the models' own effects lie.
     """
     from idloop.diagnosis.design.suggest import Limits, Outcome, Suggestion
     from idloop.physics.model_file import from_text

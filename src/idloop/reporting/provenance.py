@@ -20,17 +20,9 @@ def provenance(
 ) -> dict[str, Any]:
     """Describe where a result comes from; no time of day, so that equal work gives equal files.
 
-    Parameters
-    ----------
-    bags, validate : sequence of Path
-        Recordings that were fitted, and those that were not.
-    commands : sequence of str
-        Command lines that made the result, in their order.
-
-    Returns
-    -------
-    dict
-        ``commands``, ``seed``, ``versions``, and ``bags`` with ``path``, ``use``, ``bytes``, ``sha256``.
+    `bags`, `validate`: recordings that were fitted, and those that were not.
+    `commands`: command lines that made the result, in their order.
+    Returns: ``commands``, ``seed``, ``versions``, and ``bags`` with ``path``, ``use``, ``bytes``, ``sha256``.
     """
     used = [(bag, "fitted") for bag in bags] + [(bag, "unseen") for bag in validate]
     return {
@@ -53,10 +45,7 @@ def versions() -> dict[str, str]:
 def checksum(bag: Path) -> dict[str, Any]:
     """Size and SHA-256 of a recording; of a folder that of its files' names and contents, in order.
 
-    Returns
-    -------
-    dict
-        ``bytes`` and ``sha256``; both None where the recording cannot be read.
+    Returns: ``bytes`` and ``sha256``; both None where the recording cannot be read.
     """
     digest, size = hashlib.sha256(), 0
     folder = bag.is_dir()

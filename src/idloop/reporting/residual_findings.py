@@ -45,16 +45,9 @@ class ResidualFinding:
 def residual_findings(comparisons: Iterable[Comparison]) -> list[ResidualFinding]:
     """Tests of the one-step errors of every output.
 
-    Parameters
-    ----------
-    comparisons : iterable of Comparison
-        One model on one or several records.
-
-    Returns
-    -------
-    list of ResidualFinding
-        Records that are too short for the tests are left out, and outputs of which the free run misses a negligible
-        part: what is left of exact data is the simulator's doing.
+    `comparisons`: one model on one or several records.
+    Returns: records that are too short for the tests are left out, and outputs of which the free run misses a
+    negligible part: what is left of exact data is the simulator's doing.
     """
     return [
         ResidualFinding(one.record.name, test)
@@ -87,15 +80,8 @@ def findings_on_records(model: Model, records: Sequence[Record]) -> list[Residua
 def residual_warnings(verdict: str, found: Sequence[ResidualFinding]) -> list[str]:
     """What the tests say against a verdict that reads as if noise were left.
 
-    Parameters
-    ----------
-    found : sequence of ResidualFinding
-        On the fitted data.
-
-    Returns
-    -------
-    list of str
-        What more is left, and of which outputs; empty where the verdict says so already.
+    `found`: on the fitted data.
+    Returns: what more is left, and of which outputs; empty where the verdict says so already.
     """
     from idloop.diagnosis.search.step import NOISE_VERDICTS  # not before: a comparison needs no diagnosis
 

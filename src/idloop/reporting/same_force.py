@@ -33,12 +33,8 @@ def same_forces(candidates: Sequence[Candidate], names: Sequence[str]) -> tuple[
 
     Their equations differ, such as by a phase that was found to be zero.
 
-    Parameters
-    ----------
-    candidates : sequence of Candidate
-        With their fitted models; those without one are passed over.
-    names : sequence of str
-        Effects that tie, ``effect@site``.
+    `candidates`: with their fitted models; those without one are passed over.
+    `names`: effects that tie, ``effect@site``.
     """
     known = [one for one in candidates if one.name in names and one.model is not None]
     groups: list[list[Candidate]] = []

@@ -89,10 +89,7 @@ class Score:
 def scores_of(errors: Mapping[str, Any], data: str = "", model: str = "") -> dict[str, Score]:
     """Scores of the errors that a step of a ladder has of some data, by output and "drive force".
 
-    Returns
-    -------
-    dict
-        The outputs whose FIT is known, then the drive force where it is.
+    Returns: the outputs whose FIT is known, then the drive force where it is.
     """
     ahead, steps = errors.get("ahead", {}), int(errors.get("steps", 0))
     found = {

@@ -21,10 +21,8 @@ FEWEST = 100
 def refuted_noise(comparisons: Iterable[Comparison]) -> dict[str, float]:
     """Outputs of which a model misses less than the stated noise, and how much that is.
 
-    Returns
-    -------
-    dict
-        Least rms of the free-run error, which bounds the noise that the sensor really has, by the name of the output.
+    Returns: least rms of the free-run error, which bounds the noise that the sensor really has, by the name of the
+    output.
     """
     least: dict[str, float] = {}
     for one in comparisons:

@@ -59,12 +59,8 @@ _LEFT = {
 def conclusion(ladder: Ladder, left: Sequence[ResidualFinding] = (), only: str = "") -> str:
     """How a ladder ends, what the reader is to conclude first.
 
-    Parameters
-    ----------
-    left : sequence of ResidualFinding
-        Residual tests of the last model on the fitted data.
-    only : str
-        What was looked for where that was not the whole catalogue, as `scope_text` says it.
+    `left`: residual tests of the last model on the fitted data.
+    `only`: what was looked for where that was not the whole catalogue, as `scope_text` says it.
     """
     end = ending(ladder.verdict, only, ladder.response)
     names = [] if ladder.response.uninformative else confounding_effects(ladder)
@@ -162,11 +158,8 @@ def basis(lacking: Sequence[str]) -> str:
 def effects_looked_for(result: Ladder | Diagnosis) -> tuple[str, ...]:
     """Effects that were looked for in the end, where the catalogue has more for this machine.
 
-    Returns
-    -------
-    tuple of str
-        As words, without their sites where every site was looked at; empty for the whole catalogue, and where the
-        ladder does not say what was weighed.
+    Returns: as words, without their sites where every site was looked at; empty for the whole catalogue, and where the
+    ladder does not say what was weighed.
     """
     weighed = list(dict.fromkeys(one.name for one in result.candidates))
     # Of an effect that was looked for and is in the model now, nothing further is weighed.

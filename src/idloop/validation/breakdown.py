@@ -165,22 +165,13 @@ def break_down(
 ) -> Breakdown:
     """Share of the squared error by ranges of a variable.
 
-    Parameters
-    ----------
-    variable, label, unit : str
-        See `Breakdown`.
-    values : array, shape (n,)
-        The variable at each sample; infinite values belong to the category `beyond`.
-    error : array, shape (n,)
-        Finite.
-    edges : array, shape (bins + 1,)
-        Increasing; they enclose all finite values.
-    beyond : str
-        Description of a further bin for infinite values; empty when there are none.
-    circular : bool
-        See `Breakdown`.
-    levels : array, shape (bins,), optional
-        See `Breakdown`.
+    `variable`, `label`, `unit`: see `Breakdown`.
+    `values` (n,): the variable at each sample; infinite values belong to the category `beyond`.
+    `error` (n,): finite.
+    `edges` (bins + 1,): increasing; they enclose all finite values.
+    `beyond`: description of a further bin for infinite values; empty when there are none.
+    `circular`: see `Breakdown`.
+    `levels` (bins,): see `Breakdown`.
     """
     index = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
     index = np.where(np.isfinite(values), index, len(edges) - 1)

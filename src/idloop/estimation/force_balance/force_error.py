@@ -37,11 +37,7 @@ class RecordBalance:
         A nonlinear effect at the command acts on the values on both sides of a jump, not on their mean: the balance is
         evaluated on either side and weighted by the time before and after the jump.
 
-        Parameters
-        ----------
-        engine : Engine
-        rest_speed : float
-            Speed below which the driven body counts as standing, in its own unit.
+        `rest_speed`: speed below which the driven body counts as standing, in its own unit.
         """
         motion, around = self.motion, self.command
         value, weight = np.column_stack([around.mean, around.mean]), np.full((len(motion.time), 2), 0.5)
@@ -63,12 +59,7 @@ class RecordBalance:
 def record_balance(engine: Engine, data: Data, cutoff: float | None = None) -> RecordBalance | None:
     """Prepare the force balance of a record; None when some body is not measured.
 
-    Parameters
-    ----------
-    engine : Engine
-    data : Data
-    cutoff : float, optional
-        Cut-off of the differentiating filter [Hz]; from the data when left out.
+    `cutoff`: cut-off of the differentiating filter [Hz]; from the data when left out.
     """
     motion = measured_motion(engine.model, data, cutoff)
     if motion is None or engine.layout(None).bodies != len(engine.model.bodies):

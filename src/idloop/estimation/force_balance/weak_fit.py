@@ -240,11 +240,7 @@ class WeakFit:
 def relative_errors(form: WeakForm, theta: Array, shift: float) -> Array:
     """Rms of the unexplained force of every body over that of the acting force (of the drive), shape (bodies,).
 
-    Parameters
-    ----------
-    form : WeakForm
-    theta, shift
-        As of `WeakForm.residual`.
+    `theta`, `shift`: as of `WeakForm.residual`.
     """
     left = form.residual(theta, shift)
     acting = form.inertia(theta) * form.inertial - left
@@ -427,24 +423,12 @@ def fit_weak(
 ) -> WeakFit:
     """Fit a model to a force balance.
 
-    Parameters
-    ----------
-    form : WeakForm
-    start : array, shape (k,) or (k + 1,)
-        Free parameters, and the command delay where that is free (0 when left out).
-    rounds : int
-        Most iterations.
-    tolerance : float
-        Predicted gain of log-likelihood at which the search ends.
-    equal_shares : bool
-        Count every window by its command: not the likelihood, but a start for a search.
-    rows : array of int, optional
-        Fit to these windows only; the slopes of the result are those of all or none.
-
-    Raises
-    ------
-    IdloopError
-        The balance cannot be evaluated at the start.
+    `start` (k,) or (k + 1,): free parameters, and the command delay where that is free (0 when left out).
+    `rounds`: most iterations.
+    `tolerance`: predicted gain of log-likelihood at which the search ends.
+    `equal_shares`: count every window by its command: not the likelihood, but a start for a search.
+    `rows`: fit to these windows only; the slopes of the result are those of all or none.
+    Raises IdloopError: the balance cannot be evaluated at the start.
     """
     lower, upper = _limits(form)
     point = np.clip(start if len(start) == len(lower) else np.append(start, 0.0), lower, upper)
@@ -530,29 +514,13 @@ def fit_by_force(
     This must hold for every body, else for some body. Where noise is much of the acceleration the inertia is biased
     down, and with it the noise in units of force: far wider windows must not show a larger inertia.
 
-    Parameters
-    ----------
-    engine : Engine
-    data : sequence of Data
-    start : array, shape (k,)
-    known : dict of int to WeakForm, optional
-        Cache of windows of these data by width, for other models.
-    accept_noise : bool
-        Use the widest windows where sensor noise dominates in all.
-    rest_speed : float, optional
-        First rest speed of the search [m/s or rad/s].
-    narrowest : int
-        Samples in the first windows.
-
-    Returns
-    -------
-    WeakFit or None
-        None where some body is not measured, or sensor noise dominates at any width.
-
-    Raises
-    ------
-    IdloopError
-        The balance cannot be evaluated at the start.
+    `start` (k,).
+    `known`: cache of windows of these data by width, for other models.
+    `accept_noise`: use the widest windows where sensor noise dominates in all.
+    `rest_speed`: first rest speed of the search [m/s or rad/s].
+    `narrowest`: samples in the first windows.
+    Returns: None where some body is not measured, or sensor noise dominates at any width.
+    Raises IdloopError: the balance cannot be evaluated at the start.
     """
     width, point = narrowest, start
     forms = {} if known is None else known

@@ -99,19 +99,11 @@ class WindowShares:
 def test_functions(width: int, step: float) -> tuple[Array, Array, Array]:
     """The test function and its two derivatives, sampled.
 
-    Parameters
-    ----------
-    width : int
-        Samples.
-    step : float
-        Sample time [s].
-
-    Returns
-    -------
-    value, first, second : array, shape (width,)
-        Weights of sums for the integrals ∫ φ f, ∫ φ̇ f and ∫ φ̈ f, with ∫ φ = 1; φ is 0 at both ends. The derivatives
-        are central differences: summed by parts, the sums are exact for a force that is constant from each sample to
-        the next, as that of a held command is.
+    `width`: samples.
+    `step`: sample time [s].
+    Returns `value`, `first`, `second` (width,): weights of sums for the integrals ∫ φ f, ∫ φ̇ f and ∫ φ̈ f, with ∫ φ =
+    1; φ is 0 at both ends. The derivatives are central differences: summed by parts, the sums are exact for a force
+    that is constant from each sample to the next, as that of a held command is.
     """
     value = np.cos(0.5 * np.pi * np.linspace(-1.0, 1.0, width)) ** 4
     value[[0, -1]] = 0.0
@@ -187,20 +179,12 @@ def _free_timing(engine: Engine) -> bool:
 class WeakForm:
     """Unexplained force of a model, window by window.
 
-    Parameters
-    ----------
-    engine : Engine
-        Compiled model; every body is measured.
-    data : sequence of Data
-        The records.
-    tracks : sequence of WindowedRecord
-        One for each record or segment of one, all of one width.
-    width : int
-        Samples in a window.
-    rest_speed : float, optional
-        Speed below which a body counts as at rest [m/s or rad/s]; by default from the noise of these records.
-    motions : sequence of Motion, optional
-        Of the whole records, where the tracks are segments of them.
+    `engine`: compiled model; every body is measured.
+    `data`: the records.
+    `tracks`: one for each record or segment of one, all of one width.
+    `width`: samples in a window.
+    `rest_speed`: speed below which a body counts as at rest [m/s or rad/s]; by default from the noise of these records.
+    `motions`: of the whole records, where the tracks are segments of them.
 
     Attributes
     ----------
@@ -321,16 +305,9 @@ class WeakForm:
     def residual(self, theta: Array, shift: float) -> Array:
         """Unexplained force of every window: inertial force minus all modelled forces.
 
-        Parameters
-        ----------
-        theta : array, shape (k,)
-            Free parameters.
-        shift : float
-            Time from the stamp of a command to its action [s].
-
-        Returns
-        -------
-        array, shape (rows, bodies)
+        `theta` (k,): free parameters.
+        `shift`: time from the stamp of a command to its action [s].
+        Returns shape (rows, bodies).
         """
         # Cached: a fit, its scale and its likelihood need the same point in turn.
         key = np.append(theta, shift).tobytes()
@@ -391,19 +368,10 @@ class WeakForm:
     def drives(self, theta: Array, shift: float, least: float) -> tuple[float, Array]:
         """Response of the drive's force to the command: over all windows, and in each.
 
-        Parameters
-        ----------
-        theta, shift
-            As of `residual`.
-        least : float
-            Derivative above which a window has full weight in the response over all windows [force per input].
-
-        Returns
-        -------
-        overall : float
-            Standard deviation of the force over that of the command, above 0 [force per input].
-        each : array, shape (rows,)
-            Derivative, at least 0 [force per input].
+        `theta`, `shift`: as of `residual`.
+        `least`: derivative above which a window has full weight in the response over all windows [force per input].
+        Returns `overall`: standard deviation of the force over that of the command, above 0 [force per input].
+        and `each` (rows,): derivative, at least 0 [force per input].
         """
         balance, values, timing = self._at(theta, shift)
         if not balance.inputs:

@@ -56,20 +56,12 @@ def fit_disturbance(
     Disturbance and whitening explain much the same, so that alternating between them converges slowly. The search uses
     translated innovations; at its end the model is simulated, and the search continues from there.
 
-    Parameters
-    ----------
-    criterion : Criterion
-        Keeps the result; one without a disturbance is only weighed.
-    problem : LeastSquaresProblem
-        Of this criterion; keeps the noise model.
-    theta : array, shape (k,)
-        Free parameters of the model.
-    orders : list of int or None
-        Whitening orders, one for each group of outputs; None chooses them.
-    probes : sequence of Disturbance
-        Further starting values.
-    reach : float
-        First step [decades].
+    `criterion`: keeps the result; one without a disturbance is only weighed.
+    `problem`: of this criterion; keeps the noise model.
+    `theta` (k,): free parameters of the model.
+    `orders`: whitening orders, one for each group of outputs; None chooses them.
+    `probes`: further starting values.
+    `reach`: first step [decades].
     """
     nuisance = criterion.nuisance()[0]
     here = weigh(problem, np.concatenate([theta, nuisance]), orders)
@@ -113,16 +105,9 @@ def other_disturbance(
 
     A strong, nearly white disturbance and a weak random walk may both be local optima.
 
-    Parameters
-    ----------
-    estimation : EstimationProblem
-    model : Model
-    theta : array, shape (k,)
-        Free parameters of the model.
-    here : Disturbance
-        The present one.
-    orders : list of int or None
-        Whitening orders.
+    `theta` (k,): free parameters of the model.
+    `here`: the present one.
+    `orders`: whitening orders.
     """
     full = estimation.criterion(model)
     if not isinstance(full, InnovationCriterion):
@@ -166,19 +151,10 @@ def tuned_on_subset(
 def fit_random_walk(criterion: InnovationCriterion, theta: Array, *, whiten: bool) -> float:
     """Intensity of the random-walk disturbance that explains the innovations of a known model best [decades].
 
-    Parameters
-    ----------
-    criterion : InnovationCriterion
-        Keeps the disturbance.
-    theta : array, shape (k,)
-        Free parameters of the model.
-    whiten : bool
-        Compare what autoregressions of suitable order leave of the innovations, not the innovations themselves.
-
-    Raises
-    ------
-    IdloopError
-        No observer can be designed for this model and data.
+    `criterion`: keeps the disturbance.
+    `theta` (k,): free parameters of the model.
+    `whiten`: compare what autoregressions of suitable order leave of the innovations, not the innovations themselves.
+    Raises IdloopError: no observer can be designed for this model and data.
     """
     criterion.retune(theta)
     problem = LeastSquaresProblem(criterion, len(theta))

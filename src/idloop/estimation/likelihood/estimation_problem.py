@@ -44,13 +44,8 @@ _EXACT = 1e-9
 class BoundedRateEngine(CachingEngine):
     """Engine whose methods raise `IdloopError` for parameter values with dynamics far faster than the samples.
 
-    Parameters
-    ----------
-    model : Model
-    sample_time : float
-        Of the records [s].
-    speed : float
-        Largest speed in the records.
+    `sample_time`: of the records [s].
+    `speed`: largest speed in the records.
 
     Attributes
     ----------
@@ -177,18 +172,9 @@ def prepare_estimation(
 ) -> EstimationProblem:
     """Check records and prepare them for estimation.
 
-    Parameters
-    ----------
-    model : Model
-    records : sequence of Record
-    kind : {"prediction", "simulation"}
-    companions : sequence of Record
-        Further records of the same outputs, for another problem with noise models of the same groups.
-
-    Raises
-    ------
-    InputError
-        The records do not match the model, or the command never changes.
+    `kind`: one of "prediction", "simulation".
+    `companions`: further records of the same outputs, for another problem with noise models of the same groups.
+    Raises InputError: the records do not match the model, or the command never changes.
     """
     together = prepare(model, [*records, *companions] if records else [])
     data = together[: len(records)]

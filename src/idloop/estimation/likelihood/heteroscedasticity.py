@@ -20,12 +20,8 @@ def segment_starts(rows: int) -> Integers:
 def heteroscedasticity(directions: Array, errors: Array) -> float:
     """Variance of the errors along some directions over their mean variance, at least 1.
 
-    Parameters
-    ----------
-    directions : array, shape (n, g)
-        Orthonormal.
-    errors : array, shape (n,)
-        Orthogonal to the directions.
+    `directions` (n, g): orthonormal.
+    `errors` (n,): orthogonal to the directions.
     """
     variance = max(float(np.mean(errors**2)), 1e-300)
     ratio = max(1.0, float(np.max((directions**2).T @ errors**2)) / variance)

@@ -16,14 +16,9 @@ def weigh(problem: LeastSquaresProblem, point: Array, orders: list[int] | None =
 
     One unit is subtracted for each parameter of the noise model.
 
-    Parameters
-    ----------
-    problem : LeastSquaresProblem
-        Keeps the noise model.
-    point : array, shape (k + m,)
-        Free parameters, then nuisance parameters.
-    orders : list of int, optional
-        Whitening orders, one for each group of outputs; chosen from the errors when left out.
+    `problem`: keeps the noise model.
+    `point` (k + m,): free parameters, then nuisance parameters.
+    `orders`: whitening orders, one for each group of outputs; chosen from the errors when left out.
     """
     with np.errstate(all="ignore"):
         try:
@@ -42,16 +37,9 @@ def start_log_likelihood(problem: LeastSquaresProblem, point: Array) -> float:
     The whitening has no complete past for them; each is predicted by the autoregression of as many lags as it has
     (Levinson's lower orders). Only these instants show a constant force beside a random-walk disturbance.
 
-    Parameters
-    ----------
-    problem : LeastSquaresProblem
-        With the noise model of the point.
-    point : array, shape (k + m,)
-
-    Returns
-    -------
-    float
-        0 without whitening, and for criteria other than innovations.
+    `problem`: with the noise model of the point.
+    `point` (k + m,).
+    Returns: 0 without whitening, and for criteria other than innovations.
     """
     criterion = problem.criterion
     if not isinstance(criterion, InnovationCriterion) or not any(problem.orders):

@@ -412,18 +412,9 @@ refit_or_none = _or_none(refit)
 def transfer(estimation: EstimationProblem, fit: Refit, *, own_disturbance: bool = False) -> Refit | None:
     """A fitted model on other records, with its parameters and noise model.
 
-    Parameters
-    ----------
-    estimation : EstimationProblem
-        The other records.
-    fit : Refit
-    own_disturbance : bool
-        Fit the disturbance to the other records.
-
-    Returns
-    -------
-    Refit or None
-        None where the model cannot be simulated on them.
+    `estimation`: the other records.
+    `own_disturbance`: fit the disturbance to the other records.
+    Returns: None where the model cannot be simulated on them.
     """
     try:
         criterion = estimation.criterion(fit.model)

@@ -42,22 +42,13 @@ _START_DEVIATION = 3.0
 class InnovationCriterion:
     """Innovations of a Kalman filter from an uncertain start; nuisance are log10 of intensity and memory.
 
-    Parameters
-    ----------
-    engine : Engine
-        Compiled model.
-    data : list of Data
-        Records.
-    output_noise : array, shape (p,)
-        Standard deviation of each output's measurement noise.
-    force_scale : float
-        Typical drive force; the unit of the intensity.
-    exponent : float
-        Initial intensity, in decades.
-    memory : float
-        Initial correlation time of the disturbance, in decades of a sample.
-    groups : list of list of int, optional
-        Outputs that share a noise model; those measured at the same instants when left out.
+    `engine`: compiled model.
+    `data`: records.
+    `output_noise` (p,): standard deviation of each output's measurement noise.
+    `force_scale`: typical drive force; the unit of the intensity.
+    `exponent`: initial intensity, in decades.
+    `memory`: initial correlation time of the disturbance, in decades of a sample.
+    `groups`: outputs that share a noise model; those measured at the same instants when left out.
 
     Attributes
     ----------

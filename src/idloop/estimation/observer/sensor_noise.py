@@ -45,15 +45,8 @@ def noise_std(values: ArrayLike) -> float:
     Third differences remove the motion over four samples; their median absolute value ignores the few samples of fast
     changes.
 
-    Parameters
-    ----------
-    values : array, shape (n,)
-        Measured output at a constant rate; NaN samples are left out.
-
-    Returns
-    -------
-    float
-        At least that of rounding to the quantum, and 1e-9 of the range of values; 0 for fewer than 8 samples.
+    `values` (n,): measured output at a constant rate; NaN samples are left out.
+    Returns: at least that of rounding to the quantum, and 1e-9 of the range of values; 0 for fewer than 8 samples.
     """
     y = np.asarray(values, dtype=float)
     y = y[np.isfinite(y)]

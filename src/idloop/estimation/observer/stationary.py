@@ -21,18 +21,10 @@ class Observer:
 def discretise(matrix: Array, noise: Array, sample_time: float) -> tuple[Array, Array]:
     """Transition matrix and noise covariance over one sample (Van Loan, IEEE Trans. Automatic Control 23, 1978).
 
-    Parameters
-    ----------
-    matrix : array, shape (m, m)
-        Continuous-time system matrix [1/s].
-    noise : array, shape (m, m)
-        Intensity of the continuous white noise [state²/s].
-    sample_time : float
-        Sample time [s].
-
-    Returns
-    -------
-    transition, covariance : array, shape (m, m)
+    `matrix` (m, m): continuous-time system matrix [1/s].
+    `noise` (m, m): intensity of the continuous white noise [state²/s].
+    `sample_time`: sample time [s].
+    Returns `transition`, `covariance` (m, m).
     """
     from scipy.linalg import expm
 
@@ -59,20 +51,11 @@ def riccati(transition: Array, output: Array, process: Array, measurement: Array
     Solves ``P = A P Aᵀ − A P Cᵀ (C P Cᵀ + R)⁻¹ C P Aᵀ + Q``. Doubling (Chu, Fan and Lin, Int. J. Control 2005) needs no
     eigenvalue separation, unlike `scipy.linalg.solve_discrete_are`, which fails for an unobserved integrator.
 
-    Parameters
-    ----------
-    transition, process : array, shape (m, m)
-    output : array, shape (p, m)
-    measurement : array, shape (p, p)
-
-    Returns
-    -------
-    array, shape (m, m)
-
-    Raises
-    ------
-    IdloopError
-        If no stationary covariance exists: an unstable motion is not observed.
+    `transition`, `process` (m, m).
+    `output` (p, m).
+    `measurement` (p, p).
+    Returns shape (m, m).
+    Raises IdloopError: if no stationary covariance exists: an unstable motion is not observed.
     """
     m = len(transition)
     identity = np.eye(m)

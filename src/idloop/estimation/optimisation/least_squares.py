@@ -13,15 +13,10 @@ from idloop.estimation.statistics.whitening import Whitener, choose_order, fit_w
 class LeastSquaresProblem:
     """A criterion with the weights and whitening orders of its noise model.
 
-    Parameters
-    ----------
-    criterion : Criterion
-    parameters : int
-        Number of model parameters; nuisance parameters follow them in a point.
-    whiteners : list of Whitener, optional
-        Fixed whitening, one for each group of outputs.
-    floors : list of array, optional
-        Least standard deviation of the errors by group and output, so that rounding of exact data is not significant.
+    `parameters`: number of model parameters; nuisance parameters follow them in a point.
+    `whiteners`: fixed whitening, one for each group of outputs.
+    `floors`: least standard deviation of the errors by group and output, so that rounding of exact data is not
+    significant.
 
     Notes
     -----

@@ -12,18 +12,10 @@ def directions(gram: Array, least: float) -> tuple[Array, Array]:
 
     By the Gram matrix, whose cost hardly grows with the rows; it resolves values above about 1e-7 of the largest.
 
-    Parameters
-    ----------
-    gram : array, shape (k, k)
-        Regressors, transposed, times themselves.
-    least : float
-        Least singular value that is kept, as a part of the largest.
-
-    Returns
-    -------
-    vectors : array, shape (k, kept)
-    values : array, shape (kept,)
-        The strongest last.
+    `gram` (k, k): regressors, transposed, times themselves.
+    `least`: least singular value that is kept, as a part of the largest.
+    Returns `vectors` (k, kept).
+    and `values` (kept,): the strongest last.
     """
     power, vectors = np.linalg.eigh(gram)
     kept = power > max(least**2 * float(power[-1]), 1e-300)

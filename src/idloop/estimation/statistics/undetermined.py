@@ -121,12 +121,8 @@ def common_factor(model: Model, covariance: Array) -> Undetermined | None:
 
     Where the inertia hardly shows, as in slow motion, forces that are known relative to it share such a factor.
 
-    Parameters
-    ----------
-    model : Model
-        Fitted.
-    covariance : array, shape (k, k) or more
-        Of its free parameters, and of others behind them.
+    `model`: fitted.
+    `covariance` (k, k): of its free parameters, and of others behind them.
     """
     values, (lower, upper) = model.theta, model.bounds
     covariance = covariance[: len(values), : len(values)]
@@ -150,12 +146,8 @@ def standard_errors(model: Model, covariance: Array) -> dict[str, float | None]:
 
     Of parameters of which only the ratios are determined one is held.
 
-    Parameters
-    ----------
-    model : Model
-        Fitted.
-    covariance : array, shape (k, k) or more
-        Of its free parameters, and of others behind them.
+    `model`: fitted.
+    `covariance` (k, k): of its free parameters, and of others behind them.
     """
     covariance = covariance[: len(model.free), : len(model.free)]
     factor = common_factor(model, covariance)
@@ -215,14 +207,9 @@ def exactly_tied(model: Model, jacobian: Array, values: Array) -> Undetermined |
 
     The last parameter is the one that was added last to a model. Where they share a factor their ratios are determined.
 
-    Parameters
-    ----------
-    model : Model
-        Before the fit: the held parameter keeps its value.
-    jacobian : array, shape (n, k + m)
-        Of the errors, free parameters first.
-    values : array, shape (k,)
-        At which the Jacobian was taken.
+    `model`: before the fit: the held parameter keeps its value.
+    `jacobian` (n, k + m): of the errors, free parameters first.
+    `values` (k,): at which the Jacobian was taken.
     """
     hessian = jacobian.T @ jacobian
     tied, _ = ties(hessian, len(model.free))

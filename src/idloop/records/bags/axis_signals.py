@@ -35,20 +35,11 @@ class AxisSignals:
 def axis_signals(bag: Path | str, outputs: Sequence[str] = (), joint: str | None = None) -> AxisSignals:
     """Find the effort of ``joint_command`` and the fields of ``joint_states`` that move.
 
-    Parameters
-    ----------
-    bag : Path or str
-        rosbag2 directory, ``.mcap`` or ``.db3`` file.
-    outputs : sequence of str, optional
-        Measurements to read, such as ``motor.velocity``, of any joint; by default every field of the commanded joint
-        that moves.
-    joint : str, optional
-        Commanded joint; needed where ``joint_command`` holds several.
-
-    Raises
-    ------
-    InputError
-        No such topic, several commanded joints, or an output that the bag does not hold.
+    `bag`: rosbag2 directory, ``.mcap`` or ``.db3`` file.
+    `outputs`: measurements to read, such as ``motor.velocity``, of any joint; by default every field of the commanded
+    joint that moves.
+    `joint`: commanded joint; needed where ``joint_command`` holds several.
+    Raises InputError: no such topic, several commanded joints, or an output that the bag does not hold.
     """
     with Bag(bag) as opened:
         command, states = (resolve_topic(name, opened.topics, bag) for name in ("joint_command", "joint_states"))
@@ -97,10 +88,7 @@ def moving_commands(bag: Path | str, chosen: InputSignal) -> tuple[str, ...]:
 def chosen_outputs(signals: AxisSignals, outputs: Sequence[str]) -> AxisSignals:
     """Leave only some outputs, in the order given; all of them where none is named.
 
-    Raises
-    ------
-    InputError
-        An output that is not among them.
+    Raises InputError: an output that is not among them.
     """
     known = {output.name: output for output in signals.outputs}
     for name in outputs:

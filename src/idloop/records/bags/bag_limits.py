@@ -56,10 +56,7 @@ def _decompressors() -> dict[str, Callable[[], Any]]:
 def unpack_beginning(data: bytes, compression: str) -> bytes:
     """Return what the first bytes of a chunk hold, as far as they can be unpacked and within the limit.
 
-    Raises
-    ------
-    Exception
-        Any, where they are damaged or the compression is unknown.
+    Raises Exception: any, where they are damaged or the compression is unknown.
     """
     if not compression:
         return data
@@ -70,10 +67,7 @@ def unpack_beginning(data: bytes, compression: str) -> bytes:
 def unpack_message(data: bytes) -> bytes:
     """Return a message as it was published: one that the recorder packed says so in its first bytes, as no other does.
 
-    Raises
-    ------
-    Exception
-        Any, where it cannot be unpacked within the limit.
+    Raises Exception: any, where it cannot be unpacked within the limit.
     """
     if data[:4] != ZSTD_MAGIC:
         return data

@@ -70,17 +70,10 @@ class CdrWriter:
 class CdrReader:
     """Takes one message apart; every read checks that the bytes are there.
 
-    Parameters
-    ----------
-    data : bytes
-        The message.
-    order : {"<", ">"}
-        Byte order that it must have: little or big endian.
-
-    Raises
-    ------
-    CdrError
-        The message is not plain CDR in this byte order. The methods raise it where the bytes end too early.
+    `data`: the message.
+    `order`: one of "<", ">". Byte order that it must have: little or big endian.
+    Raises CdrError: the message is not plain CDR in this byte order. The methods raise it where the bytes end too
+    early.
     """
 
     def __init__(self, data: bytes, order: str = "<") -> None:
@@ -159,10 +152,7 @@ class JointLayout:
 def read_layout(data: bytes) -> JointLayout:
     """Return the layout of one serialised JointState.
 
-    Raises
-    ------
-    CdrError
-        The message is not plain CDR, or its lengths do not fit into it.
+    Raises CdrError: the message is not plain CDR, or its lengths do not fit into it.
     """
     if data[:1] != b"\x00":
         raise CdrError("not plain CDR")

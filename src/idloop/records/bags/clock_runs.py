@@ -28,11 +28,7 @@ def announced_runs(stream: JointStream, runs: int) -> list[JointStream]:
     A message replaces all earlier ones with its stamp or a later one, as in the nodes. Where the stamps go back more
     often than the clock was reset, the largest steps back are taken as the resets.
 
-    Parameters
-    ----------
-    stream : JointStream
-    runs : int
-        Runs of the clock of the measured topics; fewer are returned where the stream has fewer.
+    `runs`: runs of the clock of the measured topics; fewer are returned where the stream has fewer.
     """
     stamp = stream.stamp_ns
     back = np.array(stamp_statistics(stamp).resets, dtype=np.int64)

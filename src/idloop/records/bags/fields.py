@@ -42,24 +42,11 @@ def bag_fields(
 ) -> list[BagField]:
     """List the numbers that a bag offers, from some messages of each topic.
 
-    Parameters
-    ----------
-    path : Path or str
-        Bag of any form.
-    distro : str, optional
-        ROS distribution of message types that the bag does not define.
-    definitions : mapping of str to str, optional
-        Definitions of further message types.
-
-    Returns
-    -------
-    list of BagField
-        By topic. Topics without numbers of an axis, such as images, and fields without a value are left out.
-
-    Raises
-    ------
-    InputError
-        Bag missing, empty or damaged.
+    `path`: bag of any form.
+    `distro`: ROS distribution of message types that the bag does not define.
+    `definitions`: definitions of further message types.
+    Returns: by topic. Topics without numbers of an axis, such as images, and fields without a value are left out.
+    Raises InputError: bag missing, empty or damaged.
     """
     with Bag(path, distro, definitions) as bag:
         units = signal_units(bag.custom)

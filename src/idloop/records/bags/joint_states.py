@@ -70,18 +70,10 @@ def decode_rows(rows: Bytes, layout: JointLayout) -> tuple[Stamps, tuple[Array, 
 def decode_joint_states(payloads: Sequence[bytes]) -> tuple[Stamps, tuple[str, ...], tuple[Array, Array, Array]]:
     """Decode JointState messages; joints may come, go and change place between messages.
 
-    Returns
-    -------
-    stamp_ns : ndarray of int64, shape (n,)
-    names : tuple of str
-        In the order of first appearance; positions ``"0"``, ``"1"``, ... where a message names no joint.
-    values : three ndarrays, shape (n, j)
-        position, velocity, effort; NaN where a message has none.
-
-    Raises
-    ------
-    CdrError
-        A message is no JointState.
+    Returns `stamp_ns` (n,).
+    and `names`: in the order of first appearance; positions ``"0"``, ``"1"``, ... where a message names no joint.
+    and `values` (n, j): position, velocity, effort; NaN where a message has none.
+    Raises CdrError: a message is no JointState.
     """
     stamp = np.zeros(len(payloads), dtype=np.int64)
     parts = []

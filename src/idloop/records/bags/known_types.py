@@ -35,13 +35,8 @@ FORMS: Mapping[str, tuple[str, ...]] = {
 def form_of(message_type: str, types: Mapping[str, Any], message: bytes | None) -> dict[str, Any]:
     """Return the definition of a type, in the form that fits a message of it; nothing where none does.
 
-    Parameters
-    ----------
-    message_type : str
-    types : mapping
-        Types known otherwise.
-    message : bytes or None
-        The first message in CDR; without one the newest form is taken.
+    `types`: types known otherwise.
+    `message`: the first message in CDR; without one the newest form is taken.
     """
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 

@@ -105,18 +105,13 @@ def decode_any(
     Numbers of an array are named after the texts of a top-level array of equal length in the same message, such as
     ``joint_names``; joints may change place between messages.
 
-    Returns
-    -------
-    stamp_ns : ndarray of int64, shape (n,), or None
-        Header stamps; None when the type has no header.
-    names : tuple of str
-        Paths of the numbers, such as ``wrench.force.x`` and ``data[0]``, in the order of first appearance; with names
-        of joints ``motor.feedback.positions`` and ``motor.position``; bare numbers and arrays (std_msgs) are named
-        ``"0"``, ``"1"``, ...
-    values : ndarray, shape (n, columns)
-        NaN where a message has no such number.
-    paths : dict of str to str
-        Names of columns by their place, such as ``feedback.positions[1]``, where it is the same in all messages.
+    Returns `stamp_ns` (n,): header stamps; None when the type has no header.
+    and `names`: paths of the numbers, such as ``wrench.force.x`` and ``data[0]``, in the order of first appearance;
+    with names of joints ``motor.feedback.positions`` and ``motor.position``; bare numbers and arrays (std_msgs) are
+    named ``"0"``, ``"1"``, ...
+    and `values` (n, columns): NaN where a message has no such number.
+    and `paths`: names of columns by their place, such as ``feedback.positions[1]``, where it is the same in all
+    messages.
     """
     from rosbags.interfaces import Nodetype
 

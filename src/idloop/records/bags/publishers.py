@@ -49,15 +49,8 @@ def find_publishers(stream: JointStream) -> Publishers | None:
     stamps jump back and forth between two clocks, or where two sequences, told apart by their fields or by the grids of
     their stamps, hold different values of one signal at the same time.
 
-    Parameters
-    ----------
-    stream : JointStream
-        All messages of the topic in the order of reception.
-
-    Returns
-    -------
-    Publishers or None
-        None for a single publisher, and for two that agree and share a clock.
+    `stream`: all messages of the topic in the order of reception.
+    Returns: None for a single publisher, and for two that agree and share a clock.
     """
     if len(stream) < 4 * _FEWEST:
         return None

@@ -60,19 +60,10 @@ class Recovered:
 def recover_bag(bag: Path, target: Path) -> Recovered:
     """Copy every readable message of a recording into a new mcap bag and read it back; the old one stays as it is.
 
-    Parameters
-    ----------
-    bag : Path
-        Folder or file, whole or cut off, packed or not, of ROS 2 or ROS 1.
-    target : Path
-        Folder to create; removed again where it cannot be read.
-
-    Raises
-    ------
-    InputError
-        No such bag, no recording, or `target` exists.
-    IdloopError
-        No message can be read, or the new bag cannot be read.
+    `bag`: folder or file, whole or cut off, packed or not, of ROS 2 or ROS 1.
+    `target`: folder to create; removed again where it cannot be read.
+    Raises InputError: no such bag, no recording, or `target` exists.
+    Raises IdloopError: no message can be read, or the new bag cannot be read.
     """
     files = storage_files(bag)
     if target.exists():
@@ -206,10 +197,7 @@ def _connect(writer: Any, channel: Channel, store: Typestore | None) -> Any:
 def _read_back(bag: Path, target: Path, copy: _Copy) -> None:
     """Open the new bag as any reader does, decode every message, and compare the counts.
 
-    Raises
-    ------
-    IdloopError
-        There is none, it cannot be read, or it holds something else than was written.
+    Raises IdloopError: there is none, it cannot be read, or it holds something else than was written.
     """
     if not copy.topics:
         raise IdloopError(f"{bag}: no message in it can be read; record again")

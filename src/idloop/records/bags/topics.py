@@ -39,10 +39,7 @@ def resolve_topic(name: str, topics: Iterable[str], where: Path | str) -> str:
 
     An exact name wins, then the name in the root namespace, then a single topic that ends with it.
 
-    Raises
-    ------
-    InputError
-        Unknown topic, or several namespaces that hold it.
+    Raises InputError: unknown topic, or several namespaces that hold it.
     """
     known = list(topics)
     inside = topics_named(name, known)
@@ -67,17 +64,9 @@ def topic_beside(command: str, other: str, topics: Collection[str]) -> str:
 def applied_command_topic(command: str, topics: Mapping[str, Topic]) -> str:
     """Topic of the command that the drive applied.
 
-    Parameters
-    ----------
-    command : str
-        Topic of the requested command.
-    topics : mapping of str to Topic
-        All topics of the recording.
-
-    Returns
-    -------
-    str
-        The command of a bridge beside a `joint_command`, where joint states were recorded on it; else `command`.
+    `command`: topic of the requested command.
+    `topics`: all topics of the recording.
+    Returns: the command of a bridge beside a `joint_command`, where joint states were recorded on it; else `command`.
     """
     folder, _, name = command.rpartition("/")
     applied = topics.get(f"{folder}/{APPLIED_COMMAND}") if name == REQUESTED_COMMAND else None

@@ -30,10 +30,7 @@ _PER_SECOND = {"s": 1, "ms": 1_000, "us": 1_000_000, "ns": 1_000_000_000}
 def read_parquet(path: Path, _: Options) -> Table:
     """Read the columns of a Parquet file.
 
-    Raises
-    ------
-    InputError
-        Damaged, too large, or the library is not installed.
+    Raises InputError: damaged, too large, or the library is not installed.
     """
 
     def pieces() -> tuple[Any, Iterator[Any]]:
@@ -48,10 +45,7 @@ def read_parquet(path: Path, _: Options) -> Table:
 def read_feather(path: Path, _: Options) -> Table:
     """Read the columns of a file of Arrow.
 
-    Raises
-    ------
-    InputError
-        Damaged, too large, of version 1, or the library is not installed.
+    Raises InputError: damaged, too large, of version 1, or the library is not installed.
     """
     with path.open("rb") as stream:
         head = stream.read(4)

@@ -44,10 +44,7 @@ class _Block:
 def read_blocks(path: Path, _: Options) -> Table:
     """Read the signals of a file, each with its own stamps.
 
-    Raises
-    ------
-    InputError
-        A block without a title or with rows of another width, or too many of them.
+    Raises InputError: a block without a title or with rows of another width, or too many of them.
     """
     if path.stat().st_size > MOST_TABLE // 8:
         raise InputError(f"{path}: the file has more than {MOST_TABLE >> 23} MiB; keep fewer rows")

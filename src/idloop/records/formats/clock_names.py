@@ -22,10 +22,7 @@ _BEHIND = re.compile(r"^(.*?)[\s_.\-]*[\[(<]?([a-zµμ]+)[\])>]?$")
 def clock_unit(name: str) -> str | None:
     """Return the unit of a column of stamps: s, ms, us or ns, "" where its name has none; None for other columns.
 
-    Parameters
-    ----------
-    name : str
-        ``t``, ``Time``, ``timestamp_us``, ``time [ms]``.
+    `name`: ``t``, ``Time``, ``timestamp_us``, ``time [ms]``.
     """
     text = _WHICH.sub("", name.strip().strip("_").lower(), count=1)
     if text in TIME_WORDS:

@@ -23,10 +23,7 @@ _LONGEST_LINE = 1 << 16
 def read_codesys(path: Path, _: Options) -> Table:
     """Read the variables of a trace, each with its own stamps.
 
-    Raises
-    ------
-    InputError
-        A row is damaged, or the file is too large.
+    Raises InputError: a row is damaged, or the file is too large.
     """
     if path.stat().st_size > MOST_TABLE:
         raise InputError(f"{path}: the file has more than {MOST_TABLE >> 30} GiB; trace fewer variables")

@@ -36,10 +36,7 @@ def is_hdf5(head: bytes) -> bool:
 def opened(path: Path) -> Iterator[h5py.File]:
     """Open a file; what the library raises within is one line.
 
-    Raises
-    ------
-    InputError
-        Damaged, or the library is not installed.
+    Raises InputError: damaged, or the library is not installed.
     """
     try:
         import h5py
@@ -60,10 +57,7 @@ def opened(path: Path) -> Iterator[h5py.File]:
 class Hdf5Reader:
     """Reads data sets as long as they take no more than a table may.
 
-    Parameters
-    ----------
-    path : Path
-        For messages.
+    `path`: for messages.
     """
 
     def __init__(self, path: Path) -> None:
@@ -112,10 +106,7 @@ class Hdf5Reader:
 def read_hdf5(path: Path, _: Options) -> Table:
     """Read the series of an HDF5 file.
 
-    Raises
-    ------
-    InputError
-        Damaged, too large, or the library is not installed.
+    Raises InputError: damaged, too large, or the library is not installed.
     """
     tree, units, attributes = read_isolated(path, "HDF5", lambda: _content(path))
     table = table_of_tree(path, tree, separator="/", clocks=True)

@@ -17,10 +17,7 @@ _HEAD, _ENTRY = 16, 16
 def heap_damage(path: Path) -> str:
     """Return what is wrong with the heaps of a file; empty when they are valid.
 
-    Parameters
-    ----------
-    path : Path
-        With offsets and lengths of eight bytes, as all files of today.
+    `path`: with offsets and lengths of eight bytes, as all files of today.
     """
     with path.open("rb") as stream:
         if not path.stat().st_size:

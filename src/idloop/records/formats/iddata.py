@@ -21,10 +21,7 @@ def series_of_iddata(value: Any) -> tuple[dict[str, Any], Parts] | None:
 
     Several experiments are put one after the other.
 
-    Parameters
-    ----------
-    value : object
-        Fields by name, with what they hold of cells as lists.
+    `value`: fields by name, with what they hold of cells as lists.
     """
     if not isinstance(value, Mapping) or not value.keys() >= _FIELDS:
         return None

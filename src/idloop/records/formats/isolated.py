@@ -40,19 +40,10 @@ _KINDS = "biufcSU"
 def read_isolated(path: Path, what: str, read: Callable[[], Any]) -> Any:
     """Return what a function reads, which runs in a process of its own.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    what : str
-        Its form, for messages.
-    read : callable
-        Returns texts, numbers and arrays in mappings and lists.
-
-    Raises
-    ------
-    InputError
-        The function raised it; or the process ended, or did not answer, since the file is damaged.
+    `path`: the file.
+    `what`: its form, for messages.
+    `read`: returns texts, numbers and arrays in mappings and lists.
+    Raises InputError: the function raised it; or the process ended, or did not answer, since the file is damaged.
     """
     receive, send = os.pipe()
     with warnings.catch_warnings():

@@ -28,16 +28,8 @@ _LISTS = re.compile(r"\s*\[[^\[\]{}]*\][ \t]*\r?\n\s*\[")
 def read_json_table(path: Path, options: Options) -> Table:
     """Read a list of samples, or lists by name.
 
-    Parameters
-    ----------
-    path : Path
-    options : mapping
-        ``entries``: key that holds them.
-
-    Raises
-    ------
-    InputError
-        Not JSON, too large, or no samples.
+    `options`: ``entries``: key that holds them.
+    Raises InputError: not JSON, too large, or no samples.
     """
     return table_of_content(path, read_json(read_text(path, MOST_JSON_TABLE), str(path), MOST_JSON_TABLE), options)
 
@@ -45,10 +37,7 @@ def read_json_table(path: Path, options: Options) -> Table:
 def read_json_lines(path: Path, _: Options) -> Table:
     """Read one sample from each line; a last line that is cut off is left out.
 
-    Raises
-    ------
-    InputError
-        A line is no JSON object, or the file is too large.
+    Raises InputError: a line is no JSON object, or the file is too large.
     """
     lines = read_text(path, MOST_JSON_TABLE).split("\n")
     last = max((k for k, line in enumerate(lines) if line.strip()), default=-1)
@@ -75,18 +64,9 @@ def read_json_lines(path: Path, _: Options) -> Table:
 def table_of_content(path: Path, content: Any, options: Options) -> Table:
     """Return the table of a list of samples, or of columns by name.
 
-    Parameters
-    ----------
-    path : Path
-    content : object
-        Lists and mappings of numbers, texts and arrays.
-    options : mapping
-        ``entries``: key of the mapping that holds them.
-
-    Raises
-    ------
-    InputError
-        There are neither samples nor columns.
+    `content`: lists and mappings of numbers, texts and arrays.
+    `options`: ``entries``: key of the mapping that holds them.
+    Raises InputError: there are neither samples nor columns.
     """
     attributes: dict[str, float | str] = {}
     entries = content
@@ -143,17 +123,8 @@ def table_of_samples(
 ) -> Table:
     """Return a column for each value that a sample has, those within it as ``a.b`` and ``a[0]``.
 
-    Parameters
-    ----------
-    path : Path
-    samples : sequence of mapping
-    attributes : dict, optional
-        What the file holds once.
-
-    Raises
-    ------
-    InputError
-        They are too large.
+    `attributes`: what the file holds once.
+    Raises InputError: they are too large.
     """
     columns: dict[str, list[Any]] = {}
     for number, sample in enumerate(samples):

@@ -62,10 +62,7 @@ def known_columns() -> tuple[KnownDevice, ...]:
 def recognise(columns: Iterable[str]) -> KnownDevice | None:
     """Return the drive whose columns these are; None where it is unknown.
 
-    Parameters
-    ----------
-    columns : iterable of str
-        Names of a log, such as ``axis0.encoder.pos_estimate`` or ``Present_Position``.
+    `columns`: names of a log, such as ``axis0.encoder.pos_estimate`` or ``Present_Position``.
     """
     names = {plain_name(name) for name in columns}
     best: tuple[int, int, KnownDevice] | None = None

@@ -28,10 +28,7 @@ def read_labels(path: Path, _: Options) -> Table:
     Where lines say when they were written, a label has the stamps of its lines. Without stamps a row begins with the
     first label of the file and with each that comes again; a label that a row lacks was not measured.
 
-    Raises
-    ------
-    InputError
-        The file is too large.
+    Raises InputError: the file is too large.
     """
     if path.stat().st_size > MOST_TABLE // 8:
         raise InputError(f"{path}: the file has more than {MOST_TABLE >> 23} MiB; keep fewer lines")

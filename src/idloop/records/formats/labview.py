@@ -25,10 +25,7 @@ def read_labview(path: Path, options: Options) -> Table:
 
     Source: National Instruments, *Specification for the LabVIEW Measurement File (.lvm)*.
 
-    Raises
-    ------
-    InputError
-        It has no such head, several segments, or a damaged table.
+    Raises InputError: it has no such head, several segments, or a damaged table.
     """
     if path.stat().st_size > MOST_TABLE:
         raise InputError(f"{path}: the file has more than {MOST_TABLE >> 30} GiB; keep fewer rows")

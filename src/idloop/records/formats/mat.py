@@ -27,10 +27,7 @@ _SUBSYSTEM = 124
 def read_mat(path: Path, _: Options) -> Table:
     """Read the series of a MAT file.
 
-    Raises
-    ------
-    InputError
-        Damaged, too large, or with objects alone that only MATLAB reads.
+    Raises InputError: damaged, too large, or with objects alone that only MATLAB reads.
     """
     if path.stat().st_size > MOST_TABLE:
         raise InputError(f"{path}: the file has more than {MOST_TABLE >> 30} GiB; save fewer variables in it")

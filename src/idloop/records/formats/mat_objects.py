@@ -47,15 +47,8 @@ class Reference:
 class Objects:
     """Objects of one file.
 
-    Parameters
-    ----------
-    cells : list
-        Cells of the subsystem, empty without one; within them, `Reference` for an object.
-
-    Raises
-    ------
-    ValueError, struct.error
-        Its tables are damaged.
+    `cells`: cells of the subsystem, empty without one; within them, `Reference` for an object.
+    Raises ValueError, struct.error: its tables are damaged.
     """
 
     def __init__(self, cells: list[Any]) -> None:
@@ -86,12 +79,8 @@ class Objects:
     def resolved(self, value: Any, name: str = "", depth: int = 0) -> Any:
         """Return a value with the content of each object in its place; None for one that is not known.
 
-        Parameters
-        ----------
-        value : object
-            Arrays, texts, mappings, lists and references.
-        name : str
-            Of the variable, for `unread`.
+        `value`: arrays, texts, mappings, lists and references.
+        `name`: of the variable, for `unread`.
         """
         if depth > MOST_DEPTH:
             return None

@@ -17,10 +17,7 @@ from idloop.records.tables.table import Table
 def read_npz_table(path: Path, _: Options) -> Table:
     """Read the arrays of an archive.
 
-    Raises
-    ------
-    InputError
-        Damaged, or too large.
+    Raises InputError: damaged, or too large.
     """
     return table_of_tree(path, read_npz(path, MOST_TABLE))
 
@@ -28,10 +25,7 @@ def read_npz_table(path: Path, _: Options) -> Table:
 def read_npy_table(path: Path, _: Options) -> Table:
     """Read one array: its columns by position, or its fields by name.
 
-    Raises
-    ------
-    InputError
-        Damaged, or too large.
+    Raises InputError: damaged, or too large.
     """
     try:
         with path.open("rb") as stream:

@@ -48,10 +48,7 @@ class Pickled:
 def refuse(name: object, arguments: object = ()) -> Any:
     """Refuse whatever a pickle would call.
 
-    Raises
-    ------
-    InputError
-        Always.
+    Raises InputError: always.
     """
     raise InputError(f"it holds an object of {name}, which is not read: only numbers, texts and tensors are")
 
@@ -64,19 +61,10 @@ def read_pickle(
 ) -> Pickled:
     """Build what a pickle holds.
 
-    Parameters
-    ----------
-    data : bytes
-        Begins with the pickle; more may follow.
-    call : callable
-        Value of a call of a name with arguments; refused by default.
-    persistent : callable
-        Value of what is kept beside the pickle, by its key; refused by default.
-
-    Raises
-    ------
-    InputError
-        Damaged, or an object that is no data.
+    `data`: begins with the pickle; more may follow.
+    `call`: value of a call of a name with arguments; refused by default.
+    `persistent`: value of what is kept beside the pickle, by its key; refused by default.
+    Raises InputError: damaged, or an object that is no data.
     """
     try:
         return _run(data, call, persistent)

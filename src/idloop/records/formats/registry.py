@@ -64,16 +64,8 @@ _OTHERS = (
 def form_of(path: Path, kind: str | None = None) -> Form:
     """Return the form of a file: by its first bytes, else by its suffix.
 
-    Parameters
-    ----------
-    path : Path
-    kind : str, optional
-        The form where it is known.
-
-    Raises
-    ------
-    InputError
-        It is none of those that are read.
+    `kind`: the form where it is known.
+    Raises InputError: it is none of those that are read.
     """
     known = {form.kind: form for form in (*FORMS, TEXT)}
     if kind is not None:

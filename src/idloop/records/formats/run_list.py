@@ -28,13 +28,8 @@ def arrays_of_runs(name: str, value: Any, others: Mapping[str, Any]) -> list[str
 
     Samples with vectors are more than the vectors are long, and all of theirs are of one length. Signals are named.
 
-    Parameters
-    ----------
-    name : str
-        Of the list; empty without one.
-    value : object
-    others : mapping of str to object
-        What stands beside the list: an array of their length belongs to all, as the stamps of several joints do.
+    `name`: of the list; empty without one.
+    `others`: what stands beside the list: an array of their length belongs to all, as the stamps of several joints do.
     """
     if not isinstance(value, list) or not value or not all(isinstance(run, Mapping) for run in value):
         return []
@@ -54,14 +49,8 @@ def arrays_of_runs(name: str, value: Any, others: Mapping[str, Any]) -> list[str
 def table_of_runs(path: Path, runs: list[Mapping[str, Any]], names: list[str], others: Mapping[str, Any]) -> Table:
     """Return the arrays of runs one after the other, with the rows at which a run begins.
 
-    Parameters
-    ----------
-    path : Path
-    runs : list of mapping
-    names : list of str
-        Arrays that each has.
-    others : mapping of str to object
-        What stands beside the list.
+    `names`: arrays that each has.
+    `others`: what stands beside the list.
     """
     table = table_of_tree(path, {name: list(chain.from_iterable(run[name] for run in runs)) for name in names})
     table.begins = tuple(accumulate((len(run[names[0]]) for run in runs[:-1]), initial=0))

@@ -25,10 +25,7 @@ _SOURCE, _TIME = "source", "time"
 def read_tektronix(path: Path, options: Options) -> Table:
     """Read the stamps and the readings beside the keys.
 
-    Raises
-    ------
-    InputError
-        Nothing stands behind the keys.
+    Raises InputError: nothing stands behind the keys.
     """
     with path.open(encoding="utf-8-sig", errors="replace", newline="") as stream:
         try:

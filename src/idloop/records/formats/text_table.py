@@ -17,17 +17,9 @@ _ROW = re.compile(
 def read_text_table(path: Path, options: Options) -> Table:
     """Read a table of text.
 
-    Parameters
-    ----------
-    path : Path
-    options : mapping
-        ``delimiter``, ``header``, ``skip_rows``, ``decimal``, ``skip_text``, ``rows`` (slice of the rows of data that
-        are looked at).
-
-    Raises
-    ------
-    InputError
-        It is no such table, or too large.
+    `options`: ``delimiter``, ``header``, ``skip_rows``, ``decimal``, ``skip_text``, ``rows`` (slice of the rows of data
+    that are looked at).
+    Raises InputError: it is no such table, or too large.
     """
     rows = options.get("rows") or slice(0, None)
     read = read_csv(path, dict(options), rows)

@@ -56,16 +56,8 @@ class _Tensor:
 def read_torch(path: Path, options: Options) -> Table:
     """Read the tensors of a file as columns.
 
-    Parameters
-    ----------
-    path : Path
-    options : mapping
-        ``entries``: key of the dictionary that holds them.
-
-    Raises
-    ------
-    InputError
-        Damaged, too large, or with an object that is no data, such as a whole network.
+    `options`: ``entries``: key of the dictionary that holds them.
+    Raises InputError: damaged, too large, or with an object that is no data, such as a whole network.
     """
     try:
         with path.open("rb") as stream:

@@ -26,20 +26,10 @@ def table_of_tree(path: Path, tree: Mapping[str, Any], *, separator: str = ".", 
 
     A series called time in a structure holds the stamps of the other series of its length there, deeper ones included.
 
-    Parameters
-    ----------
-    path : Path
-    tree : mapping
-        Arrays, numbers, texts, lists and mappings of these.
-    separator : str
-        Between the names of a structure and its entry.
-    clocks : bool
-        Whether a series called time at the top belongs to the other series there, too.
-
-    Raises
-    ------
-    InputError
-        More than `MOST_COLUMNS` columns, or nested more than `MOST_DEPTH` deep.
+    `tree`: arrays, numbers, texts, lists and mappings of these.
+    `separator`: between the names of a structure and its entry.
+    `clocks`: whether a series called time at the top belongs to the other series there, too.
+    Raises InputError: more than `MOST_COLUMNS` columns, or nested more than `MOST_DEPTH` deep.
     """
     table = Table(path, {})
     _Flattener(table, separator).add(_named(tree), "", 0, clocks=clocks)

@@ -21,10 +21,7 @@ _MOST_LINES = 100  # above the rows
 def read_twincat(path: Path, options: Options) -> Table:
     """Read the channels of an export, each with its own stamps.
 
-    Raises
-    ------
-    InputError
-        It has no such head, no rows, or a channel twice.
+    Raises InputError: it has no such head, no rows, or a channel twice.
     """
     if path.stat().st_size > MOST_TABLE:
         raise InputError(f"{path}: the file has more than {MOST_TABLE >> 30} GiB; export fewer rows")

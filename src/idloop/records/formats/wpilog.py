@@ -70,10 +70,7 @@ class _Entry:
 def read_wpilog(path: Path, _: Options) -> Table:
     """Read the entries of a data log.
 
-    Raises
-    ------
-    InputError
-        It is no data log, or too large.
+    Raises InputError: it is no data log, or too large.
     """
     if path.stat().st_size > MOST_TABLE:
         raise InputError(f"{path}: the file has more than {MOST_TABLE >> 30} GiB; log fewer entries")

@@ -38,22 +38,12 @@ def axes_of(
 ) -> list[Axis]:
     """Return the joints that move, of streams whose clock runs forward.
 
-    Parameters
-    ----------
-    measured : mapping of str to JointStream
-        By topic.
-    motions : mapping of str to mapping of str to Motion
-        Of their signals, by topic and ``joint.field``.
-    command : JointStream or None
-    commands : mapping of str to Excitation
-        Of its signals.
-    units : mapping of str to str
-        By ``joint.field``.
-    start_ns : int
-        Zero of the times.
-    has_reference : bool
-    joined : bool
-        Whether the recording was put together from several files.
+    `measured`: by topic.
+    `motions`: of their signals, by topic and ``joint.field``.
+    `commands`: of its signals.
+    `units`: by ``joint.field``.
+    `start_ns`: zero of the times.
+    `joined`: whether the recording was put together from several files.
     """
     found: dict[str, Axis] = {}
     two = {topic: find_publishers(stream) for topic, stream in measured.items()}

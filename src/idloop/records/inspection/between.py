@@ -20,10 +20,7 @@ _RATE = 0.05
 def between_records(records: Mapping[str, Sequence[Axis]]) -> list[Finding]:
     """Return the faults between records.
 
-    Parameters
-    ----------
-    records : mapping of str to sequence of Axis
-        The joints of each record, by the name of the record.
+    `records`: the joints of each record, by the name of the record.
     """
     names = list(records)
     first = names[0]

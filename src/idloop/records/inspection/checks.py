@@ -25,10 +25,7 @@ _FEW_SAMPLES = 100  # below, a fit runs, but noise and effects look alike
 def dead_positions(motions: Mapping[str, Motion]) -> list[str]:
     """Return a sentence for each position that is constant while the velocity of its joint moves.
 
-    Parameters
-    ----------
-    motions : mapping of str to Motion
-        By ``joint.field``.
+    `motions`: by ``joint.field``.
     """
     found = []
     for name, motion in motions.items():

@@ -108,15 +108,9 @@ def stamp_findings(
 ) -> list[Finding]:
     """Return what is remarkable about the stamps of one stream.
 
-    Parameters
-    ----------
-    where : str
-        Topic.
-    statistics : StampStatistics
-    announced : bool
-        Whether values are sent ahead of their time, and so may be replaced.
-    held : bool
-        Whether this is a command, whose last value is assumed to hold where one is missing.
+    `where`: topic.
+    `announced`: whether values are sent ahead of their time, and so may be replaced.
+    `held`: whether this is a command, whose last value is assumed to hold where one is missing.
     """
     found: list[Finding] = []
 
@@ -213,11 +207,8 @@ def compare_clocks(first: JointStream, second: JointStream) -> ClockComparison:
 def clock_finding(command: JointStream, measured: JointStream) -> Finding | None:
     """Return whether a command and a measurement were stamped by two clocks.
 
-    Returns
-    -------
-    Finding or None
-        Of kind ``two_clocks`` where this is certain and the streams cannot be used together, ``clock_drift`` where the
-        stamps drift apart by little, None for one clock.
+    Returns: of kind ``two_clocks`` where this is certain and the streams cannot be used together, ``clock_drift`` where
+    the stamps drift apart by little, None for one clock.
     """
     clocks = compare_clocks(command, measured)
     names = f"{command.topic} and {measured.topic}"

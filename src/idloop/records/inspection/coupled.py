@@ -14,10 +14,7 @@ _TOGETHER = 0.95  # share of the variance of one that a multiple of the other ex
 def transmission(place: Array, other: Array) -> float:
     """Return the ratio with which another position runs with a position; 0 where they do not run together.
 
-    Parameters
-    ----------
-    place, other : array, shape (n,)
-        Without jumps at the ends of their ranges; NaN where not measured.
+    `place`, `other` (n,): without jumps at the ends of their ranges; NaN where not measured.
     """
     if place.size != other.size:
         return 0.0

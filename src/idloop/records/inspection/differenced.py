@@ -94,10 +94,7 @@ class _Differences:
 def difference(time: Array, position: Array, velocity: Array) -> Difference | None:
     """Return how a velocity was computed from a position; None where it was not, or where this cannot be decided.
 
-    Parameters
-    ----------
-    time, position, velocity : array, shape (n,)
-        Measured at the same instants; NaN where not measured. Units do not matter.
+    `time`, `position`, `velocity` (n,): measured at the same instants; NaN where not measured. Units do not matter.
     """
     known = np.isfinite(position) & np.isfinite(velocity) & np.isfinite(time)
     if np.sum(known) < _FEWEST or np.ptp(velocity[known]) == 0.0 or np.ptp(position[known]) == 0.0:

@@ -26,19 +26,11 @@ _FEWEST, _MOST = 100, 50_000
 def acts_late(input_time: Array, command: Array, time: Array, motion: Array, order: int) -> tuple[float, float]:
     """Return how long after its stamp a command acts on average, and the standard error [samples].
 
-    Parameters
-    ----------
-    input_time, command : array, shape (m,)
-        Stamps [s] and values.
-    time, motion : array, shape (n,)
-        Stamps [s] and a position or a velocity.
-    order : int
-        Differences from the motion to the acceleration: 2 of a position, 1 of a velocity.
-
-    Returns
-    -------
-    late, error : float
-        NaN where there is no decision: other rates, uneven stamps, an acceleration that the command does not explain.
+    `input_time`, `command` (m,): stamps [s] and values.
+    `time`, `motion` (n,): stamps [s] and a position or a velocity.
+    `order`: differences from the motion to the acceleration: 2 of a position, 1 of a velocity.
+    Returns `late`, `error`: NaN where there is no decision: other rates, uneven stamps, an acceleration that the
+    command does not explain.
     """
     undecided = (float("nan"), float("nan"))
     input_time, command = (values[np.isfinite(command)] for values in (input_time, command))

@@ -145,21 +145,11 @@ def beginning(time: Array, value: Array, *, velocity: bool) -> tuple[Beginning, 
     Before such a record the axis stood still without a command. The response shows a gain and a time constant, as a
     record with the step in it does; how much of one level a dead zone or friction takes, it does not show.
 
-    Parameters
-    ----------
-    time : array, shape (n,)
-        Stamps [s].
-    value : array, shape (n,)
-        Measured position or velocity; NaN where not measured.
-    velocity : bool
-        Which of the two.
-
-    Returns
-    -------
-    beginning : {"from rest", "late", "moving", "unseen"}
-        From rest at the first sample; at rest for some time first; moving already; or not known.
-    off : float
-        Stamp at which it starts [s]; NaN where it is not at rest first.
+    `time` (n,): stamps [s].
+    `value` (n,): measured position or velocity; NaN where not measured.
+    `velocity`: which of the two.
+    Returns `beginning`: from rest at the first sample; at rest for some time first; moving already; or not known.
+    and `off`: stamp at which it starts [s]; NaN where it is not at rest first.
     """
     motion, known = analyse_motion(value, velocity=velocity), np.isfinite(value)
     when, what = time[known], value[known]

@@ -133,11 +133,8 @@ def dry(grid: Grid) -> Array:
 def regress(target: Array, table: Array) -> tuple[Array, Array, float]:
     """Least squares with jackknife errors over parts of the rows.
 
-    Returns
-    -------
-    values, errors : array, shape (k,)
-    left : float
-        Mean square of the residuals.
+    Returns `values`, `errors` (k,).
+    and `left`: mean square of the residuals.
     """
     size = np.maximum(np.sqrt(np.mean(table**2, axis=0)), 1e-300)
     scaled = table / size

@@ -36,23 +36,12 @@ def unusable_magnitude(signal: str, lowest: float, highest: float) -> str:
 def missing_values(name: str, stamp_ns: Integers, value: Array, where: str, *, command: bool) -> list[Finding]:
     """Say how many values of one signal are missing, and where.
 
-    Parameters
-    ----------
-    name : str
-        Signal, for the reader.
-    stamp_ns : ndarray of int64, shape (n,)
-        Times in the text count from the first of them.
-    value : ndarray, shape (n,)
-        In any unit; NaN where it is missing.
-    where : str
-        Topic or column.
-    command : bool
-        A command is held over its gaps, which may be wrong; a measurement is not, and only misses what is lost.
-
-    Returns
-    -------
-    list of Finding
-        One or none.
+    `name`: signal, for the reader.
+    `stamp_ns` (n,): times in the text count from the first of them.
+    `value` (n,): in any unit; NaN where it is missing.
+    `where`: topic or column.
+    `command`: a command is held over its gaps, which may be wrong; a measurement is not, and only misses what is lost.
+    Returns: one or none.
     """
     lost = np.flatnonzero(np.isnan(value))
     if not lost.size:

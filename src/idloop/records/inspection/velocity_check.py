@@ -86,17 +86,9 @@ class Slope:
 def velocity_slope(time: Array, position: Array, velocity: Array) -> Slope | None:
     """Slope of the velocity's integral against the position.
 
-    Parameters
-    ----------
-    time : array, shape (n,)
-        Stamps [s], increasing.
-    position, velocity : array, shape (n,)
-        In matching units; NaN where not measured, possibly at different stamps.
-
-    Returns
-    -------
-    Slope or None
-        None where the motion is too small for a decision.
+    `time` (n,): stamps [s], increasing.
+    `position`, `velocity` (n,): in matching units; NaN where not measured, possibly at different stamps.
+    Returns: None where the motion is too small for a decision.
     """
     when, where = _known(time, position)
     speed_time, speed = _known(time, velocity)
@@ -239,21 +231,11 @@ def wrong_velocities(
 ) -> list[Finding]:
     """Find velocities that are not the derivatives of the positions of their joints.
 
-    Parameters
-    ----------
-    time : array, shape (n,)
-        Stamps [s].
-    columns : mapping of str to array, shape (n,)
-        By ``joint.field``; NaN where not measured.
-    units : mapping of str to str
-        By ``joint.field``; rad and rad/s where not known.
-    scales : mapping of str to float, optional
-        Factors by which columns are divided to be in their unit, where not 1.
-
-    Returns
-    -------
-    list of Finding
-        Of kind `KIND`; ``where`` is the velocity.
+    `time` (n,): stamps [s].
+    `columns` (n,): by ``joint.field``; NaN where not measured.
+    `units`: by ``joint.field``; rad and rad/s where not known.
+    `scales`: factors by which columns are divided to be in their unit, where not 1.
+    Returns: of kind `KIND`; ``where`` is the velocity.
     """
     slopes = _slopes(time, columns, units, scales or {})
     return [_finding(name, slope, columns, units) for name, slope in slopes.items() if slope.wrong]
@@ -390,19 +372,10 @@ def without_wrong_velocities(
 ) -> list[Record]:
     """Return records of the same sensors without the velocities that are not the derivatives of their positions.
 
-    Parameters
-    ----------
-    records : sequence of Record
-    scales : mapping of str to float, optional
-        As in `wrong_velocities`.
-    known : sequence of Finding
-        Findings on earlier records of these sensors.
-
-    Returns
-    -------
-    list of Record
-        With NaN in place of such a velocity, and a finding. A record with too little motion for a decision follows the
-        others.
+    `scales`: as in `wrong_velocities`.
+    `known`: findings on earlier records of these sensors.
+    Returns: with NaN in place of such a velocity, and a finding. A record with too little motion for a decision follows
+    the others.
     """
     tables = [dict(zip(one.output_names, one.output.T, strict=True)) for one in records]
     units = [dict(zip(one.output_names, one.output_units, strict=True)) for one in records]

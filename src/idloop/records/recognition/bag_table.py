@@ -60,16 +60,8 @@ class BagTable:
 def bag_table(path: Path, readable: Callable[[BagField], bool] = lambda one: one.count > 1) -> BagTable:
     """Read the numbers of a bag.
 
-    Parameters
-    ----------
-    path : Path
-    readable : callable
-        Which of its fields are read.
-
-    Raises
-    ------
-    InputError
-        The bag is missing, damaged, or holds no numbers.
+    `readable`: which of its fields are read.
+    Raises InputError: the bag is missing, damaged, or holds no numbers.
     """
     definitions = ready_definitions()
     fields = [one for one in bag_fields(path, definitions=definitions) if readable(one)][:_MOST]

@@ -74,12 +74,8 @@ class ColumnName:
 def parse_column_name(name: str, unit: str = "") -> ColumnName:
     """Take a name apart.
 
-    Parameters
-    ----------
-    name : str
-        ``Velocity [rpm]``, ``iq_setpoint``, ``motorSpeed_rad_s``, ``pos (1)``.
-    unit : str
-        Unit from a row below the header.
+    `name`: ``Velocity [rpm]``, ``iq_setpoint``, ``motorSpeed_rad_s``, ``pos (1)``.
+    `unit`: unit from a row below the header.
     """
     index = ""
     name = _REMARK.sub(" ", name)

@@ -87,10 +87,7 @@ def with_unit(guess: Guess, unit: str) -> Guess:
 def checked_formula(table: Table, role: str, said: Given, numbers: Iterable[str]) -> Expression:
     """Return the formula that the user gives for a signal.
 
-    Raises
-    ------
-    InputError
-        It is none, or names what is no column of numbers.
+    Raises InputError: it is none, or names what is no column of numbers.
     """
     names = list(numbers)
     text = in_backquotes(said.column, names)

@@ -21,10 +21,7 @@ _FEWEST_ROWS = 10
 def doubt_of_lost_rows(table: Table, numbers: Map[str, Array], base: TimeBase) -> str:
     """Name the rows before which a counter leaves out numbers and the stamps do not, with the time by the counter.
 
-    Returns
-    -------
-    str
-        Empty where nothing was lost, or where the stamps show it.
+    Returns: empty where nothing was lost, or where the stamps show it.
     """
     step = np.diff(base.seconds)
     if base.seconds.size < _FEWEST_ROWS or len(base.runs) > 1 or not float(np.median(step)) > 0.0:

@@ -21,12 +21,7 @@ _CONDITIONS = ("temperature", "supply")
 def mapping_of(found: Recognition, name: str, joint: str, *, files: tuple[str, ...] = ()) -> CommentedMap:
     """Return the mapping as it stands in a file, with comments.
 
-    Parameters
-    ----------
-    found : Recognition
-    name, joint : str
-    files : tuple of str
-        Names of the files that are joined, where there are several.
+    `files`: names of the files that are joined, where there are several.
     """
     mapping = CommentedMap({"schema": SCHEMA, "name": name, "joint": joint})
     if files:

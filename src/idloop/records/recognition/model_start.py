@@ -40,19 +40,11 @@ def start_model(
     A command in the unit of the position, or of its rate, is the set-point of a loop in the drive: a proportional gain
     and the damping show in the motion, both per inertia.
 
-    Parameters
-    ----------
-    name, joint : str
-    command_unit : str
-        Unit of the command on the topics.
-    outputs : dict of str to str
-        Unit by field: ``position``, ``velocity``.
-    load : (str, str), optional
-        Name of the body that the joint drives, and unit of its position.
-    measured : bool
-        The input was measured and is not held.
-    records : sequence of Record
-        From which inertia or gain, and viscous friction are estimated roughly; left out, they are 1.
+    `command_unit`: unit of the command on the topics.
+    `outputs`: unit by field: ``position``, ``velocity``.
+    `load`: (str, str), optional. Name of the body that the joint drives, and unit of its position.
+    `measured`: the input was measured and is not held.
+    `records`: from which inertia or gain, and viscous friction are estimated roughly; left out, they are 1.
     """
     place = next(iter(outputs.values())).removesuffix("/s")
     force = _FORCES.get(place) == (command_unit or _FORCES.get(place))

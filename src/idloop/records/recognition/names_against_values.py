@@ -26,10 +26,7 @@ def doubt_of_names(
     which is smoother than all of them as a position is, the names are probably exchanged. A velocity exchanged with the
     command shows nothing: in friction a force runs with the speed as well.
 
-    Returns
-    -------
-    str
-        Empty where the names hold, or nothing shows more.
+    Returns: empty where the names hold, or nothing shows more.
     """
     place, speed = (columns.get(chosen[role].column) if role in chosen else None for role in MOTION)
     if place is None or speed is None or given.keys() & {*MOTION, "command"} or _slope(base, place, speed):
@@ -66,20 +63,10 @@ def doubt_of_names(
 def _unit(one: TableColumn, guess: Guess, columns: Map[str, TableColumn], named: list[TableColumn]) -> str:
     """Return what stands behind a column so that it is read in the unit that the header writes for its new role.
 
-    Parameters
-    ----------
-    one : TableColumn
-        What the role is to be.
-    guess : Guess
-        What the role is by the header.
-    columns : mapping of str to TableColumn
-    named : list of TableColumn
-        All that have a role by the header: the units of their names are exchanged as the names are.
-
-    Returns
-    -------
-    str
-        Such as ``=rad``; empty where its own name leads to that unit.
+    `one`: what the role is to be.
+    `guess`: what the role is by the header.
+    `named`: all that have a role by the header: the units of their names are exchanged as the names are.
+    Returns: such as ``=rad``; empty where its own name leads to that unit.
     """
     own, written = one.parsed, columns[guess.column].parsed
     if (own.unit, own.factor) == (written.unit, written.factor):

@@ -131,24 +131,12 @@ def recognise_table(
 ) -> Recognition:
     """Find out what the columns of a table are.
 
-    Parameters
-    ----------
-    table : Table
-    given : mapping of str to Given
-        What the user says, by role; ``none`` as the column leaves the role out.
-    period : float, optional
-        Sampling period [s], where there is no time column.
-    sources : mapping of str to mapping, optional
-        Of a bag: how a mapping file names each column.
-    joints : mapping of str to str, optional
-        Joint of each column, where the file says it.
-    shown : mapping of str to Guess, optional
-        What this table and others of the axis show together of columns whose names say nothing, by role.
-
-    Raises
-    ------
-    InputError
-        No time, no command, or no motion is found, or what is given is not there.
+    `given`: what the user says, by role; ``none`` as the column leaves the role out.
+    `period`: sampling period [s], where there is no time column.
+    `sources`: of a bag: how a mapping file names each column.
+    `joints`: joint of each column, where the file says it.
+    `shown`: what this table and others of the axis show together of columns whose names say nothing, by role.
+    Raises InputError: no time, no command, or no motion is found, or what is given is not there.
     """
     given = dict(given or {})
     numbers = numbers_of(table)
@@ -197,17 +185,9 @@ def shown_together(tables: list[Table], given: Map[str, Given], *, period: float
     A command may be held through each of them, and a sensor may stand still in one. A table that cannot be read like
     the first one is left out.
 
-    Parameters
-    ----------
-    tables : list of Table
-        With the same columns and one clock each.
-    given, period
-        As in `recognise_table`.
-
-    Returns
-    -------
-    dict of str to Guess
-        By role; empty where names say everything.
+    `tables`: with the same columns and one clock each.
+    `given`, `period`: as in `recognise_table`.
+    Returns: by role; empty where names say everything.
     """
     read: list[tuple[dict[str, Array], TimeBase]] = []
     for table in tables:

@@ -55,10 +55,7 @@ def set_units(
 ) -> TimeBase:
     """Set the units that no name says, and note which of them are uncertain.
 
-    Raises
-    ------
-    InputError
-        The name of a position or a velocity says the unit of another quantity.
+    Raises InputError: the name of a position or a velocity says the unit of another quantity.
     """
     for role in (*MOTION, LOAD):
         _check_quantity(chosen.get(role))

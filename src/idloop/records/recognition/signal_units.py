@@ -64,18 +64,11 @@ def motion_units(
 ) -> MotionUnits:
     """Find the units with which a velocity is the slope of a position.
 
-    Parameters
-    ----------
-    time : array, shape (n,)
-        Stamps in the first of the units `times`, in seconds.
-    position, velocity : array, shape (n,)
-        As the file has them.
-    units : (str, str)
-        Of both, where they are written down; empty where not.
-    times : tuple of str
-        Units of time that are possible, the most probable first.
-    linear : bool
-        Whether the axis is a linear one.
+    `time` (n,): stamps in the first of the units `times`, in seconds.
+    `position`, `velocity` (n,): as the file has them.
+    `units`: (str, str). Of both, where they are written down; empty where not.
+    `times`: units of time that are possible, the most probable first.
+    `linear`: whether the axis is a linear one.
     """
     places = (units[0],) if units[0] else _LINEAR if linear else _ROTARY
     speeds = (units[1],) if units[1] else _LINEAR_SPEEDS if linear else _ROTARY_SPEEDS
@@ -108,16 +101,9 @@ def slope_of(time: Array, position: Array, rate: Array, runs: Sequence[slice] = 
     Over long windows the integral of a command runs with the position as well. A velocity may be late, as behind a
     filter: its integral lacks the delay times its own increment. A command is never late.
 
-    Parameters
-    ----------
-    time, position, rate : array, shape (n,)
-    runs : sequence of slice
-        Rows within which the time rises; by default all.
-
-    Returns
-    -------
-    SlopeOf or None
-        None where it runs otherwise, or the position hardly moves.
+    `time`, `position`, `rate` (n,).
+    `runs`: rows within which the time rises; by default all.
+    Returns: None where it runs otherwise, or the position hardly moves.
     """
     pieces = []
     for run in runs or [slice(None)]:

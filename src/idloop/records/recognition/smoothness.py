@@ -20,15 +20,9 @@ def smoothest_first(signals: Sequence[tuple[Array, Sequence[slice]]]) -> list[in
     Changes are compared at lags from one row to a sixteenth of the record, each as a share of the spread and above what
     noise and quantisation may do to any of the signals.
 
-    Parameters
-    ----------
-    signals : sequence of (array, sequence of slice)
-        Values, shape (n,), that are not all equal, and the rows of each run.
-
-    Returns
-    -------
-    list of int
-        Places in the sequence, the smoothest first.
+    `signals`: sequence of (array, sequence of slice). Values, shape (n,), that are not all equal, and the rows of each
+    run.
+    Returns: places in the sequence, the smoothest first.
     """
     made = [change_by_noise(value) for value, _ in signals]
     noise = max(largest for largest, _ in made)

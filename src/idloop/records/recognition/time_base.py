@@ -98,22 +98,11 @@ def find_time_base(
 ) -> TimeBase:
     """Find the stamps of a table.
 
-    Parameters
-    ----------
-    table : Table
-    numbers : dict of str to array, shape (n,)
-        Its columns of numbers.
-    given : Given or None
-        What the user says of the time column.
-    count : int
-        Rows.
-    period : float, optional
-        Sampling period [s] that the user gives.
-
-    Raises
-    ------
-    InputError
-        No column is a time, and nothing says the period.
+    `numbers` (n,): its columns of numbers.
+    `given`: what the user says of the time column.
+    `count`: rows.
+    `period`: sampling period [s] that the user gives.
+    Raises InputError: no column is a time, and nothing says the period.
     """
     if period is not None:
         if not (np.isfinite(period) and period > 0.0):
@@ -213,18 +202,9 @@ def _why_not(table: Table, numbers: dict[str, Array]) -> str:
 def base_of_clock(table: Table, name: str, said: str, given: str) -> TimeBase:
     """Return the stamps of a column that the file itself gives to its signals.
 
-    Parameters
-    ----------
-    table : Table
-    name : str
-        Column of the stamps.
-    said, given : str
-        Unit that the file says, and that the user gives; empty without.
-
-    Raises
-    ------
-    InputError
-        What is given is no unit of time.
+    `name`: column of the stamps.
+    `said`, `given`: unit that the file says, and that the user gives; empty without.
+    Raises InputError: what is given is no unit of time.
     """
     reason = "the file has stamps for every signal"
     if any(isinstance(cell, str) for cell in table.raw(name)[:1]):

@@ -49,12 +49,8 @@ def is_in_volts(words: Iterable[str], wanted: Container[str]) -> bool:
 def is_unit_behind(suffix: str, words: Iterable[str]) -> bool:
     """Whether a unit behind a name is one: a single letter, and ``in``, mean motor, measured, phase and input as well.
 
-    Parameters
-    ----------
-    suffix : str
-        As known units are written: ``m``, ``A``, ``rad/s``.
-    words : iterable of str
-        The rest of the name, in small letters.
+    `suffix`: as known units are written: ``m``, ``A``, ``rad/s``.
+    `words`: the rest of the name, in small letters.
     """
     if suffix != _WAY_IN and (len(suffix) > 1 or not suffix.isalpha()):
         return True

@@ -80,11 +80,8 @@ COUNTS = ("counts", "counts/s")  # steps of an encoder, of a size that the user 
 def known_unit(text: str) -> str:
     """Return the unit that a log writes in some spelling, as a mapping file writes it; empty where it is none.
 
-    Parameters
-    ----------
-    text : str
-        ``RPM``, ``rad/sec``, ``giri/min``. Steps of an encoder are ``counts`` and ``counts/s``; times are ``s``,
-        ``ms``, ``us``, ``ns``.
+    `text`: ``RPM``, ``rad/sec``, ``giri/min``. Steps of an encoder are ``counts`` and ``counts/s``; times are ``s``,
+    ``ms``, ``us``, ``ns``.
     """
     text = " ".join(text.split())
     if text in _BASE or text in SECONDS:
@@ -97,10 +94,7 @@ def known_unit(text: str) -> str:
 def read_unit(text: str) -> tuple[str, float]:
     """Return a unit and the number of it that a log counts in; an empty unit where it is none.
 
-    Parameters
-    ----------
-    text : str
-        As `known_unit` takes it, or a multiple: ``0.01 A``, ``1/1000 rated``, ``mdeg``.
+    `text`: as `known_unit` takes it, or a multiple: ``0.01 A``, ``1/1000 rated``, ``mdeg``.
     """
     if unit := known_unit(text):
         return unit, 1.0
@@ -126,19 +120,11 @@ def is_unit_of(unit: str, field: str) -> bool:
 def base_unit(unit: str, field: str, where: str) -> tuple[str, float]:
     """Unit in which a topic carries a signal, and what its values are multiplied by.
 
-    Parameters
-    ----------
-    unit : str
-        Unit of the file; empty where not given, and then the result is empty.
-    field : {"position", "velocity", "effort", "condition"}
-        Field of sensor_msgs/JointState; a command is an effort, a condition was measured beside the axis.
-    where : str
-        Place for the message.
-
-    Raises
-    ------
-    InputError
-        Unknown unit, or a unit of another quantity.
+    `unit`: unit of the file; empty where not given, and then the result is empty.
+    `field`: one of "position", "velocity", "effort", "condition". Field of sensor_msgs/JointState; a command is an
+    effort, a condition was measured beside the axis.
+    `where`: place for the message.
+    Raises InputError: unknown unit, or a unit of another quantity.
     """
     if not unit:
         return "", 1.0

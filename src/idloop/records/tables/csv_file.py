@@ -85,18 +85,9 @@ class CsvTable:
 def read_csv(path: Path, options: dict[str, Any], rows: slice = slice(0, None)) -> CsvTable:
     """Read the columns of a file.
 
-    Parameters
-    ----------
-    path : Path
-    options : dict
-        ``delimiter``, ``header``, ``skip_rows``, ``decimal``, ``skip_text``.
-    rows : slice
-        Rows of data to read; the others are not looked at.
-
-    Raises
-    ------
-    InputError
-        The file is no such table, or takes more than `MOST_TABLE`.
+    `options`: ``delimiter``, ``header``, ``skip_rows``, ``decimal``, ``skip_text``.
+    `rows`: rows of data to read; the others are not looked at.
+    Raises InputError: the file is no such table, or takes more than `MOST_TABLE`.
     """
     encoding, notes = _encoding(path)
     with path.open(encoding=encoding, newline="") as stream:

@@ -91,14 +91,9 @@ def find_layout(lines: Sequence[str], *, delimiter: str | None = None, header: b
     The delimiter is the one whose rows hold most numbers, counted in rows of one width; the table begins where two such
     rows follow each other.
 
-    Parameters
-    ----------
-    lines : sequence of str
-        Without empty lines and comments.
-    delimiter : str, optional
-        Where it is known.
-    header : bool, optional
-        Whether there is a header, where it is known.
+    `lines`: without empty lines and comments.
+    `delimiter`: where it is known.
+    `header`: whether there is a header, where it is known.
     """
     best: tuple[float, str, int, list[Row]] = (-1.0, "", 0, [])
     for candidate in [delimiter] if delimiter else _DELIMITERS:

@@ -21,10 +21,7 @@ _SECOND = 1_000_000_000
 def date_ns(cell: Any) -> int | None:
     """Return a date as nanoseconds since 1970 in UTC; None where it is none. One without a zone is taken as UTC.
 
-    Parameters
-    ----------
-    cell : object
-        ``2025-03-02 09:00:00.25``, ``2025-03-02T09:00:00,25+0100``.
+    `cell`: ``2025-03-02 09:00:00.25``, ``2025-03-02T09:00:00,25+0100``.
     """
     match = _DATE.fullmatch(str(cell).strip())
     if match is None:

@@ -68,16 +68,9 @@ def in_backquotes(text: str, names: Iterable[str], *, numbers: bool = False) -> 
 class Expression:
     """A formula over columns.
 
-    Parameters
-    ----------
-    text : str
-        Names of columns, numbers, ``+ - * / % **``, brackets, ``abs sign sqrt sin cos tan deg2rad rad2deg pi``. A name
-        that is no plain word stands in backquotes: `` `speed [rpm]` / 30 ``.
-
-    Raises
-    ------
-    InputError
-        Not such a formula.
+    `text`: names of columns, numbers, ``+ - * / % **``, brackets, ``abs sign sqrt sin cos tan deg2rad rad2deg pi``. A
+    name that is no plain word stands in backquotes: `` `speed [rpm]` / 30 ``.
+    Raises InputError: not such a formula.
     """
 
     def __init__(self, text: str) -> None:
@@ -142,14 +135,8 @@ class Expression:
     def evaluate(self, columns: Mapping[str, Array]) -> Array:
         """Return the values, shape (n,).
 
-        Parameters
-        ----------
-        columns : mapping of str to array, shape (n,)
-
-        Raises
-        ------
-        InputError
-            A column is missing.
+        `columns` (n,).
+        Raises InputError: a column is missing.
         """
         for name in self.columns:
             if name not in columns:

@@ -60,21 +60,11 @@ def import_bag(
 ) -> Imported:
     """Turn a file into a bag of our topics.
 
-    Parameters
-    ----------
-    source : Path or str
-        A file of any known form, or a foreign bag.
-    bag : Path or str
-        Bag to write; must not exist.
-    mapping : Mapping, str or Path
-        A mapping, the name of a ready one, or a mapping file.
-    part : str, optional
-        Which record of a file that holds several.
-
-    Raises
-    ------
-    InputError
-        Source, mapping or target cannot be used; the message says why.
+    `source`: a file of any known form, or a foreign bag.
+    `bag`: bag to write; must not exist.
+    `mapping`: a mapping, the name of a ready one, or a mapping file.
+    `part`: which record of a file that holds several.
+    Raises InputError: source, mapping or target cannot be used; the message says why.
     """
     mapping = mapping if isinstance(mapping, Mapping) else load_mapping(mapping)
     source, bag = Path(source), Path(bag)

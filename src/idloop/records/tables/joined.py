@@ -11,12 +11,8 @@ from idloop.records.tables.table import Table
 def joined_tables(folder: Path, tables: Sequence[Table]) -> Table:
     """Join tables: the column ``u`` of ``drive.csv`` becomes ``drive.u``.
 
-    Parameters
-    ----------
-    folder : Path
-        Where they lie, for messages.
-    tables : sequence of Table
-        Files of different names; each keeps its time columns.
+    `folder`: where they lie, for messages.
+    `tables`: files of different names; each keeps its time columns.
     """
     whole = Table(folder, {})
     for table in tables:

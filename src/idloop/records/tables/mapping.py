@@ -266,10 +266,7 @@ class Mapping(Signals):
     def for_part(self, part: str | None) -> Signals:
         """Return the signals of one part, the mapping's own where it has none.
 
-        Raises
-        ------
-        InputError
-            Unknown part, or none given where there are several.
+        Raises InputError: unknown part, or none given where there are several.
         """
         if not self.parts:
             if part is not None:
@@ -306,10 +303,7 @@ def ready_definitions() -> dict[str, str]:
 def load_mapping(name_or_path: str | Path) -> Mapping:
     """Load a mapping: one shipped with idloop by its name, or a file of the user's.
 
-    Raises
-    ------
-    InputError
-        Unknown name, unreadable YAML, unknown or wrong keys.
+    Raises InputError: unknown name, unreadable YAML, unknown or wrong keys.
     """
     known = ready_mappings()
     path = known.get(str(name_or_path), Path(name_or_path))

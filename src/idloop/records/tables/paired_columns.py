@@ -16,10 +16,7 @@ from idloop.records.tables.csv_layout import repeated
 def clocks_of(names: Sequence[str]) -> dict[int, int]:
     """Return the column with the stamps of each, by places: where several of one name hold stamps, the last before it.
 
-    Parameters
-    ----------
-    names : sequence of str
-        As the header has them: ``Time``, ``Value``, ``Time``, ``Value``.
+    `names`: as the header has them: ``Time``, ``Value``, ``Time``, ``Value``.
     """
     stamps = [name for name in repeated(names) if clock_unit(name) is not None]
     found: dict[int, int] = {}
@@ -50,12 +47,8 @@ def are_alike(columns: Sequence[Any]) -> bool:
 def cut_at_ends(columns: dict[str, Any], clocks: Mapping[str, str]) -> None:
     """Cut each column where its stamps end.
 
-    Parameters
-    ----------
-    columns : dict of str to ndarray (n,) or list of str
-        What was read less often than the others ends in empty cells.
-    clocks : mapping of str to str
-        Column of the stamps by that of the values.
+    `columns`: what was read less often than the others ends in empty cells.
+    `clocks`: column of the stamps by that of the values.
     """
     for clock in set(clocks.values()):
         known = _known(columns[clock])

@@ -13,15 +13,9 @@ from idloop.records.tables.table import Table
 def set_series(table: Table, series: Mapping[str, tuple[Any, Any]], clock: str, unit: str) -> None:
     """Make series the columns of a table: with one column of stamps where all have the same, each with its own else.
 
-    Parameters
-    ----------
-    table : Table
-    series : mapping of str to (stamps, values)
-        Of equal length; numbers or texts.
-    clock : str
-        Name for the stamps; those of the series ``a`` become ``a.clock``.
-    unit : str
-        Of the stamps; empty where it is not known.
+    `series`: mapping of str to (stamps, values). Of equal length; numbers or texts.
+    `clock`: name for the stamps; those of the series ``a`` become ``a.clock``.
+    `unit`: of the stamps; empty where it is not known.
     """
     first, *others = [np.asarray(stamps) for stamps, _ in series.values()]
     common = all(np.array_equal(first, other) for other in others)

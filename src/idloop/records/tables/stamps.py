@@ -21,15 +21,8 @@ def bad_stamps(stamp: NDArray[Any]) -> Mask:
 
     Where a time starts again, what follows is below what was before as well, and no single row stands out.
 
-    Parameters
-    ----------
-    stamp : array, shape (n,)
-        Of any unit; NaN where there is none.
-
-    Returns
-    -------
-    array, shape (n,)
-        None of them where they are too many.
+    `stamp` (n,): of any unit; NaN where there is none.
+    Returns shape (n,): None of them where they are too many.
     """
     found = np.zeros(stamp.size, dtype=bool)
     step = np.diff(stamp)

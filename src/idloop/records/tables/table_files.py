@@ -22,20 +22,12 @@ __all__ = ["Table", "read_table"]
 def read_table(path: Path, kind: str | None = None, options: Mapping[str, Any] | None = None) -> Table:
     """Read a file into columns.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    kind : str, optional
-        Form, one of `idloop.records.formats.registry.kinds`; by default found out from its first bytes and its suffix.
-    options : mapping, optional
-        ``delimiter``, ``header``, ``skip_rows``, ``decimal``, ``skip_text``, ``rows`` (csv: slice of the rows of data
-        that are looked at); ``entries`` (json, torch: key of the list of samples).
-
-    Raises
-    ------
-    InputError
-        Missing or unreadable file, unknown form, no rows.
+    `path`: the file.
+    `kind`: form, one of `idloop.records.formats.registry.kinds`; by default found out from its first bytes and its
+    suffix.
+    `options`: ``delimiter``, ``header``, ``skip_rows``, ``decimal``, ``skip_text``, ``rows`` (csv: slice of the rows of
+    data that are looked at); ``entries`` (json, torch: key of the list of samples).
+    Raises InputError: missing or unreadable file, unknown form, no rows.
     """
     if path.exists() and not path.is_file():
         what = "a directory" if path.is_dir() else "no regular file"

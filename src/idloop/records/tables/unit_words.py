@@ -77,10 +77,7 @@ _PREFIXED = {
 def unit_by_words(text: str) -> str:
     """Return the unit that words of some language mean; empty where they mean none.
 
-    Parameters
-    ----------
-    text : str
-        ``degrees``, ``giri/min``, ``DegPerSec``, ``mm·s⁻¹``, ``% of rated torque``.
+    `text`: ``degrees``, ``giri/min``, ``DegPerSec``, ``mm·s⁻¹``, ``% of rated torque``.
     """
     plain = _without_accents(" ".join(text.split()).lower())
     # A Latin letter is a unit in its own case only.
@@ -106,10 +103,7 @@ def is_unit_key(name: str) -> bool:
 def multiple(text: str) -> tuple[float, str]:
     """Return the number and the unit of a multiple of a unit; 1 and the text itself where it is none.
 
-    Parameters
-    ----------
-    text : str
-        ``0.01 A``, ``1/1000 rated``, ``0.1%``, ``‰``, ``mdeg``, ``mdps``.
+    `text`: ``0.01 A``, ``1/1000 rated``, ``0.1%``, ``‰``, ``mdeg``, ``mdps``.
     """
     text = " ".join(text.replace("‰", "0.1 %").split())
     if match := _MULTIPLE.fullmatch(text):

@@ -56,10 +56,7 @@ class EffectRow:
 def ladder_rows(ladder: Ladder) -> list[EffectRow]:
     """Effects of a ladder: what was added with its ties, what was weighed last, what this data cannot show.
 
-    Returns
-    -------
-    list of EffectRow
-        Each effect once.
+    Returns: each effect once.
     """
     known = {c.name: c for c in ladder.candidates}
     rows: list[EffectRow] = []
@@ -91,15 +88,8 @@ def diagnosis_rows(diagnosis: Diagnosis) -> list[EffectRow]:
 def candidates_figure(rows: Sequence[EffectRow], theme: Theme = LIGHT, *, most: int = 12) -> figure | None:
     """Draw the share of the error that each effect explains, ranked, with its standing in words.
 
-    Parameters
-    ----------
-    most : int
-        At most so many; effects that this data cannot show are left to a list.
-
-    Returns
-    -------
-    figure or None
-        None without any effect.
+    `most`: at most so many; effects that this data cannot show are left to a list.
+    Returns: None without any effect.
     """
     drawn = [row for row in rows if row.standing != UNTESTABLE][:most]
     if not drawn:

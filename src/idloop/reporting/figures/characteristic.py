@@ -18,15 +18,8 @@ if TYPE_CHECKING:
 def characteristic_figure(one: Characteristic, theme: Theme = LIGHT, *, height: int = 260) -> figure:
     """Draw it.
 
-    Parameters
-    ----------
-    height : int
-        [CSS pixels].
-
-    Returns
-    -------
-    figure
-        Dots: the data along the motion; bars: their mean and deviation in each bin; line: the fitted effect.
+    `height`: [CSS pixels].
+    Returns: dots: the data along the motion; bars: their mean and deviation in each bin; line: the fitted effect.
     """
     plot = new_figure(theme, (one.variable, one.unit), (one.quantity, one.quantity_unit), height=height)
     dots = plot.scatter(

@@ -30,17 +30,9 @@ def overlay(
 ) -> list[figure]:
     """Draw one record and what the models say about it.
 
-    Parameters
-    ----------
-    panel : Panel
-        As for the printed figure (`idloop.reporting.plots.comparison`).
-    buckets : int
-        Stretches of time of which the least and the largest value are kept.
-
-    Returns
-    -------
-    list of figure
-        Two for each output, then the command; their time axes are linked.
+    `panel`: as for the printed figure (`idloop.reporting.plots.comparison`).
+    `buckets`: stretches of time of which the least and the largest value are kept.
+    Returns: two for each output, then the command; their time axes are linked.
     """
     time = ("time", "s")
     span = padded(float(panel.time[0]), float(panel.time[-1]), 0.01)
@@ -70,20 +62,11 @@ def force_figures(
 ) -> list[figure]:
     """Draw the drive side of models on one record.
 
-    Parameters
-    ----------
-    models : sequence of (str, ForceError)
-        Label of each model and its drive side.
-    unit : str
-        Of the force.
-    buckets : int
-        As for `idloop.reporting.figures.thinning.kept`.
-
-    Returns
-    -------
-    list of figure
-        Forces, then what each model misses. Models that change the command apply another force: each is drawn as
-        what was applied by the first less its own error.
+    `models`: sequence of (str, ForceError). Label of each model and its drive side.
+    `unit`: of the force.
+    `buckets`: as for `idloop.reporting.figures.thinning.kept`.
+    Returns: forces, then what each model misses. Models that change the command apply another force: each is drawn as
+    what was applied by the first less its own error.
     """
     if not models:
         return []

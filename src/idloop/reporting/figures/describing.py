@@ -16,10 +16,7 @@ if TYPE_CHECKING:
 def describing_figures(measured: MeasuredDescribingFunction, theme: Theme = LIGHT) -> list[figure]:
     """Draw it, one line for each frequency; over the frequency where there are more of them than amplitudes.
 
-    Returns
-    -------
-    list of figure
-        Size with its confidence, phase, distortion.
+    Returns: size with its confidence, phase, distortion.
     """
     # Amplitudes that were meant to be equal are measured a little apart.
     amplitudes = np.unique(np.round(20.0 * np.log10(measured.amplitude))).size

@@ -50,16 +50,10 @@ def evidence_figure(
 ) -> figure:
     """Draw how the evidence grows.
 
-    Parameters
-    ----------
-    seconds : sequence of float, shape (looks,)
-        New samples that had been scored at each look [s].
-    lines : mapping of str to sequence of float, shape (looks,)
-        Log-evidence by effect; NaN before an effect was weighed.
-    threshold : float
-        Log-evidence that decides.
-    recorded : bool
-        Of a recording, not of new samples.
+    `seconds` (looks,): new samples that had been scored at each look [s].
+    `lines` (looks,): log-evidence by effect; NaN before an effect was weighed.
+    `threshold`: log-evidence that decides.
+    `recorded`: of a recording, not of new samples.
     """
     scored = "samples scored" if recorded else "new samples"
     shown = drawn_lines(lines, decided)

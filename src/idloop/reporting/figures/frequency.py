@@ -16,15 +16,8 @@ def frequency_figures(view: FrequencyView, output: int = 0, theme: Theme = LIGHT
 
     What the coherence does not allow to be read is thin and grey, and has no phase.
 
-    Parameters
-    ----------
-    output : int
-        Number of the output.
-
-    Returns
-    -------
-    list of figure
-        Their frequency axes are one.
+    `output`: number of the output.
+    Returns: their frequency axes are one.
     """
     frequency, measured = view.frequency, view.measured
     unit = f"{measured.output_units[output]}/{measured.input_units[0]}"

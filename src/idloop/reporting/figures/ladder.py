@@ -48,15 +48,8 @@ def step_names(ladder: Ladder) -> list[str]:
 def ladder_figures(ladder: Ladder, floor: Mapping[str, float] | None = None, theme: Theme = LIGHT) -> list[figure]:
     """Draw the error of every step.
 
-    Parameters
-    ----------
-    floor : mapping of str to float, optional
-        NRMSE that the noise of each output alone leaves.
-
-    Returns
-    -------
-    list of figure
-        The drive force [%] where it is known, and the outputs; first what the steps were judged by.
+    `floor`: NRMSE that the noise of each output alone leaves.
+    Returns: the drive force [%] where it is known, and the outputs; first what the steps were judged by.
     """
     plots = []
     forces, outputs = force_lines(ladder), error_lines(ladder)
@@ -138,17 +131,9 @@ def number_decades(plot: figure, low: float, high: float) -> None:
 def name_rows(plot: figure, names: Sequence[str], theme: Theme, below: float = _BELOW) -> Array:
     """Lay out rows below one another, each with its words above what is drawn: they stay whole on a phone.
 
-    Parameters
-    ----------
-    plot : figure
-        Its vertical axis is hidden.
-    below : float
-        Room below the last row, in rows.
-
-    Returns
-    -------
-    array, shape (rows,)
-        Height at which each row is drawn; rows are 1 apart.
+    `plot`: its vertical axis is hidden.
+    `below`: room below the last row, in rows.
+    Returns shape (rows,): height at which each row is drawn; rows are 1 apart.
     """
     plot.yaxis.visible = False
     plot.ygrid.visible = False

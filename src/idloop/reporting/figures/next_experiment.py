@@ -21,18 +21,9 @@ _HEIGHTS = {"sent": 175, "output": 200, "difference": 204}
 def experiment_figures(suggestion: Suggestion, theme: Theme = LIGHT, *, buckets: int = BUCKETS) -> list[figure]:
     """Draw a suggested experiment, simulated with every rival.
 
-    Parameters
-    ----------
-    suggestion : Suggestion
-        With its rivals.
-    theme : Theme
-    buckets : int
-        As for `idloop.reporting.figures.thinning.kept`.
-
-    Returns
-    -------
-    list of figure
-        What is sent in, then for each output the rivals and their differences from the first one; linked in time.
+    `suggestion`: with its rivals.
+    `buckets`: as for `idloop.reporting.figures.thinning.kept`.
+    Returns: what is sent in, then for each output the rivals and their differences from the first one; linked in time.
     """
     span = padded(0.0, suggestion.experiment.duration, 0.01)
     plots, named = [], False

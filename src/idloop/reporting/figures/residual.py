@@ -14,10 +14,7 @@ from idloop.validation.residual import ResidualTest
 def residual_figures(test: ResidualTest, theme: Theme = LIGHT) -> list[figure]:
     """Draw the tests of one output's one-step residual.
 
-    Returns
-    -------
-    list of figure
-        Autocorrelation, correlation with the input; the band holds 99 % of the values of a residual that is noise.
+    Returns: autocorrelation, correlation with the input; the band holds 99 % of the values of a residual that is noise.
     """
     return [
         _stems(theme, "autocorrelation", test.lag, test.autocorrelation, test.autocorrelation_band, test.white),

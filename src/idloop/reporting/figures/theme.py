@@ -68,14 +68,9 @@ def new_figure(
 ) -> figure:
     """Make an empty figure that fills the width of where it is put.
 
-    Parameters
-    ----------
-    x, y : tuple of (str, str or None)
-        Name and unit of each axis; an empty name leaves the axis without a label (a category's ticks are words).
-    height : int
-        Of the whole figure [CSS pixels].
-    **given
-        For `bokeh.plotting.figure`.
+    `x`, `y`: name and unit of each axis; an empty name leaves the axis without a label (a category's ticks are words).
+    `height`: of the whole figure [CSS pixels].
+    `**given`: for `bokeh.plotting.figure`.
     """
     plot = figure(
         **{
@@ -116,10 +111,7 @@ def new_figure(
 def add_legend(plot: figure, theme: Theme, entries: list[tuple[str, list[Any]]]) -> None:
     """Write a legend above a figure, one line an entry so that a phone shows it whole; a click hides a line.
 
-    Parameters
-    ----------
-    entries : list of (str, list of GlyphRenderer)
-        What each says, and for what.
+    `entries`: list of (str, list of GlyphRenderer). What each says, and for what.
     """
     look: dict[str, Any] = {"padding": 2}
     plot.add_layout(

@@ -19,20 +19,11 @@ BUCKETS = 2000
 def kept(x: ArrayLike, y: ArrayLike, buckets: int = BUCKETS) -> Integers:
     """Which points of a curve draw it as well as all of them do.
 
-    Parameters
-    ----------
-    x : array, shape (n,)
-        Increasing.
-    y : array, shape (n,)
-        NaN where the curve is interrupted.
-    buckets : int
-        Stretches of equal length in x.
-
-    Returns
-    -------
-    array of int, shape (m,)
-        Increasing; m is at most ``2 buckets + 2``, or n where there are no more than that. Of each stretch the
-        first of the least and of the largest values, one NaN of a stretch that has nothing else, and both ends.
+    `x` (n,): increasing.
+    `y` (n,): NaN where the curve is interrupted.
+    `buckets`: stretches of equal length in x.
+    Returns shape (m,): increasing; m is at most ``2 buckets + 2``, or n where there are no more than that. Of each
+    stretch the first of the least and of the largest values, one NaN of a stretch that has nothing else, and both ends.
     """
     place, value = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
     n = len(place)
@@ -55,10 +46,7 @@ def kept(x: ArrayLike, y: ArrayLike, buckets: int = BUCKETS) -> Integers:
 def thinned(x: ArrayLike, y: ArrayLike, buckets: int = BUCKETS) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Points of a curve that draw it as well as all of them do, in single precision: half the bytes of a page.
 
-    Parameters
-    ----------
-    x, y, buckets
-        As for `kept`.
+    `x`, `y`, `buckets`: as for `kept`.
     """
     index = kept(x, y, buckets)
     return np.asarray(x, dtype=np.float32)[index], np.asarray(y, dtype=np.float32)[index]

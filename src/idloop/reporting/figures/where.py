@@ -88,17 +88,9 @@ def error_along(maps: Sequence[tuple[str, ErrorMap]], variable: str, theme: Them
 def error_in_time(maps: Sequence[tuple[str, ErrorMap]], theme: Theme = LIGHT, buckets: int = BUCKETS) -> figure | None:
     """Draw the error of models over time; the worst stretches of the last one are marked and numbered.
 
-    Parameters
-    ----------
-    maps, theme
-        As for `error_along`.
-    buckets : int
-        As for `idloop.reporting.figures.thinning.kept`.
-
-    Returns
-    -------
-    figure or None
-        None without any map.
+    `maps`, `theme`: as for `error_along`.
+    `buckets`: as for `idloop.reporting.figures.thinning.kept`.
+    Returns: None without any map.
     """
     if not maps:
         return None

@@ -32,12 +32,8 @@ def find_chromium() -> str:
 def print_pdf(page: Path, target: Path) -> Path:
     """Print an HTML file that needs no network as PDF.
 
-    Raises
-    ------
-    InputError
-        There is no browser.
-    IdloopError
-        It fails.
+    Raises InputError: there is no browser.
+    Raises IdloopError: it fails.
     """
     # As wide as the paper, so that the figures have its width; doubled for sharp pictures.
     return _run(page, target, "--window-size=820,1160", "--force-device-scale-factor=2", "--no-pdf-header-footer",

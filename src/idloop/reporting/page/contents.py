@@ -109,12 +109,8 @@ def gather(
 ) -> Contents:
     """Compute everything that a report says.
 
-    Parameters
-    ----------
-    records, validation : sequence of Record
-        What the ladder was fitted to, and what it did not see.
-    progress : callable, optional
-        Called with the share done and a text.
+    `records`, `validation`: what the ladder was fitted to, and what it did not see.
+    `progress`: called with the share done and a text.
     """
     report = progress or (lambda share, text: None)
     models = labelled_models(ladder)

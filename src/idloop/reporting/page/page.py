@@ -17,10 +17,7 @@ if TYPE_CHECKING:
 def render_page(contents: Contents) -> str:
     """Write the page.
 
-    Returns
-    -------
-    str
-        HTML. It loads nothing, and its own policy forbids the browser to.
+    Returns: HTML. It loads nothing, and its own policy forbids the browser to.
     """
     from markupsafe import Markup
 

@@ -37,10 +37,7 @@ _FEWEST = 300
 def page_figures(contents: Contents, theme: Theme = LIGHT) -> dict[str, list[figure]]:
     """Draw every figure of a report.
 
-    Returns
-    -------
-    dict
-        Figures that stand below one another, by the name of their place.
+    Returns: figures that stand below one another, by the name of their place.
     """
     buckets = _buckets(contents)
     places: dict[str, list[figure]] = {"ladder": ladder_figures(contents.ladder, contents.floor, theme)}
@@ -94,10 +91,7 @@ def where_place(name: str, variable: str) -> str:
 def where_places(contents: Contents) -> list[tuple[str, str]]:
     """Output (or drive force) and variable of every figure of where the model fails.
 
-    Returns
-    -------
-    list of (str, str)
-        Of the first error everything; of the others time and what shows most in the first model.
+    Returns: of the first error everything; of the others time and what shows most in the first model.
     """
     if not contents.judged:
         return []

@@ -49,10 +49,7 @@ if TYPE_CHECKING:
 def page_words(contents: Contents) -> dict[str, Any]:
     """Everything that the page says, as plain texts and tables.
 
-    Returns
-    -------
-    dict
-        By the names that the template uses.
+    Returns: by the names that the template uses.
     """
     ladder, left = contents.ladder, _fitted_remainders(contents)
     return {
@@ -125,10 +122,7 @@ def page_words(contents: Contents) -> dict[str, Any]:
 def headline(ladder: Ladder, left: Sequence[ResidualFinding] = ()) -> str:
     """Say in one sentence what is missing.
 
-    Parameters
-    ----------
-    left : sequence of ResidualFinding
-        Residual tests of the last model on the fitted data.
+    `left`: residual tests of the last model on the fitted data.
     """
     names = _lacking(ladder)
     if names:
@@ -180,10 +174,7 @@ def _or_its_rivals(ladder: Ladder, name: str) -> str:
 def verdict_text(ladder: Ladder, left: Sequence[ResidualFinding] = ()) -> str:
     """Say how the ladder ended, as a sentence.
 
-    Parameters
-    ----------
-    left : sequence of ResidualFinding
-        Residual tests of the last model on the fitted data.
+    `left`: residual tests of the last model on the fitted data.
     """
     only = scope_text(ladder)
     end = conclusion(ladder, left, only)
@@ -342,10 +333,7 @@ def quantities(ladder: Ladder) -> list[str]:
 def rungs(ladder: Ladder) -> list[dict[str, Any]]:
     """Rows of the ladder's table: every number that ``ladder.json`` has of each step.
 
-    Returns
-    -------
-    list of dict
-        ``name``, ``evidence``, and ``errors``: for unseen and fitted data, those of `quantities`.
+    Returns: ``name``, ``evidence``, and ``errors``: for unseen and fitted data, those of `quantities`.
     """
     rows = []
     for step in ladder.steps:

@@ -28,10 +28,7 @@ if TYPE_CHECKING:
 def paper_figures(contents: Contents) -> dict[str, Figure]:
     """Draw them.
 
-    Returns
-    -------
-    dict
-        Figures by the stem of their file.
+    Returns: figures by the stem of their file.
     """
     figures = {"ladder": plot_ladder(contents.ladder, contents.floor)}
     for index, judged in enumerate(contents.judged, start=1):
@@ -78,14 +75,7 @@ def _where(judged: Judged) -> list[tuple[str, Where]]:
 def save_paper_figures(contents: Contents, folder: Path) -> list[Path]:
     """Write them as SVG.
 
-    Parameters
-    ----------
-    folder : Path
-        Is made where it is not there.
-
-    Raises
-    ------
-    IdloopError
-        A file cannot be written.
+    `folder`: is made where it is not there.
+    Raises IdloopError: a file cannot be written.
     """
     return [drawing.save(figure, folder / f"{stem}.svg") for stem, figure in paper_figures(contents).items()]

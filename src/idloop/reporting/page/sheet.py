@@ -19,14 +19,9 @@ TEMPLATES = Path(__file__).parent / "templates"
 def render_sheet(template: Path, places: Mapping[str, Sequence[figure]], **words: Any) -> str:
     """Write a page: HTML that loads nothing.
 
-    Parameters
-    ----------
-    template : Path
-        Extends ``sheet.html``.
-    places : mapping of str to sequence of figure
-        Figures that stand below one another, by the name of their place.
-    **words
-        For the template; ``name`` and ``headline`` among them.
+    `template`: extends ``sheet.html``.
+    `places`: figures that stand below one another, by the name of their place.
+    `**words`: for the template; ``name`` and ``headline`` among them.
     """
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
     from markupsafe import Markup
@@ -54,10 +49,7 @@ def render_sheet(template: Path, places: Mapping[str, Sequence[figure]], **words
 def figure_items(places: Mapping[str, Sequence[figure]]) -> str:
     """Figures as a JSON text that may stand in a script element.
 
-    Parameters
-    ----------
-    places : mapping of str to sequence of figure
-        Figures that stand below one another, by the name of their place.
+    `places`: figures that stand below one another, by the name of their place.
     """
     from bokeh.embed import json_item
     from bokeh.layouts import column

@@ -84,17 +84,9 @@ class Panel:
 def make_panel(title: str, rows: Sequence[tuple[str, Comparison]]) -> Panel:
     """Column of one record: what was measured, the free run of each model, and the band of the noise.
 
-    Parameters
-    ----------
-    title : str
-        Above the column.
-    rows : sequence of (str, Comparison)
-        Label of each model and its comparison, all with the same record.
-
-    Returns
-    -------
-    Panel
-        Without a band where a model misses less than the noise that is stated.
+    `title`: above the column.
+    `rows`: sequence of (str, Comparison). Label of each model and its comparison, all with the same record.
+    Returns: without a band where a model misses less than the noise that is stated.
     """
     first = rows[0][1]
     believed = believed_noise(first.model, refuted_noise(comparison for _, comparison in rows))
@@ -119,14 +111,9 @@ def plot_comparison(
 ) -> Figure:
     """Draw the figure.
 
-    Parameters
-    ----------
-    panels : sequence of Panel
-        One for each record.
-    output_names, output_units : sequence of str, length p
-        Such as "motor.position" and "rad".
-    input_name, input_unit : str
-        Such as "motor.effort" and "V".
+    `panels`: one for each record.
+    `output_names`, `output_units`: sequence of str, length p. Such as "motor.position" and "rad".
+    `input_name`, `input_unit`: such as "motor.effort" and "V".
     """
     with drawing.styled():
         heights = (2.0, 1.2) * len(output_names) + (1.2,)

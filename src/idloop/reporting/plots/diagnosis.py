@@ -21,11 +21,7 @@ _MOST = 8  # bars
 def plot_diagnosis(found: Diagnosis, records: Sequence[Record]) -> Figure:
     """Draw a bar for each refitted effect, and below it the characteristic of the missing one.
 
-    Parameters
-    ----------
-    found : Diagnosis
-    records : sequence of Record
-        Those that were diagnosed; the characteristic is read off the first that shows it.
+    `records`: those that were diagnosed; the characteristic is read off the first that shows it.
     """
     from matplotlib.figure import Figure as NewFigure
 

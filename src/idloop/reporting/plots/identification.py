@@ -54,12 +54,8 @@ def plot_identification(drawn: Sequence[Drawn], data: Sequence[SampledData], tit
 
     A column for each output.
 
-    Parameters
-    ----------
-    data : sequence of SampledData
-        On which the models were judged; the longest stretch is drawn.
-    title : str
-        What the data are.
+    `data`: on which the models were judged; the longest stretch is drawn.
+    `title`: what the data are.
     """
     from matplotlib.figure import Figure
 
@@ -104,12 +100,8 @@ def plot_identification(drawn: Sequence[Drawn], data: Sequence[SampledData], tit
 def plot_sweep(name: str, unit: str | None, lines: Sequence[SweepLine], steps: int, title: str = "") -> Figure:
     """Draw FIT over the swept setting, free run above prediction.
 
-    Parameters
-    ----------
-    name, unit : str, str or None
-        Of the setting.
-    steps : int
-        How far ahead the prediction is [samples].
+    `name`, `unit`: of the setting.
+    `steps`: how far ahead the prediction is [samples].
     """
     with drawing.styled():
         figure, axes = drawing.new_figure(2, 1, (2.2, 2.2))

@@ -24,10 +24,7 @@ _STEP_WIDTH = 1.35
 def plot_ladder(ladder: Ladder, floor: Mapping[str, float] | None = None) -> Figure:
     """Draw the errors of every step of a ladder, and the unknown structure when it ends in one.
 
-    Parameters
-    ----------
-    floor : mapping of str to float, optional
-        NRMSE that the noise of each output alone leaves, by its name.
+    `floor`: NRMSE that the noise of each output alone leaves, by its name.
     """
     from matplotlib.figure import Figure
 
@@ -122,15 +119,8 @@ def _legend_beside(axes: Any) -> None:
 def step_label(step: Step, ladder: Ladder) -> str:
     """What a step added, its evidence, and in brackets what the data cannot distinguish it from.
 
-    Parameters
-    ----------
-    ladder : Ladder
-        Of which it is one.
-
-    Returns
-    -------
-    str
-        A few short lines.
+    `ladder`: of which it is one.
+    Returns: a few short lines.
     """
     if step.added is None:
         return "start"

@@ -21,12 +21,7 @@ _IN_BRACKETS = re.compile(r"[\[({]([^\])}]*)[\])}]\s*$")
 
 
 def plot_recognition(found: Recognition) -> Figure:
-    """Draw each recognised column over time, in the unit of the file.
-
-    Parameters
-    ----------
-    found : Recognition
-    """
+    """Draw each recognised column over time, in the unit of the file."""
     from matplotlib.figure import Figure
 
     numbers = numbers_of(found.table)

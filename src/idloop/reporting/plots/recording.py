@@ -26,10 +26,7 @@ _FIELD_UNITS = {"position": "rad or m", "velocity": "rad/s or m/s", "effort": "c
 def plot_recording(inspection: Inspection) -> Figure:
     """Draw the figure.
 
-    Parameters
-    ----------
-    inspection : Inspection
-        From `idloop.records.inspect_bag`.
+    `inspection`: from `idloop.records.inspect_bag`.
     """
     from matplotlib.figure import Figure
 

@@ -43,10 +43,7 @@ _LEAST_SHOWN, _MOST_SHOWN = 0.04, 0.33
 def plot_suggestion(suggestion: Suggestion) -> Figure:
     """Draw the figure.
 
-    Parameters
-    ----------
-    suggestion : Suggestion
-        With its rivals.
+    `suggestion`: with its rivals.
     """
     rows, duration = rows_of(suggestion), suggestion.experiment.duration
     whole, stretch = (0.0, duration), _stretch(rows, duration)

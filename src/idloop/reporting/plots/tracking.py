@@ -25,14 +25,9 @@ def plot_tracking(
 ) -> Figure:
     """Draw the figure.
 
-    Parameters
-    ----------
-    output : str
-        The output to show.
-    input_name, input_unit : str
-        Of the command.
-    settle : float
-        Seconds at the start that the errors in the legend leave out.
+    `output`: the output to show.
+    `input_name`, `input_unit`: of the command.
+    `settle`: seconds at the start that the errors in the legend leave out.
     """
     column = without.names.index(output)
     unit = without.units[column]

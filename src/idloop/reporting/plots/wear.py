@@ -25,10 +25,7 @@ _POINTS = 30
 def plot_wear(baseline: Baseline, records: Sequence[Record], traces: Sequence[Trace]) -> Figure:
     """Draw the figure.
 
-    Parameters
-    ----------
-    traces : sequence of Trace
-        What the monitor made of each record; drawn one after the other.
+    `traces`: what the monitor made of each record; drawn one after the other.
     """
     with drawing.styled():
         figure, axes = drawing.new_figure(2 * len(baseline.watches), 1, (1.5, 1.8) * len(baseline.watches))

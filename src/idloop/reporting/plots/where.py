@@ -40,10 +40,7 @@ _BELOW, _HEAD, _RIGHT = 0.75, 0.35, 0.12
 def plot_where(models: Sequence[tuple[str, Where]]) -> Figure:
     """Draw the figure.
 
-    Parameters
-    ----------
-    models : sequence of (str, Where)
-        Label of each model and where it fails, all on the same record.
+    `models`: sequence of (str, Where). Label of each model and where it fails, all on the same record.
     """
     from matplotlib.figure import Figure
 

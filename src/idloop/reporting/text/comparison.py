@@ -26,10 +26,7 @@ _GOOD, _MISSES = 90.0, 20.0
 def measures_of(rows: Rows) -> Iterator[Block]:
     """Yield the table of measures, one line for each output.
 
-    Parameters
-    ----------
-    rows : sequence of (str, Comparison)
-        What the first column says, and the comparison.
+    `rows`: sequence of (str, Comparison). What the first column says, and the comparison.
     """
     table = []
     for label, comparison in rows:

@@ -31,17 +31,10 @@ def diagnosis_blocks(
 ) -> Iterator[Block]:
     """Yield findings, ranked table, tie, verdict with its physics and caveats, and what the data cannot show.
 
-    Parameters
-    ----------
-    found : Diagnosis
-    left : sequence of ResidualFinding
-        Residual tests of the model on the fitted data.
-    worse : sequence of Worsened
-        The missing effect, where the free run is worse with it.
-    errors : mapping
-        Of the model on the fitted data, as `idloop.diagnosis.model_errors` has them.
-    everything : bool
-        List every effect of the catalogue.
+    `left`: residual tests of the model on the fitted data.
+    `worse`: the missing effect, where the free run is worse with it.
+    `errors`: of the model on the fitted data, as `idloop.diagnosis.model_errors` has them.
+    `everything`: list every effect of the catalogue.
     """
     yield from found.gate.findings
     yield ""

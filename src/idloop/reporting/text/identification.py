@@ -178,11 +178,8 @@ def details_blocks(one: Outcome) -> Iterator[Block]:
 def pole_row(pole: complex, sample_time: float, length: float = math.inf) -> tuple[str, ...]:
     """Pole, its size, and frequency [Hz], damping and time constant [s] of the continuous pole of same samples.
 
-    Parameters
-    ----------
-    pole : complex
-    sample_time, length : float
-        Of the record [s]: a pole whose time constant is longer is an integrator's as far as that shows.
+    `sample_time`, `length`: of the record [s]: a pole whose time constant is longer is an integrator's as far as that
+    shows.
     """
     import cmath
 

@@ -27,11 +27,7 @@ if TYPE_CHECKING:
 def ladder_blocks(ladder: Ladder, left: Sequence[ResidualFinding] = ()) -> Iterator[Block]:
     """Yield the table of steps, the verdict with its physics and caveats, and what would be next.
 
-    Parameters
-    ----------
-    ladder : Ladder
-    left : sequence of ResidualFinding
-        Residual tests of the last model on the fitted data.
+    `left`: residual tests of the last model on the fitted data.
     """
     yield from ladder.findings
     kind = judging(ladder)

@@ -12,10 +12,7 @@ from idloop.reporting.text.blocks import Block, Table
 def experiment_blocks(suggested: Mapping[str, Any]) -> Iterator[Block]:
     """Yield what an experiment is expected to decide, and a row for each rival.
 
-    Parameters
-    ----------
-    suggested : mapping
-        As `idloop.diagnosis.design.suggest.Suggestion.to_dict` writes it, or what is left of it in a ladder.
+    `suggested`: as `idloop.diagnosis.design.suggest.Suggestion.to_dict` writes it, or what is left of it in a ladder.
     """
     if suggested.get("signal"):
         signal = describe_signal(suggested["signal"], suggested["adds_to"], suggested.get("unit", ""))

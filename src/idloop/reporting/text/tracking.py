@@ -45,22 +45,13 @@ def tracking_blocks(
 ) -> Iterator[Block]:
     """Yield what is cancelled and how, the tracking errors, and the size of the command.
 
-    Parameters
-    ----------
-    runs : (Tracking, Tracking, Tracking or None)
-        Without compensation, with it, and without the effects.
-    plan : Plan
-        What the controller cancels and what it leaves.
-    reference : str
-        What is followed, in words.
-    followed : str
-        Output that follows it.
-    settle : float
-        Seconds at the start that the errors leave out.
-    model : str
-        Name of the compensating model.
-    unit : str
-        Of the command.
+    `runs`: without compensation, with it, and without the effects.
+    `plan`: what the controller cancels and what it leaves.
+    `reference`: what is followed, in words.
+    `followed`: output that follows it.
+    `settle`: seconds at the start that the errors leave out.
+    `model`: name of the compensating model.
+    `unit`: of the command.
     """
     from idloop.control.compensation import WORDS
 

@@ -34,12 +34,8 @@ Rule = Callable[[str, str, HTTPHeaders], int]
 class Admission(HTTPServerConnectionDelegate):
     """Stands before an application of Tornado's, whoever wrote its handlers.
 
-    Parameters
-    ----------
-    rule : callable
-        Given method, path and headers of a request, returns the status with which it is refused; 0 lets it in.
-    headers : callable
-        Given the headers of a request, returns those that every answer gets beside `HEADERS`.
+    `rule`: given method, path and headers of a request, returns the status with which it is refused; 0 lets it in.
+    `headers`: given the headers of a request, returns those that every answer gets beside `HEADERS`.
     """
 
     def __init__(

@@ -54,15 +54,8 @@ class Assessment:
 def assess(model: Model, record: Record, report: Report, measures: Mapping[str, str] | None = None) -> Assessment:
     """Compare a model, its parameters as they are, with a record.
 
-    Parameters
-    ----------
-    measures : mapping of str to str, optional
-        By output the error to break down, that of the model before: as `idloop.validation.compare` takes them.
-
-    Raises
-    ------
-    InputError, IdloopError
-        As `idloop.validation.compare`.
+    `measures`: by output the error to break down, that of the model before: as `idloop.validation.compare` takes them.
+    Raises InputError, IdloopError: as `idloop.validation.compare`.
     """
     from idloop.reporting.frequency_view import frequency_view
     from idloop.reporting.residual_findings import residual_findings
@@ -92,15 +85,8 @@ def assess(model: Model, record: Record, report: Report, measures: Mapping[str, 
 def draw_characteristics(candidates: Sequence[Candidate], record: Record, report: Report) -> dict[str, Characteristic]:
     """Read the characteristics of effects that may be missing off a record.
 
-    Parameters
-    ----------
-    candidates : sequence of Candidate
-        Best first; those that were not fitted, and have no model, are passed over.
-
-    Returns
-    -------
-    dict of str to Characteristic
-        By ``effect@site``; without those that the record does not show.
+    `candidates`: best first; those that were not fitted, and have no model, are passed over.
+    Returns: by ``effect@site``; without those that the record does not show.
     """
     from idloop.errors import IdloopError
     from idloop.validation.characteristic import characteristic

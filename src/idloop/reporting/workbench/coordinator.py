@@ -18,12 +18,8 @@ Job = Callable[[], None]
 class Coordinator:
     """Takes orders from the page's threads; the work itself is done in a child process.
 
-    Parameters
-    ----------
-    state : State
-        Holds what goes on and what went wrong.
-    yields : bool
-        Yield the processor to control loops; not where there are none and the reader waits.
+    `state`: holds what goes on and what went wrong.
+    `yields`: yield the processor to control loops; not where there are none and the reader waits.
     """
 
     def __init__(self, state: State, *, yields: bool = True) -> None:
@@ -39,15 +35,8 @@ class Coordinator:
     def order(self, what: str, job: Job, *, quiet: bool = False, waits: bool = False) -> None:
         """Queue a job; the reader sees `what` it is, unless it runs quietly.
 
-        Parameters
-        ----------
-        waits : bool
-            It may wait for another one that is under way, where none waits already.
-
-        Raises
-        ------
-        InputError
-            Another one is under way.
+        `waits`: it may wait for another one that is under way, where none waits already.
+        Raises InputError: another one is under way.
         """
         if self.busy and (self._next or not waits or what == self.busy):
             raise InputError(f"{self.busy} is under way: wait for its result")

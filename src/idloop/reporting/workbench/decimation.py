@@ -12,20 +12,11 @@ def extremes(time: Array, values: Array, width: float) -> tuple[Array, Array]:
 
     The buckets lie on whole multiples of `width`, so that a window that moves on shows the same points again.
 
-    Parameters
-    ----------
-    time : array, shape (n,)
-        Not decreasing [s].
-    values : array, shape (n, k)
-        NaN where there is none; a bucket without any stays NaN.
-    width : float
-        Length of a bucket [s].
-
-    Returns
-    -------
-    time : array, shape (m,)
-        First and last instant of every bucket that holds samples; the samples themselves where buckets would
-        not make them fewer.
+    `time` (n,): not decreasing [s].
+    `values` (n, k): NaN where there is none; a bucket without any stays NaN.
+    `width`: length of a bucket [s].
+    Returns `time` (m,): first and last instant of every bucket that holds samples; the samples themselves where buckets
+    would not make them fewer.
     """
     n = len(time)
     if n == 0 or width <= 0.0:

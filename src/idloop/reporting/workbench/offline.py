@@ -28,20 +28,12 @@ Keep = Callable[["Ladder"], None]
 class OfflineSource:
     """Recordings and a model; implements `idloop.reporting.workbench.state.Source`.
 
-    Parameters
-    ----------
-    study : Study
-        Data and how they are judged.
-    ladder : Ladder, optional
-        To go on with.
-    keep : callable, optional
-        Called with the ladder after every step.
-    paths : (sequence of Path, sequence of Path), optional
-        Of the recordings that are fitted, and of those that no fit sees.
-    model_file : Path, optional
-        That holds the model.
-    inspected : sequence of str
-        What the inspection says of the recordings that are fitted.
+    `study`: data and how they are judged.
+    `ladder`: to go on with.
+    `keep`: called with the ladder after every step.
+    `paths`: of the recordings that are fitted, and of those that no fit sees.
+    `model_file`: that holds the model.
+    `inspected`: what the inspection says of the recordings that are fitted.
     """
 
     def __init__(

@@ -63,14 +63,9 @@ def _made(make: Figures, snapshot: Snapshot) -> tuple[list[Any], Drawn]:
 def make_page(doc: Document, source: Source, key: str, run: str, stop_port: int) -> None:
     """Fill the document of one browser.
 
-    Parameters
-    ----------
-    key : str
-        Without it no order is taken.
-    run : str
-        Of the server: a page of another run loads itself anew.
-    stop_port : int
-        Port of `StopServer`.
+    `key`: without it no order is taken.
+    `run`: of the server: a page of another run loads itself anew.
+    `stop_port`: port of `StopServer`.
     """
     request = getattr(doc.session_context, "request", None)
     cookies = {} if request is None else request.cookies

@@ -18,11 +18,7 @@ if TYPE_CHECKING:
 def recorded_evidence(found: Diagnosis, records: Sequence[Record]) -> Evidence | None:
     """Return a line for each effect that was evaluated; None where none was.
 
-    Parameters
-    ----------
-    found : Diagnosis
-    records : sequence of Record
-        What it was made of: the samples that it scored, of all or some, are spread over their time.
+    `records`: what it was made of: the samples that it scored, of all or some, are spread over their time.
     """
     courses = {
         one.name: one.course

@@ -25,10 +25,7 @@ Drawn = list[tuple[Model, dict[str, Any]]]
 class Canvas:
     """Figures in one place of the page.
 
-    Parameters
-    ----------
-    place : bokeh.models.layouts.Column
-        Where they are.
+    `place`: where they are.
     """
 
     def __init__(self, place: Column) -> None:
@@ -38,12 +35,9 @@ class Canvas:
     def draw(self, figures: Sequence[UIElement], *, anew: bool = False) -> None:
         """Show figures; those that differ from the ones before in values alone are brought up to them in place.
 
-        Parameters
-        ----------
-        figures : sequence of bokeh.models.ui.UIElement
-            New ones, of which none is in a document.
-        anew : bool
-            Not in place: BokehJS paints another background from the second pixel on, and leaves a line of the old one.
+        `figures`: new ones, of which none is in a document.
+        `anew`: not in place: BokehJS paints another background from the second pixel on, and leaves a line of the old
+        one.
         """
         self.show(figures, drawn(figures), anew=anew)
 

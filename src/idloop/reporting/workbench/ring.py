@@ -18,12 +18,8 @@ class Ring:
     The arrays are longer than what is kept by a part of it: a window is then one contiguous view, and samples move
     only when that part is full.
 
-    Parameters
-    ----------
-    columns : int
-        Values of a sample.
-    capacity : int
-        Samples that are kept.
+    `columns`: values of a sample.
+    `capacity`: samples that are kept.
     """
 
     def __init__(self, columns: int, capacity: int) -> None:
@@ -58,15 +54,8 @@ class Ring:
     def extend(self, stamps: ArrayLike, values: ArrayLike) -> int:
         """Take samples in; those that are not newer than the newest are left out.
 
-        Parameters
-        ----------
-        stamps : array, shape (m,)
-            Nanoseconds.
-
-        Returns
-        -------
-        int
-            Samples taken in.
+        `stamps` (m,): nanoseconds.
+        Returns: samples taken in.
         """
         new: Stamps = np.asarray(stamps, dtype=np.int64).reshape(-1)
         rows: Array = np.asarray(values, dtype=float).reshape(len(new), self._values.shape[1])
@@ -92,10 +81,7 @@ class Ring:
     def window(self, start: int, stop: int, *, before: bool = False) -> tuple[Stamps, Array]:
         """Return copies of the samples from `start` to before `stop` [ns].
 
-        Parameters
-        ----------
-        before : bool
-            Include the last sample before `start`, which still holds there.
+        `before`: include the last sample before `start`, which still holds there.
         """
         stamps = self._stamps[self._first : self._end]
         low, high = (int(i) for i in np.searchsorted(stamps, [start, stop]))

@@ -47,12 +47,8 @@ class View:
 class Signals:
     """Bounded buffers of one model's streams; one thread writes, any number read.
 
-    Parameters
-    ----------
-    model : Model
-        Names and units of input and outputs, and the noise of the sensors.
-    capacity : int
-        Samples kept of every stream.
+    `model`: names and units of input and outputs, and the noise of the sensors.
+    `capacity`: samples kept of every stream.
     """
 
     def __init__(self, model: Model, capacity: int = CAPACITY) -> None:
@@ -155,12 +151,8 @@ class Signals:
     ) -> View:
         """Return what lies between two instants [s], at most some 2 * `buckets` points a stream.
 
-        Parameters
-        ----------
-        streams : collection of str
-            That are wanted.
-        since : dict of str to float, optional
-            Newest sample of a stream that the reader has [s]: the buckets before that sample's are left out.
+        `streams`: that are wanted.
+        `since`: newest sample of a stream that the reader has [s]: the buckets before that sample's are left out.
         """
         width = (stop - start) / max(buckets, 1)
         points: dict[str, tuple[Array, Array]] = {}

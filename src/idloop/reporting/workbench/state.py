@@ -254,21 +254,10 @@ class Source(Protocol):
     def order(self, verb: str, what: str = "") -> str:
         """Start one of `ORDERS`; what comes of it appears in the state.
 
-        Parameters
-        ----------
-        what : str
-            ``effect@site`` for ``add``, the number of a recording for ``show``, one of `AUTOMATIC` with `` on`` or
-            `` off`` for ``automatic``.
-
-        Returns
-        -------
-        str
-            What was started, for the reader.
-
-        Raises
-        ------
-        InputError
-            It cannot be given now, and why.
+        `what`: ``effect@site`` for ``add``, the number of a recording for ``show``, one of `AUTOMATIC` with `` on`` or
+        `` off`` for ``automatic``.
+        Returns: what was started, for the reader.
+        Raises InputError: it cannot be given now, and why.
         """
 
     def file(self, name: str) -> bytes:

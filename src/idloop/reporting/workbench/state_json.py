@@ -53,17 +53,9 @@ ONE_SIGN = 0.6  # share of its root mean square from which on the mean of an err
 def answered(source: Source, run: str, have: str = "") -> dict[str, Any]:
     """Answer a browser that asks what is new.
 
-    Parameters
-    ----------
-    run : str
-        Of the server.
-    have : str
-        Run and version of the state that the browser has.
-
-    Returns
-    -------
-    dict
-        With run and version alone where it has the newest state already.
+    `run`: of the server.
+    `have`: run and version of the state that the browser has.
+    Returns: with run and version alone where it has the newest state already.
     """
     snapshot = source.state.look()
     head = {"run": run, "change": snapshot.version}
@@ -73,15 +65,8 @@ def answered(source: Source, run: str, have: str = "") -> dict[str, Any]:
 def page_state(snapshot: Snapshot, signals: Signals) -> dict[str, Any]:
     """Return everything that the page shows in words.
 
-    Parameters
-    ----------
-    signals : Signals
-        For names and units.
-
-    Returns
-    -------
-    dict
-        JSON without NaN.
+    `signals`: for names and units.
+    Returns: JSON without NaN.
     """
     state = {
         "live": snapshot.live,

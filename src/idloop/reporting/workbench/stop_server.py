@@ -20,16 +20,10 @@ from idloop.reporting.workbench.admission import Admission
 class StopServer:
     """Takes ``POST /stop/<key>``; what a body says changes nothing.
 
-    Parameters
-    ----------
-    stop : callable
-        Stops the motor; any thread may call it.
-    key : str
-        What the page holds.
-    address : str
-        To listen on; the port is one that is free.
-    hosts : set of str
-        Hosts of the page, without ports; none lets any in.
+    `stop`: stops the motor; any thread may call it.
+    `key`: what the page holds.
+    `address`: to listen on; the port is one that is free.
+    `hosts`: hosts of the page, without ports; none lets any in.
     """
 
     def __init__(self, stop: Callable[[], str], key: str, address: str, hosts: set[str]) -> None:

@@ -40,16 +40,9 @@ class Question:
     def read(cls, given: Mapping[str, str]) -> Question:
         """Read what a browser has sent.
 
-        Parameters
-        ----------
-        given : dict of str to str
-            ``follow``, or ``start`` and ``stop``, or neither; ``buckets``, ``shown``, ``epoch``, and ``have`` as
-            ``stream:seconds`` with commas between.
-
-        Raises
-        ------
-        InputError
-            It makes no sense.
+        `given`: ``follow``, or ``start`` and ``stop``, or neither; ``buckets``, ``shown``, ``epoch``, and ``have`` as
+        ``stream:seconds`` with commas between.
+        Raises InputError: it makes no sense.
         """
         try:
             follow = float(given["follow"]) if "follow" in given else None

@@ -28,10 +28,7 @@ class BagMetadata:
 def read_metadata(bag: Path) -> BagMetadata:
     """Read the metadata of a bag; storage and compression are seen from the files themselves.
 
-    Raises
-    ------
-    InputError
-        Damaged metadata, or a part of the files is missing.
+    Raises InputError: damaged metadata, or a part of the files is missing.
     """
     path = bag / METADATA
     if not bag.is_dir() or not path.exists():

@@ -155,12 +155,8 @@ def ros1_messages(file: Path) -> Iterator[Message | None]:
 def readable_messages(file: Path, scratch: Scratch) -> Iterator[Message | None]:
     """Yield every message of a storage file that can be read, and None wherever something is damaged.
 
-    Parameters
-    ----------
-    file : Path
-        mcap, sqlite3 or ROS 1, packed or not.
-    scratch : Scratch
-        For unpacked files.
+    `file`: mcap, sqlite3 or ROS 1, packed or not.
+    `scratch`: for unpacked files.
     """
     kind, whole = file_format(file), True
     if kind == "zstd":

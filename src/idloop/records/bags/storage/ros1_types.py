@@ -19,10 +19,7 @@ def ros2_types(types: dict[str, Any]) -> dict[str, Any]:
 def ros1_typestore(message_type: str, definition: str) -> tuple[str, Typestore]:
     """Return the name that a type has in ROS 2, and a store that knows it.
 
-    Raises
-    ------
-    Exception
-        Any, where the definition cannot be parsed.
+    Raises Exception: any, where the definition cannot be parsed.
     """
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     from rosbags.typesys.msg import normalize_msgtype

@@ -53,10 +53,7 @@ def storage_suffix(path: Path) -> str | None:
 def storage_files(path: Path) -> list[Path]:
     """Return the files of a bag in the order of recording, without regard to its metadata.
 
-    Raises
-    ------
-    InputError
-        No such bag, a folder without a recording, or a file that is none.
+    Raises InputError: no such bag, a folder without a recording, or a file that is none.
     """
     if not path.exists():
         near = sorted(entry.name for entry in path.parent.iterdir()) if path.parent.is_dir() else []
@@ -79,10 +76,7 @@ def storage_files(path: Path) -> list[Path]:
 def file_format(path: Path) -> Format | None:
     """Return the format by the first bytes of a file; by its name where it is cut off within them.
 
-    Raises
-    ------
-    InputError
-        The file is empty, cannot be read, or its name promises another format.
+    Raises InputError: the file is empty, cannot be read, or its name promises another format.
     """
     try:
         with path.open("rb") as file:

@@ -23,10 +23,7 @@ def other_profile(path: Path) -> bool:
 class StreamedMcap:
     """Such a file, read from its beginning to its end; what is no message of ROS in it is passed over.
 
-    Raises
-    ------
-    ValueError
-        The file is cut off or damaged.
+    Raises ValueError: the file is cut off or damaged.
     """
 
     def __init__(self, path: Path) -> None:

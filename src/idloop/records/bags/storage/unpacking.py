@@ -44,24 +44,11 @@ class Scratch:
 def unpack_file(packed: Path, scratch: Scratch, *, keep_cut: bool = False) -> tuple[Path, bool]:
     """Unpack a file that Zstandard compressed.
 
-    Parameters
-    ----------
-    packed : Path
-        Stays as it is.
-    scratch : Scratch
-        Where the unpacked file is written, without the last suffix.
-    keep_cut : bool
-        Keep what a cut or damaged file still gives.
-
-    Returns
-    -------
-    Path, bool
-        The unpacked file, and whether it is whole.
-
-    Raises
-    ------
-    InputError
-        Damaged, or it unpacks to more than its share or than the disk holds.
+    `packed`: stays as it is.
+    `scratch`: where the unpacked file is written, without the last suffix.
+    `keep_cut`: keep what a cut or damaged file still gives.
+    Returns: the unpacked file, and whether it is whole.
+    Raises InputError: damaged, or it unpacks to more than its share or than the disk holds.
     """
     from rosbags.rosbag2 import reader  # brings the module of the standard library, or its backport
 

@@ -24,14 +24,9 @@ def isolated(value: Array, resolution: float, usual: Mask | None = None) -> Inte
     A jump or a kink of a signal lies on the course of one side, a single wrong value on that of none, and both courses
     meet where it should be.
 
-    Parameters
-    ----------
-    value : array, shape (n,)
-        Evenly sampled.
-    resolution : float
-        Smallest step of the signal.
-    usual : array of bool, shape (n,), optional
-        Samples that may be judged.
+    `value` (n,): evenly sampled.
+    `resolution`: smallest step of the signal.
+    `usual` (n,): samples that may be judged.
     """
     if value.size < 2 * _BLOCK:
         return np.zeros(0, dtype=np.int64)
