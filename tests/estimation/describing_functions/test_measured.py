@@ -218,7 +218,6 @@ def test_what_was_measured_draws_itself(stepped: Stepped) -> None:
     size, _, distortion = found.plot()
     assert size.get_ylabel() == "|N| [rad/s/V]"
     assert distortion.get_xlabel() == "frequency [Hz]"
-    assert found.plot_locus().get_xlabel() == "real part [V/rad/s]"
 
 
 BAD = synthetic(np.zeros((600, 2)))

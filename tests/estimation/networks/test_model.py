@@ -45,18 +45,15 @@ def test_the_free_run_needs_no_outputs(model, data, plant):
     np.testing.assert_array_equal(model.simulate(blind), model.simulate(data))
 
 
-def test_a_run_that_diverges_stays_finite_and_says_where(plant):
+def test_a_run_that_diverges_stays_finite(plant):
     data = plant.linear(0)
     net = narx_wavelet(data, units=3)
     wild = type(net)(**{**net.__dict__, "network": net.network._replace(linear=3 * net.network.linear)})
     run = wild.simulate(data)
     assert np.all(np.isfinite(run))
-    where = wild.diverges(data)
-    assert 2 < where < 100
     # Fifty times the range about the middle.
     limit = 50 * np.ptp(data.output[2:])
     assert np.max(np.abs(run - net.network.output_center)) == pytest.approx(limit)
-    assert net.diverges(data) is None
 
 
 def test_other_data_than_the_model_is_for(model, data, plant):
@@ -83,11 +80,6 @@ def test_the_result_shows_itself(model, data):
     axes = model.plot()
     assert axes.get_ylabel() == "mean square of the scaled error [-]"
     assert model.history.stop in axes.get_title()
-    regression = model.plot_regression(data)
-    assert "R = 0.99" in regression.get_title()
-    assert regression.get_xlabel() == "measured y [rad]"
-    response = model.plot_response(data)
-    assert (response.get_xlabel(), response.get_ylabel()) == ("time [s]", "y [rad]")
     values = model.to_dict()
     assert values["units"] == model.units
     assert values["delays"] == {"na": 2, "nb": 2, "nk": 1}

@@ -12,12 +12,10 @@ from bokeh.models.annotations import BoxAnnotation, Label, Legend, Span
 from idloop.reporting.breakdowns import bins
 from idloop.reporting.figures.candidates import (
     ADDED,
-    MISSING,
     TIED,
     UNTESTABLE,
     WEIGHED,
     candidates_figure,
-    diagnosis_rows,
     ladder_rows,
 )
 from idloop.reporting.figures.characteristic import unknown_figure
@@ -191,19 +189,6 @@ def test_candidates_are_ranked_with_ties_as_ties_and_what_cannot_be_shown(conten
     plot = candidates_figure(rows)
     assert list(columns(plot)["share"]) == [80.0, 80.0, 1.0]
     assert candidates_figure(rows[-1:]) is None
-
-
-def test_a_pair_that_shows_only_together_is_missing_both(missing_pair):
-    rows = diagnosis_rows(missing_pair)
-    assert [(row.name, row.standing) for row in rows] == [
-        ("gain_asymmetry@input", MISSING),
-        ("load_torque@axis", MISSING),
-    ]
-    tied = replace(missing_pair, pair=None, set=("gain_asymmetry@input", "load_torque@axis"))
-    assert [row.evidence for row in diagnosis_rows(tied)] == [
-        "missing, p = 0.001",
-        "as likely as gain asymmetry @ input",
-    ]
 
 
 def test_the_drive_side_shows_what_each_model_misses(judged):

@@ -105,17 +105,6 @@ class DescribingFunction:
         distortion = self.distortion[places]
         axes[2].plot(x, 100.0 * np.where(np.isfinite(distortion), distortion, np.nan), ".-", label=label)
 
-    def plot_locus(self, axes: Any = None) -> Any:
-        """Draw −1/N in the complex plane, one line for each frequency; returns the matplotlib axes."""
-        ax = new_axes(axes)
-        for frequency, places in self.lines():
-            label = f"−1/N of {self.name}" + ("" if np.isnan(frequency) else f", {frequency:.4g} Hz")
-            ax.plot(self.locus[places].real, self.locus[places].imag, ".-", label=label)
-        unit = f"{self.input_unit}/{self.output_unit}" if self.input_unit and self.output_unit else ""
-        ax.set(xlabel=with_unit("real part", unit), ylabel=with_unit("imaginary part", unit))
-        ax.legend(frameon=False)
-        return ax
-
 
 def describing_function(
     element: Element,

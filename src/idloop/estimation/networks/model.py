@@ -136,8 +136,7 @@ class NarxModel:
         Returns
         -------
         ndarray, shape (N, p)
-            The samples before `first` are `initial`. A run that diverges stays at `low` or `high`; ``diverges``
-            returns the sample [output units].
+            The samples before `first` are `initial`. A run that diverges stays at `low` or `high` [output units].
 
         Raises
         ------
@@ -157,12 +156,6 @@ class NarxModel:
             past = past.copy()
             past[: self.first] = start
         return self._ahead(data, past, len(data))
-
-    def diverges(self, data: SampledData) -> int | None:
-        """First sample at which the free run leaves `low` to `high`, None where it does not."""
-        run = self.simulate(data)[self.first :]
-        out = np.any((run <= self.low) | (run >= self.high), axis=1)
-        return int(np.argmax(out)) + self.first if np.any(out) else None
 
     def innovations(self, data: SampledData) -> Array:
         """One-step prediction errors, shape (N, p); zero before `first`."""
@@ -247,45 +240,6 @@ class NarxModel:
             axes.set_ylabel(drawing.label("mean square of the scaled error", "-"))
             axes.set_title(f"{self.method}, {self.units} units; stopped by: {self.history.stop}")
             axes.legend()
-        return axes
-
-    def plot_regression(self, data: SampledData, axes: Any = None) -> Any:
-        """Draw predicted over measured outputs with their correlation R; returns the matplotlib axes, one an output."""
-        from idloop import drawing
-
-        predicted, measured = self.predict(data)[self.first :], data.output[self.first :]
-        with drawing.styled():
-            count = len(self.output_names)
-            axes = new_axes(axes, 1, 4, columns=count, width=4 * count)
-            for index, each in enumerate(np.atleast_1d(axes)):
-                x, y = measured[:, index], predicted[:, index]
-                moves = np.ptp(x) > 0 and np.ptp(y) > 0
-                text = f"R = {np.corrcoef(x, y)[0, 1]:.5f}" if moves else "R: nothing moves"
-                look = {"marker": ".", "linestyle": "none", "markersize": 2, "color": drawing.MODELS[0]}
-                drawing.line(each, x, y, **look)
-                each.axline((float(x[0]), float(x[0])), slope=1.0, color=drawing.MEASURED, linewidth=0.8)
-                name, unit = self.output_names[index], self.output_units[index]
-                each.set(title=f"{data.name}: {text}", xlabel=drawing.label(f"measured {name}", unit))
-                each.set_ylabel(drawing.label(f"predicted {name}", unit))
-        return axes
-
-    def plot_response(self, data: SampledData, axes: Any = None) -> Any:
-        """Draw measurement, prediction and free run over time; returns the matplotlib axes, one an output."""
-        from idloop import drawing
-
-        curves = (("one step ahead", self.predict(data)), ("free run", self.simulate(data)))
-        with drawing.styled():
-            count = len(self.output_names)
-            axes = new_axes(axes, count, 2.5 * count)
-            several = np.atleast_1d(axes)
-            for index, each in enumerate(several):
-                drawing.line(each, data.time, data.output[:, index], color=drawing.MEASURED, label="measured")
-                for number, (text, values) in enumerate(curves):
-                    drawing.line(each, data.time, values[:, index], label=text, **drawing.model_look(number))
-                each.set_ylabel(drawing.label(self.output_names[index], self.output_units[index]))
-                each.legend()
-            several[0].set_title(f"{data.name}: {self.method}")
-            several[-1].set_xlabel(drawing.label("time", "s"))
         return axes
 
     def _ahead(self, data: SampledData, past: Array, steps: int) -> Array:

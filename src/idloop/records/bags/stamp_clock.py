@@ -7,7 +7,6 @@ from typing import Literal
 
 import numpy as np
 
-from idloop.arrays import Integers
 from idloop.records.bags.stream import JointStream
 
 _FIRST_DATE_NS = 10**18  # 2001-09-09: earlier stamps count from a start, not from 1970
@@ -45,20 +44,3 @@ def share_no_clock(first: JointStream, second: JointStream) -> bool:
     """Whether one topic has dates and the other counts from a start, as with simulated time beside receive time."""
     sources = {stamp_clock(one).source for one in (first, second)}
     return "start" in sources and len(sources) > 1
-
-
-def on_clock_of(receive_ns: Integers, stream: JointStream) -> Integers:
-    """Return receive times (n,) as the clock of a stamped topic would show them, in nanoseconds.
-
-    Stamp against receive time is interpolated, and continued beyond the ends with the offset there. The delay of the
-    transport remains in it.
-    """
-    order = np.argsort(stream.receive_ns, kind="stable")
-    received, ahead = stream.receive_ns[order], (stream.stamp_ns - stream.receive_ns)[order]
-    zero, start = int(ahead[0]), int(received[0])
-    moved = np.interp(
-        (receive_ns - start).astype(np.float64),
-        (received - start).astype(np.float64),
-        (ahead - zero).astype(np.float64),
-    )
-    return np.asarray(receive_ns + zero + np.round(moved).astype(np.int64))

@@ -17,13 +17,12 @@ from idloop.reporting.figures.theme import LIGHT, Theme, new_figure, source
 from idloop.reporting.terms import effect_words
 
 if TYPE_CHECKING:
-    from idloop.diagnosis import Candidate, Diagnosis, Ladder
+    from idloop.diagnosis import Candidate, Ladder
 
-ADDED, TIED, MISSING, WEIGHED, UNTESTABLE = "added", "tied", "missing", "weighed", "untestable"
+ADDED, TIED, WEIGHED, UNTESTABLE = "added", "tied", "weighed", "untestable"
 STANDINGS = {
     ADDED: "added",
     TIED: "as likely",
-    MISSING: "missing",
     WEIGHED: "not added",
     UNTESTABLE: "this data cannot show it",
 }
@@ -34,9 +33,7 @@ class EffectRow:
     """One effect and its standing."""
 
     name: str  # ``effect@site``
-    # one of `added`, `tied`, `missing`, `weighed`, `untestable`: ``tied``: this data cannot distinguish it from
-    # `tied_with`
-    standing: str
+    standing: str  # of `STANDINGS`; tied: this data cannot distinguish it from `tied_with`
     explains: float  # share of the error's power that it takes away, 0 to 1; NaN where it was not fitted
     p_value: float  # NaN where there is none
     gain: float  # log-likelihood gained; NaN where it was not fitted
@@ -71,18 +68,12 @@ def ladder_rows(ladder: Ladder) -> list[EffectRow]:
             EffectRow(name, TIED, _explains(step.added), np.nan, np.nan, _text(known.get(name)), step.added.name)
             for name in ladder.rivals(step)
         ]
-    return _with_rest(rows, ladder.candidates, tuple(undetectable(ladder)), WEIGHED)
-
-
-def diagnosis_rows(diagnosis: Diagnosis) -> list[EffectRow]:
-    """Effects of one diagnosis: what is missing and what ties with it first."""
-    rows = []
-    for candidate in diagnosis.candidates:
-        if candidate.name in diagnosis.set or candidate.name in (diagnosis.pair or ()):
-            tied = candidate.name in diagnosis.set[1:]
-            row = _row(candidate, TIED if tied else MISSING, candidate.p_value)
-            rows.append(replace(row, tied_with=diagnosis.set[0]) if tied else row)
-    return _with_rest(rows, diagnosis.candidates, diagnosis.untestable, WEIGHED)
+    named = {row.name for row in rows}
+    untestable = [name for name in undetectable(ladder) if name not in named]
+    weighed = [c for c in ladder.candidates if c.name not in {*named, *untestable} and np.isfinite(c.gain)]
+    rows += [_row(c, WEIGHED, c.p_value) for c in sorted(weighed, key=lambda c: c.p_value)]
+    why = {name: known[name].why if name in known else "" for name in untestable}
+    return [*rows, *(EffectRow(name, UNTESTABLE, np.nan, np.nan, np.nan, why[name]) for name in untestable)]
 
 
 def candidates_figure(rows: Sequence[EffectRow], theme: Theme = LIGHT, *, most: int = 12) -> figure | None:
@@ -104,7 +95,7 @@ def candidates_figure(rows: Sequence[EffectRow], theme: Theme = LIGHT, *, most: 
     )  # fmt: skip
     labels = [f"{name}: {_share_text(row)}{_standing(row)}" for name, row in zip(names, drawn, strict=True)]
     places = name_rows(plot, labels, theme)
-    colours = {ADDED: theme.found, MISSING: theme.found, TIED: theme.found, WEIGHED: theme.band}
+    colours = {ADDED: theme.found, TIED: theme.found, WEIGHED: theme.band}
     columns = source(
         name=names, y=places, share=np.nan_to_num(share), colour=[colours[row.standing] for row in drawn],
         evidence=[row.evidence for row in drawn], text=[row.text for row in drawn],
@@ -145,23 +136,3 @@ def _explains(candidate: Candidate) -> float:
 
 def _text(candidate: Candidate | None) -> str:
     return "" if candidate is None else candidate.text
-
-
-def _with_rest(
-    rows: list[EffectRow], candidates: Sequence[Candidate], untestable: Sequence[str], standing: str
-) -> list[EffectRow]:
-    """Add what was weighed and fitted, then what cannot be shown."""
-    known = {c.name: c for c in candidates}
-    named = {row.name for row in rows}
-    weighed = [c for c in candidates if c.name not in named and c.name not in untestable and np.isfinite(c.gain)]
-    weighed.sort(key=lambda c: c.p_value)
-    rest = [_row(c, standing, c.p_value) for c in weighed]
-    hidden = [name for name in untestable if name not in named]
-    return [
-        *rows,
-        *rest,
-        *(
-            EffectRow(name, UNTESTABLE, np.nan, np.nan, np.nan, known[name].why if name in known else "")
-            for name in hidden
-        ),
-    ]
