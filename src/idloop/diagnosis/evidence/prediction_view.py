@@ -312,7 +312,7 @@ class PredictionView(View[Refit]):
                 return "another initial state explains the same"
         if self.held_out is not None:
             if id(fit) not in step.held:
-                step.held[id(fit)] = fit, holds(self.held_out, step.parent, proposal, fit)
+                step.held[id(fit)] = fit, holds(self.held_out.subsampled(ENOUGH), step.parent, proposal, fit)
             if not step.held[id(fit)][1]:
                 return "it makes the errors on the held-out records larger"
         if not responds and not responds_to_command(self.estimation, fit):
