@@ -54,6 +54,15 @@ def _flat(values: Array) -> Array:
     return np.ascontiguousarray(values, dtype=float)
 
 
+def _flats(*several: Array) -> tuple[Array, ...]:
+    return tuple(map(_flat, several))
+
+
+def _places(layout: Layout, gain: Array) -> Integers:
+    """One of the stacked gains after the other."""
+    return np.arange(len(gain) // (2 * layout.bodies + 1))
+
+
 class Engine:
     """Evaluate a model for values ``theta`` of its free parameters.
 
@@ -157,16 +166,8 @@ class Engine:
         if not self.is_valid(theta):
             return np.full(shape, np.nan)
         disturbed = np.zeros(shape) if noise is None else _flat(noise)
-        kernel.simulate(
-            layout.axis,
-            _flat(input_time),
-            _flat(command),
-            _flat(time),
-            state,
-            layout.new_history(),
-            disturbed,
-            output,
-        )
+        signals = _flats(input_time, command, time)
+        kernel.simulate(layout.axis, *signals, state, layout.new_history(), disturbed, output)
         return output
 
     def slopes(
@@ -206,14 +207,7 @@ class Engine:
             moved[i] += size
             beside.append((self.layout(moved).under(conditions), float(size)) if self.is_valid(moved) else None)
         state = self._start(layout, initial_state, input_time, time)
-        return tangent.slopes(
-            layout,
-            beside,
-            _flat(input_time),
-            _flat(command),
-            _flat(time),
-            state,
-        )
+        return tangent.slopes(layout, beside, _flat(input_time), _flat(command), _flat(time), state)
 
     def predict(
         self,
@@ -252,25 +246,13 @@ class Engine:
             Measured minus predicted.
         """
         layout = self.layout(theta).under(conditions)
-        if place is None:
-            place = np.arange(len(gain) // (2 * layout.bodies + 1))
+        place = _places(layout, gain) if place is None else place
         state = self._start(layout, initial_state, input_time, time)
         innovation = np.empty((len(time), len(self.model.outputs)))
         if not self.is_valid(theta):
             return np.full_like(innovation, np.nan)
-        kernel.predict(
-            layout.axis,
-            _flat(input_time),
-            _flat(command),
-            _flat(time),
-            _flat(measured),
-            _flat(gain),
-            place,
-            decay,
-            state,
-            layout.new_history(),
-            innovation,
-        )
+        signals = _flats(input_time, command, time, measured, gain)
+        kernel.predict(layout.axis, *signals, place, decay, state, layout.new_history(), innovation)
         return innovation
 
     def predict_ahead(
@@ -312,23 +294,11 @@ class Engine:
         if not 1 <= steps < len(time):
             raise InputError(f"cannot predict {steps} steps ahead in {len(time)} samples; choose 1 .. {len(time) - 1}")
         layout = self.layout(theta).under(conditions)
-        if place is None:
-            place = np.arange(len(gain) // (2 * layout.bodies + 1))
+        place = _places(layout, gain) if place is None else place
         state = self._start(layout, initial_state, input_time, time)
         prediction = np.full(measured.shape, np.nan)
-        kernel.predict_ahead(
-            layout.axis,
-            _flat(input_time),
-            _flat(command),
-            _flat(time),
-            _flat(measured),
-            _flat(gain),
-            place,
-            steps,
-            state,
-            layout.new_history(),
-            prediction,
-        )
+        signals = _flats(input_time, command, time, measured, gain)
+        kernel.predict_ahead(layout.axis, *signals, place, steps, state, layout.new_history(), prediction)
         return prediction
 
     def balance(
@@ -359,16 +329,10 @@ class Engine:
         required = np.empty(len(time))
         if not self.is_valid(theta):
             return ForceBalance(np.full_like(residual, np.nan), np.full_like(required, np.nan))
+        motion = (part.reshape(len(time), -1) for part in _flats(position, velocity, acceleration))
+        sent = _flats(input_time, command)
         kernel.balance(
-            layout.axis,
-            _flat(time),
-            *(_flat(part).reshape(len(time), -1) for part in (position, velocity, acceleration)),
-            _flat(input_time),
-            _flat(command),
-            float(rest_speed),
-            layout.new_state(),
-            residual,
-            required,
+            layout.axis, _flat(time), *motion, *sent, float(rest_speed), layout.new_state(), residual, required
         )
         return ForceBalance(residual, required)
 
