@@ -12,9 +12,9 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+from workbench_picture import take_picture
 
 import idloop
-from idloop.reporting.workbench.picture import take_picture
 
 PICTURES = Path(__file__).parent / "images" / "gallery"
 PROGRAM = [sys.executable, "-m", "idloop"]

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import pytest
+from workbench_picture import climb
 
 from idloop.errors import IdloopError
-from idloop.reporting.workbench.picture import climb
 
 
 class Page:

@@ -1,4 +1,7 @@
-"""``python -m idloop.reporting.workbench.picture ADDRESS FILE``: a picture of the page in headless Chromium."""
+"""Takes a picture of the workbench in headless Chromium.
+
+.venv/bin/python docs/workbench_picture.py ADDRESS FILE
+"""
 
 from __future__ import annotations
 
@@ -21,23 +24,7 @@ _REFUSED = "() => document.querySelector('#note.bad:not([hidden]) span')?.textCo
 def take_picture(address: str, file: Path, *, add: int = 0, dark: bool = False, width: int = 1500) -> None:
     """Find what is missing, add it as often as wanted, find what is missing then, and take the picture.
 
-    Parameters
-    ----------
-    address : str
-        Of a page.
-    file : Path
-        PNG to write.
-    add : int
-        Effects that are added before, as far as something is missing.
-    dark : bool
-        In the dark.
-    width : int
-        Of the page [CSS pixels].
-
-    Raises
-    ------
-    IdloopError
-        The workbench could not do what was asked.
+    Raises IdloopError: the workbench could not do what was asked.
     """
     from playwright.sync_api import Error, sync_playwright
 
@@ -104,7 +91,7 @@ def _leave_alone(page: Any) -> None:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("address")
     parser.add_argument("file", type=Path)
     parser.add_argument("--add", type=int, default=0, help="effects that are added before the picture is taken")
@@ -113,4 +100,4 @@ if __name__ == "__main__":
     try:
         take_picture(given.address, given.file, add=given.add, dark=given.dark)
     except IdloopError as error:
-        parser.exit(1, f"idloop.reporting.workbench.picture: {error}\n")
+        parser.exit(1, f"{error}\n")
