@@ -74,15 +74,8 @@ def first_fit(
 ) -> FirstFit:
     """Fit a first model to bags.
 
-    Parameters
-    ----------
-    kind : FirstModel
-    bags : sequence of Path
-    fitted : bool
-        Else only rough values are found.
-    refused : str
-        Why these bags are of no use for a fit; empty where they are.
-    progress : callable
+    `fitted`: else only rough values are found.
+    `refused`: why these bags are of no use for a fit; empty where they are.
     """
     from idloop.api.data import read_bags
     from idloop.api.fit import fit

@@ -132,20 +132,10 @@ def even_grids(
 ) -> list[SampledData]:
     """Cut records, remove their trends, and put them on one even grid.
 
-    Parameters
-    ----------
-    records : sequence of Record
-    sample_time : float
-        [s]; not below that of a record.
-    detrend : {"none", "mean", "linear"}
-        Of each record by itself.
-    drop : float
-        Seconds left out at both ends.
-
-    Raises
-    ------
-    InputError
-        A finer grid than the record's, or nothing left of it.
+    `sample_time`: [s]; not below that of a record.
+    `detrend`: of each record by itself.
+    `drop`: seconds left out at both ends.
+    Raises InputError: a finer grid than the record's, or nothing left of it.
     """
     from idloop.estimation.black_box.sampled import sampled
 
@@ -171,10 +161,7 @@ def even_grids(
 def identify_one(name: str, data: Grids, choices: Choices, steps: int, progress: Progress) -> Outcome:
     """Identify by one method and judge the model.
 
-    Raises
-    ------
-    IdloopError
-        The method cannot use the data.
+    Raises IdloopError: the method cannot use the data.
     """
     from idloop.estimation.black_box.identification import identify as identify_by
     from idloop.estimation.black_box.identification import information
@@ -197,10 +184,7 @@ def identify_one(name: str, data: Grids, choices: Choices, steps: int, progress:
 def identify_all(names: Sequence[str], data: Grids, choices: Choices, steps: int, progress: Progress) -> list[Outcome]:
     """Identify by every method; a failure of one of several is its outcome.
 
-    Raises
-    ------
-    IdloopError
-        The only method failed.
+    Raises IdloopError: the only method failed.
     """
     outcomes = []
     for index, name in enumerate(names):

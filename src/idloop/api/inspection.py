@@ -35,10 +35,7 @@ class BagGrade:
     def line(self, said: Container[str] = ()) -> str:
         """What there is to say before a fit; empty without a fault that is new or spoils something.
 
-        Parameters
-        ----------
-        said : container of str
-            Texts of findings that the user has seen.
+        `said`: texts of findings that the user has seen.
         """
         new = [one for one in self.faults if one.spoils or one.text not in said]
         return f"{self.bag}: {self.grade}: {self.reason} ({program()} inspect {self.bag})" if new else ""
@@ -72,20 +69,8 @@ def without_modelled_faults(model: Model, inspection: Inspection) -> Inspection:
 def bag_grades(bags: Sequence[Path], model: Model) -> list[BagGrade]:
     """Inspect the joint of a model in each of several bags.
 
-    Parameters
-    ----------
-    bags : sequence of Path
-    model : Model
-        Names the command and the joint.
-
-    Returns
-    -------
-    list of BagGrade
-
-    Raises
-    ------
-    InputError
-        A bag cannot be read, or does not hold the command.
+    `model`: names the command and the joint.
+    Raises InputError: a bag cannot be read, or does not hold the command.
     """
     return [_grade(bag, model) for bag in bags]
 

@@ -204,19 +204,8 @@ def recognise(
 ) -> Log:
     """Find out what the columns of a log are, without writing anything.
 
-    Parameters
-    ----------
-    files, given, period, csv, rows, late
-        As in `idloop.start`.
-
-    Returns
-    -------
-    Log
-
-    Raises
-    ------
-    InputError
-        A file cannot be read, or has no time, no command or no motion.
+    `files`, `given`, `period`, `csv`, `rows`, `late`: as in `idloop.start`.
+    Raises InputError: a file cannot be read, or has no time, no command or no motion.
     """
     from idloop.records.bags.storage.storage_files import is_bag
     from idloop.records.recognition.recognise import recognise_table, shown_together
@@ -271,10 +260,7 @@ def _cut_apart(found: Recognition, rows: Sequence[slice]) -> Recognition:
 def _edges(rows: Sequence[slice], count: int) -> tuple[int, ...]:
     """Rows at which a record, or what lies between two, begins.
 
-    Raises
-    ------
-    InputError
-        A piece is empty.
+    Raises InputError: a piece is empty.
     """
     pieces = _cut(rows, count)
     for one, said in zip(pieces, rows, strict=True):
@@ -286,10 +272,7 @@ def _edges(rows: Sequence[slice], count: int) -> tuple[int, ...]:
 def check_signals(given: Iterable[str]) -> None:
     """Refuse names that are no signals.
 
-    Raises
-    ------
-    InputError
-        One is none.
+    Raises InputError: one is none.
     """
     from idloop.records.recognition.guess import ROLES
 

@@ -28,15 +28,9 @@ _BEYOND = 0.1  # of the range of the commands that a fit sees, by which those th
 def diagnosing(model: Path, bags: Sequence[Path], unseen: Path | None, folder: Path) -> list[str]:
     """Return the commands that name what a model lacks, add it, and show it.
 
-    Parameters
-    ----------
-    model : Path
-    bags : sequence of Path
-        All records.
-    unseen : Path or None
-        The one of them that judges; see `held_out`.
-    folder : Path
-        To write to.
+    `bags`: all records.
+    `unseen`: the one of them that judges; see `held_out`.
+    `folder`: to write to.
     """
     fitted = [str(bag) for bag in bags if bag != unseen]
     judged = ["--validate", str(unseen)] if unseen is not None else []

@@ -328,20 +328,8 @@ def begin(
 ) -> Start:
     """Write, inspect and fit what `recognise` has found; what is not finished leaves no folder behind.
 
-    Parameters
-    ----------
-    log : Log
-    output, csv, joint, fitted, progress
-        As in `start`.
-
-    Returns
-    -------
-    Start
-
-    Raises
-    ------
-    InputError
-        The folder is there, or what was recognised cannot be imported.
+    `output`, `csv`, `joint`, `fitted`, `progress`: as in `start`.
+    Raises InputError: the folder is there, or what was recognised cannot be imported.
     """
     if not joint.strip():
         raise InputError("the joint has no name; give one, such as --joint motor")
@@ -360,10 +348,7 @@ def begin(
 def free_folder(log: Log, output: str | Path | None = None) -> Path:
     """Return the folder that will be written.
 
-    Raises
-    ------
-    InputError
-        It is there already, or cannot be written.
+    Raises InputError: it is there already, or cannot be written.
     """
     from idloop.output_files import probe_folder
 
@@ -486,11 +471,7 @@ def forwards_beside_position(done: FirstFit, inspections: Sequence[Inspection]) 
 
     Below its resonance a swinging axis goes the way of its force, and a free one the other way.
 
-    Parameters
-    ----------
-    done : FirstFit
-        Reversed.
-    inspections : sequence of Inspection
+    `done`: reversed.
     """
     from idloop.records.inspection.faults.command_direction import is_forwards
 
@@ -510,13 +491,8 @@ def forwards_beside_position(done: FirstFit, inspections: Sequence[Inspection]) 
 def more_than_one_axis(done: FirstFit, inspections: Sequence[Inspection], joints: Sequence[str]) -> FirstFit:
     """Say of a motion that a model of one axis does not predict whether it follows the command, and what may move it.
 
-    Parameters
-    ----------
-    done : FirstFit
-        Refused, as the model predicts no better with the command.
-    inspections : sequence of Inspection
-    joints : sequence of str
-        Joints of the log with a motion and a command each.
+    `done`: refused, as the model predicts no better with the command.
+    `joints`: joints of the log with a motion and a command each.
     """
     from idloop.records.inspection.response import visible_response
 

@@ -79,14 +79,9 @@ def controller_section(model: Model, text: str | None) -> dict[str, Any]:
 def make_reference(text: str | None, model: Model, section: Mapping[str, Any]) -> Reference:
     """Build or read the reference.
 
-    Parameters
-    ----------
-    text : str or None
-        A signal as YAML, a bag whose reference is followed again, or None for moves to and fro within half of the
-        controller's limit.
-    model : Model
-    section : mapping
-        Of the controller.
+    `text`: a signal as YAML, a bag whose reference is followed again, or None for moves to and fro within half of the
+    controller's limit.
+    `section`: of the controller.
     """
     if text is None:
         return _within_limit(model, section)
@@ -150,14 +145,9 @@ def _within_limit(model: Model, section: Mapping[str, Any]) -> Reference:
 def machine_of(source: Model | Path | None, effects: Sequence[str], model: Model) -> Model | Path:
     """The machine: a model, or an MJCF file that MuJoCo moves.
 
-    Parameters
-    ----------
-    source : Model, Path or None
-        Model, or path of an MJCF file; None: the compensating model itself.
-    effects : sequence of str
-        Added to it.
-    model : Model
-        The compensating model.
+    `source`: model, or path of an MJCF file; None: the compensating model itself.
+    `effects`: added to it.
+    `model`: the compensating model.
     """
     if isinstance(source, Path):
         if effects:
@@ -194,19 +184,10 @@ def simulate_loops(
 ) -> Loops:
     """Run a simulated machine without and with compensation, and the model without what is cancelled.
 
-    Parameters
-    ----------
-    machine : Model or Path
-        From `machine_of`.
-    compensation : Compensation
-    section : mapping
-        Of the controller.
-    reference : Reference
-    seed : int
-        Of the measurement noise, the same in every run.
-    noise : bool
-    progress : callable
-        Receives the share done and what is done.
+    `machine`: from `machine_of`.
+    `section`: of the controller.
+    `seed`: of the measurement noise, the same in every run.
+    `progress`: receives the share done and what is done.
     """
     from idloop.control import build_controller
     from idloop.control.tracking import track
