@@ -110,7 +110,6 @@ def test_two_halves_are_one_record_but_for_the_rows_between(made):
     halves = [data.part(0, 2000), data.part(2000, 4000)]
     np.testing.assert_allclose(values(arx(halves, 2, 2)), values(arx(data, 2, 2)), atol=2e-3)
     assert arx(halves, 2, 2).samples == 4000 - 4
-    assert arx(halves, 2, 2, initial="zero").samples == 4000
 
 
 def test_without_noise_the_system_comes_out_exactly_from_any_first_state(made):
@@ -135,26 +134,6 @@ def test_inputs_that_are_alike_are_named(made):
     model = arx(twice, 2, 2)
     assert "b1[u], b2[u], b1[v], b2[v]" in model.notes[0]
     np.testing.assert_allclose(values(model)[2:4] + values(model)[4:], values(arx(data, 2, 2))[2:], atol=1e-9)
-
-
-def test_coupled_outputs_are_found_as_matrices():
-    rng = np.random.default_rng(5)
-    a = np.array([[-0.7, 0.4], [-0.3, -0.5]])
-    u, e = rng.normal(size=(5000, 1)), 0.1 * rng.normal(size=(5000, 2))
-    y = np.zeros((5000, 2))
-    for t in range(2, 5000):
-        y[t] = -a @ y[t - 1] + np.array([1.0, 0.5]) * u[t - 2, 0] + e[t]
-    data = SampledData("pair", u, y, 0.1, ("u",), ("V",), ("y", "z"), ("rad", "rad"))
-    model = arx(data, 1, 1, 2, coupled=True)
-    found = {c.name: c.value for c in model.coefficients}
-    assert found["y.a1"] == pytest.approx(a[0, 0], abs=0.01)
-    assert found["y.b1[z]"] == pytest.approx(-a[0, 1], abs=0.01)
-    assert found["z.b1[y]"] == pytest.approx(-a[1, 0], abs=0.01)
-    np.testing.assert_allclose(model.innovations(data)[50:], e[50:], atol=0.02)
-    np.testing.assert_allclose(model.covariance, 0.01 * np.eye(2), atol=1e-3)
-    apart = arx(data, 1, 1, 2)
-    assert apart.loss > 2 * model.loss
-    assert [p.output_name for p in apart.polynomials] == ["y", "z"]
 
 
 def test_weighting_chooses_the_frequencies_that_a_poor_model_fits(made):
@@ -198,7 +177,6 @@ def test_the_result_is_json_and_knows_its_criteria(made):
         (lambda d: arx(d.part(0, 6), 3, 3), "usable samples"),
         (lambda d: arx(d, 2, 2, prefilter=([1.0], [1.0, -1.5])), "stable roots"),
         (lambda d: arx(d, 2, 2, prefilter=control.tf([1.0], [1.0, 1.0])), "make it discrete at 0.1 s"),
-        (lambda d: arx(d, 2, 2, coupled=True, focus="simulation"), "leave coupled out"),
         (lambda d: iv4(d, 2, 0), "nb is 0"),
         (lambda d: iv4(d, 2, 2, instruments="reference"), "no reference"),
         (lambda d: arx([], 2, 2), "no data"),

@@ -4,9 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from idloop.errors import InputError
-from idloop.estimation.linear.propagate import respond
 from idloop.estimation.polynomial import Orders, Polynomials
-from idloop.estimation.polynomial.polynomials import matrix_form, radius, reflect, stack
+from idloop.estimation.polynomial.polynomials import radius, reflect, stack
 
 numbers = st.integers(0, 3)
 orders = st.builds(
@@ -47,17 +46,6 @@ def test_vector_names_and_parts_belong_together(o, seed):
     assert value[f"b{p.delay[0]}[u]"] == p.b[0][0]
     if o.nc:
         assert value["c1"] == p.c[1]
-
-
-def test_coupled_outputs_obey_their_difference_equation():
-    rng = np.random.default_rng(3)
-    a, b = 0.3 * rng.normal(size=(2, 2, 2)), rng.normal(size=(4, 2, 1))
-    form = matrix_form(a, b)
-    u = rng.normal(size=(50, 1))
-    y = respond(form.a, form.b, form.c, form.d, np.zeros(len(form.a)), u)
-    for t in range(3, 50):
-        expected = sum(b[k] @ u[t - k] for k in range(4)) - a[0] @ y[t - 1] - a[1] @ y[t - 2]
-        np.testing.assert_allclose(y[t], expected, atol=1e-12)
 
 
 def test_side_by_side_outputs_keep_their_noise_apart():

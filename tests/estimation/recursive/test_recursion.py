@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -59,7 +60,8 @@ def test_recursive_least_squares_is_weighted_least_squares(made, forgetting):
     expected = np.linalg.lstsq(phi * root[:, None], y * root, rcond=None)[0]
     np.testing.assert_allclose(estimator.coefficients, expected, atol=1e-8)
     if forgetting == 1.0:
-        batch = arx(data, 2, 2, initial="zero", errors="white")
+        from_rest = [np.vstack([np.zeros((2, 1)), one]) for one in (data.input, data.output)]
+        batch = arx(replace(data, input=from_rest[0], output=from_rest[1]), 2, 2, errors="white")
         np.testing.assert_allclose(estimator.coefficients, values(batch), atol=1e-8)
         np.testing.assert_allclose(estimator.stderr, stderr(batch), rtol=0.03)
 

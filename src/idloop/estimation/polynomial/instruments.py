@@ -15,7 +15,6 @@ from idloop.estimation.polynomial.model import PolynomialModel, assemble
 from idloop.estimation.polynomial.polynomials import Orders, Polynomials, reflect
 from idloop.estimation.polynomial.regression import (
     Channel,
-    Initial,
     channels,
     check_inputs,
     first_row,
@@ -38,7 +37,6 @@ def iv4(
     *,
     instruments: Literal["command", "reference"] = "command",
     prefilter: Filter | None = None,
-    initial: Initial = "estimate",
 ) -> PolynomialModel:
     """Estimate B_i / A by Ljung's four-step method with approximately optimal instruments.
 
@@ -58,8 +56,6 @@ def iv4(
         What they are made from; the reference for closed loops, where the data must hold it.
     prefilter : (numerator, denominator) or discrete python-control system, optional
         Filter that weighs frequencies.
-    initial : "estimate" or "zero"
-        Whether fits begin where the past is known, or the signals were zero before the record.
 
     Returns
     -------
@@ -84,11 +80,11 @@ def iv4(
         raise InputError("iv4: nb is 0 for every input; the instruments come from the commands, give nb at least 1")
     weighted = prefiltered(experiments, prefilter)
     found, left, notes = [], [], []
-    first = first_row(orders, initial)
+    first = first_row(orders)
     for column, name in enumerate(experiments[0].output_names):
         signals = channels(weighted, column)
-        clean = _by_reference(weighted, signals) if instruments == "reference" else by_command(signals, orders, initial)
-        coefficients, factor, variance, undetermined = four_steps(signals, orders, clean, initial)
+        clean = _by_reference(weighted, signals) if instruments == "reference" else by_command(signals, orders)
+        coefficients, factor, variance, undetermined = four_steps(signals, orders, clean)
         own = channels(experiments, column)
         polynomials = Polynomials.from_vector(
             orders, coefficients, sample_time=experiments[0].sample_time, input_names=experiments[0].input_names,
@@ -100,9 +96,7 @@ def iv4(
     return assemble("iv4", experiments, found, left, notes=notes)
 
 
-def four_steps(
-    data: Sequence[Channel], orders: Orders, clean: Sequence[Channel], initial: Initial = "estimate"
-) -> tuple[Array, Array, float, Mask]:
+def four_steps(data: Sequence[Channel], orders: Orders, clean: Sequence[Channel]) -> tuple[Array, Array, float, Mask]:
     """Instruments, the solution by them, whitening of what is left, instruments again.
 
     `clean`: signals without noise to make the instruments from. Returns `coefficients` (k,); `factor` (k, r): W with
@@ -110,7 +104,7 @@ def four_steps(
     """
     from scipy.signal import lfilter
 
-    first = first_row(orders, initial)
+    first = first_row(orders)
     begun, _, _ = _instrumental(data, clean, orders, np.ones(1), first)
     whitener = _autoregression([residual_of(c, orders, begun, first) for c in data], orders.na + max(orders.nb))
     coefficients, factor, undetermined = _instrumental(data, clean, orders, whitener, first)
@@ -127,7 +121,7 @@ def refined(data: Sequence[Channel], orders: Orders, start: Array, rounds: int =
 
     `orders`: na, nb and nk; `start` (k,). Returns shape (k,): with the roots of A inside the unit circle or on it.
     """
-    first = first_row(orders, "estimate")
+    first = first_row(orders)
     coefficients = start.copy()
     for _ in range(rounds):
         denominator = reflect(np.concatenate([[1.0], coefficients[orders.a]]))
@@ -199,12 +193,12 @@ def _caused(data: Sequence[Channel], orders: Orders, coefficients: Array) -> lis
     return caused
 
 
-def by_command(signals: Sequence[Channel], orders: Orders, initial: Initial = "estimate") -> list[Channel]:
+def by_command(signals: Sequence[Channel], orders: Orders) -> list[Channel]:
     """Commands, and the outputs that they alone cause, by an ARX model at least as long as the one asked for."""
     usual = _usual_length(signals)
     degrees = tuple(max(usual, nb) if nb else 0 for nb in orders.nb)
     longer = Orders.of(na=max(usual, orders.na), nb=degrees, nk=orders.nk)
-    return _caused(signals, longer, least_squares(signals, longer, initial).coefficients)
+    return _caused(signals, longer, least_squares(signals, longer).coefficients)
 
 
 def _by_reference(data: Sequence[SampledData], signals: Sequence[Channel]) -> list[Channel]:

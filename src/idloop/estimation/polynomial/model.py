@@ -12,7 +12,7 @@ from idloop.arrays import Array, Mask
 from idloop.estimation.black_box.sampled import SampledData
 from idloop.estimation.linear import Coefficient, LinearModel
 from idloop.estimation.linear.model import instability_notes
-from idloop.estimation.polynomial.polynomials import Polynomials, Realization, stack
+from idloop.estimation.polynomial.polynomials import Polynomials, stack
 from idloop.estimation.polynomial.regression import lagged, rows_in_blocks, triangle
 from idloop.estimation.statistics.collinear import collinear_inputs, collinearity_notes
 
@@ -72,7 +72,7 @@ def excitation_notes(
 class PolynomialModel(LinearModel):
     """Linear model with the polynomials that it was estimated as."""
 
-    # one per output: of a coupled ARX model those of an output have the other outputs as further inputs
+    # one per output
     polynomials: tuple[Polynomials, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
@@ -87,12 +87,10 @@ def assemble(
     errors: Sequence[Sequence[Array]],
     *,
     notes: Sequence[str] = (),
-    realization: Realization | None = None,
 ) -> PolynomialModel:
     """Put the outputs' polynomials together to one model.
 
-    `polynomials`: of each output; `errors`: prediction errors of each output in each experiment, up to its end;
-    `realization`: by default that of the polynomials side by side.
+    `polynomials`: of each output; `errors`: prediction errors of each output in each experiment, up to its end.
     """
     from scipy.linalg import block_diag
 
@@ -102,7 +100,7 @@ def assemble(
     ]
     innovations = np.vstack(common)
     polynomials = _without_chance(polynomials, collinear_inputs(np.vstack([one.input for one in data])))
-    form = stack([p.realization for p in polynomials]) if realization is None else realization
+    form = stack([p.realization for p in polynomials])
     prefix = [f"{p.output_name}." if len(polynomials) > 1 else "" for p in polynomials]
     coefficients = tuple(
         Coefficient(before + c.name, c.value, c.stderr)

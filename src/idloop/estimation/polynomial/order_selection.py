@@ -121,7 +121,7 @@ def estimate_delay(
     orders = Orders(na, (count,) * m, 0, 0, (0,) * m, (shortest,) * m)
     check_inputs(experiments, orders)
     signals = channels(experiments, 0)
-    first = first_row(orders, "estimate")
+    first = first_row(orders)
     rows = sum(max(len(c.output) - first, 0) for c in signals)
     if rows <= orders.size:
         raise InputError(
@@ -357,7 +357,7 @@ def _columns(orders: Orders, every: Orders) -> list[int]:
 def _factored(data: Sequence[SampledData], every: Orders) -> tuple[Array, int, float]:
     """Triangular factor, number of rows and variance of the output of one side."""
     signals = channels(data, 0)
-    first = first_row(every, "estimate")
+    first = first_row(every)
     rows = sum(max(len(c.output) - first, 0) for c in signals)
     if rows <= every.size:
         raise InputError(

@@ -215,21 +215,6 @@ def general_form(a: Array, b: Sequence[Array], c: Array, d: Array, f: Sequence[A
     return Realization(aa, bb[:, :-1], cc, dd[:, :-1], bb[:, -1:])
 
 
-def matrix_form(a: Array, b: Array) -> Realization:
-    """State space of y(t) + A_1 y(t-1) + ... = B_0 u(t) + B_1 u(t-1) + ... + e(t), with matrices.
-
-    `a` (na, p, p): A_1, A_2, ; `b` (nb, p, m): B_0, B_1, .
-    """
-    p, m = b.shape[1:]
-    order = max(a.shape[0], b.shape[0] - 1)
-    low, high = np.zeros((order, p, p)), np.zeros((order + 1, p, m))
-    low[: a.shape[0]], high[: b.shape[0]] = a, b
-    aa = np.eye(order * p, k=p)
-    aa[:, :p] -= low.reshape(order * p, p)
-    bb = (high[1:] - low @ high[0]).reshape(order * p, m)
-    return Realization(aa, bb, np.eye(p, order * p), high[0], -low.reshape(order * p, p))
-
-
 def stack(parts: Sequence[Realization]) -> Realization:
     """One model of several outputs from one model of each, side by side."""
     from scipy.linalg import block_diag

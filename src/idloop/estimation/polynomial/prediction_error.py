@@ -18,7 +18,6 @@ from idloop.estimation.polynomial.regression import (
     Channel,
     Errors,
     Focus,
-    Initial,
     channels,
     check_inputs,
     coloured_errors,
@@ -41,7 +40,6 @@ def armax(
     *,
     focus: Focus = "prediction",
     prefilter: Filter | None = None,
-    initial: Initial = "estimate",
     errors: Errors | None = None,
 ) -> PolynomialModel:
     """Estimate A(q) y = sum_i B_i(q) u_i + C(q) e: disturbances that enter where the command does.
@@ -49,7 +47,7 @@ def armax(
     Ljung, System Identification, 2nd ed., eq. 4.14 to 4.21. Parameters, result and errors as for `polynomial_model`.
     """
     orders = {"na": na, "nb": nb, "nc": nc, "nk": nk}
-    return search("armax", data, orders, focus=focus, prefilter=prefilter, initial=initial, errors=errors)
+    return search("armax", data, orders, focus=focus, prefilter=prefilter, errors=errors)
 
 
 def output_error(
@@ -59,7 +57,6 @@ def output_error(
     nk: int | Sequence[int] = 1,
     *,
     prefilter: Filter | None = None,
-    initial: Initial = "estimate",
     errors: Errors | None = "coloured",
 ) -> PolynomialModel:
     """Estimate y = sum_i B_i(q) / F_i(q) u_i + e: the model of the best free run.
@@ -69,7 +66,7 @@ def output_error(
     """
     orders = {"nb": nb, "nf": nf, "nk": nk}
     errors = errors or "coloured"
-    return search("oe", data, orders, focus="prediction", prefilter=prefilter, initial=initial, errors=errors)
+    return search("oe", data, orders, focus="prediction", prefilter=prefilter, errors=errors)
 
 
 def box_jenkins(
@@ -82,7 +79,6 @@ def box_jenkins(
     *,
     focus: Focus = "prediction",
     prefilter: Filter | None = None,
-    initial: Initial = "estimate",
     errors: Errors | None = None,
 ) -> PolynomialModel:
     """Estimate y = sum_i B_i(q) / F_i(q) u_i + C(q) / D(q) e: plant and noise have no polynomial in common.
@@ -90,7 +86,7 @@ def box_jenkins(
     Ljung, System Identification, 2nd ed., eq. 4.31. Parameters, result and errors as for `polynomial_model`.
     """
     orders = {"nb": nb, "nc": nc, "nd": nd, "nf": nf, "nk": nk}
-    return search("bj", data, orders, focus=focus, prefilter=prefilter, initial=initial, errors=errors)
+    return search("bj", data, orders, focus=focus, prefilter=prefilter, errors=errors)
 
 
 def polynomial_model(
@@ -104,7 +100,6 @@ def polynomial_model(
     nk: int | Sequence[int] = 1,
     focus: Focus = "prediction",
     prefilter: Filter | None = None,
-    initial: Initial = "estimate",
     errors: Errors | None = None,
 ) -> PolynomialModel:
     """Estimate A(q) y = sum_i B_i(q) / F_i(q) u_i + C(q) / D(q) e by the prediction-error method.
@@ -125,8 +120,6 @@ def polynomial_model(
         noise model is fitted to what the plant leaves.
     prefilter : (numerator, denominator) or discrete python-control system, optional
         Filter that weighs frequencies; the noise model is then one of the filtered signals.
-    initial : "estimate" or "zero"
-        Whether the past of each experiment is fitted, or was zero.
     errors : "white" or "coloured", optional
         Standard errors by Ljung's asymptotics for white innovations, or by a sandwich that holds for a noise
         model that is too poor as well; by default white where prediction is what was fitted.
@@ -141,7 +134,7 @@ def polynomial_model(
     Ljung, System Identification, 2nd ed., sections 4.2, 7.2, 9.3, 10.2 and 10.5.
     """
     orders = {"na": na, "nb": nb, "nc": nc, "nd": nd, "nf": nf, "nk": nk}
-    return search("pem", data, orders, focus=focus, prefilter=prefilter, initial=initial, errors=errors)
+    return search("pem", data, orders, focus=focus, prefilter=prefilter, errors=errors)
 
 
 def search(
@@ -151,7 +144,6 @@ def search(
     *,
     focus: Focus,
     prefilter: Filter | None,
-    initial: Initial,
     errors: Errors | None,
 ) -> PolynomialModel:
     """Fit each output and put the outputs together; `degrees` as for `Orders.of`, the rest as `polynomial_model`."""
@@ -164,11 +156,11 @@ def search(
     for column, name in enumerate(experiments[0].output_names):
         signals = channels(weighted, column)
         fitted = _predicting if focus == "prediction" else _simulating
-        vector, covariance, undetermined, converged = fitted(signals, orders, initial, kind)
+        vector, covariance, undetermined, converged = fitted(signals, orders, kind)
         own = signals if prefilter is None else channels(experiments, column)
-        residuals = Objective(own, orders, initial).errors(vector)
+        residuals = Objective(own, orders).errors(vector)
         if not all(np.all(np.isfinite(r)) for r in residuals):
-            residuals = Objective(own, orders, initial, integrating=True).errors(vector)
+            residuals = Objective(own, orders, integrating=True).errors(vector)
         squares = sum(float(r @ r) for r in residuals)
         polynomials = Polynomials.from_vector(
             orders, vector, sample_time=experiments[0].sample_time, input_names=experiments[0].input_names,
@@ -178,7 +170,7 @@ def search(
         left.append(residuals)
         notes += open_note(polynomials, undetermined)
         outermost = max(map(radius, polynomials.f), default=0.0)
-        if outermost > 1.0 + 0.9 * (Objective(own, orders, initial).plant_limit - 1.0):
+        if outermost > 1.0 + 0.9 * (Objective(own, orders).plant_limit - 1.0):
             notes.append(
                 f"{name}: F is held at {outermost:.4g}, the farthest out that errors of its free run stay small;"
                 " an unstable plant needs armax, arx or a state-space method"
@@ -196,15 +188,15 @@ def search(
 _Fitted = tuple[Array, Array, Mask, bool]
 
 
-def _predicting(data: Sequence[Channel], orders: Orders, initial: Initial, errors: Errors) -> _Fitted:
-    objective = Objective(data, orders, initial)
+def _predicting(data: Sequence[Channel], orders: Orders, errors: Errors) -> _Fitted:
+    objective = Objective(data, orders)
     _enough(objective)
     found = best(objective, starts(_beginning(data), orders))
     covariance, undetermined = _covariance(objective, found, errors)
     return found.free, covariance, undetermined, found.converged
 
 
-def _simulating(data: Sequence[Channel], orders: Orders, initial: Initial, errors: Errors) -> _Fitted:
+def _simulating(data: Sequence[Channel], orders: Orders, errors: Errors) -> _Fitted:
     """Plant from the free run, then the noise model from what it leaves."""
     if orders.na and any(orders.nf):
         raise InputError("focus 'simulation' needs the dynamics in A or in F, not in both; set na or nf to 0")
@@ -220,11 +212,11 @@ def _simulating(data: Sequence[Channel], orders: Orders, initial: Initial, error
         beginning = _beginning(data)
         points = shared_denominator(beginning, single)
         points.append(refined(beginning, single, points[-1]))
-        objective = Objective(data, plant, initial, spread, integrating=True)
+        objective = Objective(data, plant, spread, integrating=True)
     else:
         plant = Orders(0, orders.nb, 0, 0, orders.nf, orders.nk)
         points = starts(_beginning(data), plant)
-        objective = Objective(data, plant, initial)
+        objective = Objective(data, plant)
     _enough(objective)
     found = best(objective, points)
     vector, covariance = np.zeros(orders.size), np.zeros((orders.size, orders.size))
@@ -236,10 +228,10 @@ def _simulating(data: Sequence[Channel], orders: Orders, initial: Initial, error
     covariance[np.ix_(own, own)] = block
     converged = found.converged
     if noise:
-        series = Objective(data, _without_noise(orders), initial, integrating=True).errors(vector[own])
+        series = Objective(data, _without_noise(orders), integrating=True).errors(vector[own])
         begin = noise_start(series, orders.nc, orders.nd)
         vector[noise] = begin
-        rest = Objective(data, orders, initial, np.eye(orders.size)[:, noise], np.where(_mask(orders), 0.0, vector))
+        rest = Objective(data, orders, np.eye(orders.size)[:, noise], np.where(_mask(orders), 0.0, vector))
         safe = _inside(begin, orders)
         second = best(rest, [safe, np.zeros(len(noise))])
         vector[noise] = second.free

@@ -17,7 +17,6 @@ from idloop.estimation.statistics.covariance import long_run_covariance
 _BLOCK = 8192  # rows that are factored at a time
 # Singular values of the unit-column regressors below this part of the largest are rounding.
 _RANK = 1e-13
-Initial = Literal["estimate", "zero"]
 Focus = Literal["prediction", "simulation"]
 Errors = Literal["white", "coloured"]
 _MOST_ROWS = 50_000  # of scores; longer records are summed in stretches first
@@ -112,16 +111,13 @@ class Channel:
     inputs: Array  # shape (n, m)
 
 
-def channels(data: Sequence[SampledData], column: int, coupled: bool = False) -> list[Channel]:
-    """Signals of one output; of a coupled model the other outputs count as inputs."""
-    others = [i for i in range(data[0].output.shape[1]) if i != column] if coupled else []
-    return [Channel(one.output[:, column], np.hstack([one.input, one.output[:, others]])) for one in data]
+def channels(data: Sequence[SampledData], column: int) -> list[Channel]:
+    """Signals of one output."""
+    return [Channel(one.output[:, column], one.input) for one in data]
 
 
-def first_row(orders: Orders, initial: Initial) -> int:
-    """First sample whose whole past is known, or 0 for signals that were zero before the record."""
-    if initial == "zero":
-        return 0
+def first_row(orders: Orders) -> int:
+    """First sample whose whole past is known."""
     reach = [nk + nb - 1 for nb, nk in zip(orders.nb, orders.nk, strict=True) if nb]
     return max([orders.na, *reach, 0])
 
@@ -141,12 +137,12 @@ def regression_blocks(data: Sequence[Channel], orders: Orders, first: int) -> It
             yield np.hstack([regressors(channel, orders, start, stop), channel.output[start:stop, None]])
 
 
-def least_squares(data: Sequence[Channel], orders: Orders, initial: Initial = "estimate") -> Solution:
+def least_squares(data: Sequence[Channel], orders: Orders) -> Solution:
     """ARX coefficients in the order of `Orders.names`.
 
     Raises InputError: fewer rows than coefficients.
     """
-    first = first_row(orders, initial)
+    first = first_row(orders)
     rows = sum(max(len(c.output) - first, 0) for c in data)
     if rows <= orders.size:
         raise InputError(

@@ -15,7 +15,6 @@ from idloop.estimation.optimisation.levenberg import minimise
 from idloop.estimation.polynomial.polynomials import Orders, radius
 from idloop.estimation.polynomial.regression import (
     Channel,
-    Initial,
     first_row,
     inverse_factor,
     lagged,
@@ -51,7 +50,7 @@ class _Run:
 class Objective:
     """Errors e = D / C (A y - sum_i B_i / F_i u_i) of one output over several experiments.
 
-    With the initial conditions estimated, each experiment starts where the lagged signals are known; the free
+    Each experiment starts where the lagged signals are known; the free
     responses of F and C, which carry the rest of the past, are fitted by projection (variable projection: Golub
     and Pereyra, SIAM J. Numer. Anal. 10, 1973; the slopes have Kaufman's form, whose gradient is exact).
 
@@ -63,7 +62,6 @@ class Objective:
         self,
         data: Sequence[Channel],
         orders: Orders,
-        initial: Initial = "estimate",
         spread: Array | None = None,
         offset: Array | None = None,
         *,
@@ -71,11 +69,10 @@ class Objective:
     ) -> None:
         self.data = list(data)
         self.orders = orders
-        self.initial: Initial = initial
         self.spread = np.eye(orders.size) if spread is None else spread
         self.offset = np.zeros(orders.size) if offset is None else offset
-        self.known = first_row(orders, initial)
-        self.start = self.known + (orders.nd if initial == "estimate" else 0)
+        self.known = first_row(orders)
+        self.start = self.known + orders.nd
         longest = max(len(channel.output) for channel in self.data)
         # A root here makes the response grow by e squared over the record: allowed, for estimates of an integrator.
         self.plant_limit = 1.0 + 2.0 / longest
@@ -90,7 +87,7 @@ class Objective:
     @property
     def past(self) -> int:
         """Numbers fitted for the initial conditions."""
-        return len(self.data) * (sum(self.orders.nf) + self.orders.nc) if self.initial == "estimate" else 0
+        return len(self.data) * (sum(self.orders.nf) + self.orders.nc)
 
     def coefficients(self, free: Array) -> Array:
         """All coefficients from the free ones."""
@@ -167,7 +164,7 @@ class Objective:
             plant.append(driven)
             disturbance = disturbance - driven
         error = self._whitened(disturbance, parts)
-        if self.initial == "zero" or self.past == 0:
+        if self.past == 0:
             return _Run(error, plant, disturbance, np.zeros((0, 0)))
         columns = self._transients(parts, len(error))
         reach = len(columns)
@@ -325,7 +322,7 @@ def _shortened(objective: Objective) -> Objective:
     least = 20 * (objective.start + objective.orders.size)
     cut = [max(int(share * len(c.output)), min(least, len(c.output))) for c in objective.data]
     data = [Channel(c.output[:n], c.inputs[:n]) for c, n in zip(objective.data, cut, strict=True)]
-    shorter = Objective(data, objective.orders, objective.initial, objective.spread, objective.offset)
+    shorter = Objective(data, objective.orders, objective.spread, objective.offset)
     # The roots must stay where the whole record allows them.
     shorter.plant_limit, shorter.noise_limit = objective.plant_limit, objective.noise_limit
     return shorter

@@ -95,7 +95,7 @@ def _shared(data: Sequence[Channel], orders: Orders, innovations: list[Array]) -
         candidates.append(four_steps(data, plain, by_command(data, plain))[0])
         candidates.append(refined(data, plain, candidates[-1]))
     for candidate in candidates:
-        series = [residual_of(c, plain, candidate, first_row(plain, "estimate")) for c in data]
+        series = [residual_of(c, plain, candidate, first_row(plain)) for c in data]
         start = _placed(orders, plain, candidate)
         noise = noise_start(series, orders.nc, orders.nd)
         start[orders.c], start[orders.d] = noise[: orders.nc], noise[orders.nc :]
@@ -232,7 +232,7 @@ def _long_model(data: Sequence[Channel], orders: Orders) -> tuple[list[Array], l
     if not lengths:
         lengths = [shortest]
     longest = _long_orders(orders, lengths[-1])
-    first = first_row(longest, "estimate")
+    first = first_row(longest)
     blocks = (
         np.hstack([regressors(c, longest, start, stop), c.output[start:stop, None]])
         for c in data
@@ -254,7 +254,7 @@ def _long_model(data: Sequence[Channel], orders: Orders) -> tuple[list[Array], l
     if best is None:
         raise InputError("too few samples for a start of the search; record longer or lower the orders")
     _, size, coefficients = best
-    begin = first_row(size, "estimate")
+    begin = first_row(size)
     innovations = [np.concatenate([np.zeros(min(begin, len(c.output))), residual_of(c, size, coefficients, begin)])
                    for c in data]  # fmt: skip
     pulse = np.zeros(4 * size.na + 100)
@@ -274,7 +274,7 @@ def _long_orders(orders: Orders, length: int) -> Orders:
 
 def _with_innovations(data: Sequence[Channel], orders: Orders, innovations: list[Array]) -> Array:
     """Least squares of A y = B u + (C - 1) e + e with estimated innovations in the place of e."""
-    first = first_row(orders, "estimate") + orders.nc
+    first = first_row(orders) + orders.nc
     # Where the long model does not reach back, its innovations are not known.
     begin = max(first, *(int(np.argmax(i != 0.0)) + orders.nc for i in innovations))
     blocks = (
