@@ -18,6 +18,7 @@ from idloop.fleet.store import Store
 from idloop.fleet.words import read_words
 
 COUNT = 8
+DEATHS = 2  # of workers after which an item at them is suspect
 
 
 def square(item: int, folder: str) -> int:
@@ -30,6 +31,20 @@ def square(item: int, folder: str) -> int:
         os.kill(os.getpid(), signal.SIGKILL)
     (here / f"{item}").touch()
     return item**2
+
+
+def ends_the_worker_of_the_other(item: int, folder: str) -> str:
+    """The first item ends the process as soon as the second is at it, which ends only after enough of that."""
+    here = Path(folder)
+    if item == 0:
+        while not (here / "there").exists():
+            os.sched_yield()
+        (here / f"death {os.getpid()}").touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    (here / "there").touch()
+    while len(list(here.glob("death *"))) < DEATHS:
+        os.sched_yield()
+    return "done"
 
 
 def deaf(_: int) -> bool:
@@ -53,7 +68,10 @@ def test_in_this_process_without_dask(tmp_path):
 @pytest.mark.slow
 @pytest.mark.filterwarnings("default")
 def test_a_killed_worker_loses_nothing_and_an_item_that_kills_costs_itself_only(tmp_path):
-    with Workers(2) as workers:
+    import dask
+
+    # No new process starts within that time: it is waited for.
+    with dask.config.set({"distributed.deploy.lost-worker-timeout": "10ms"}), Workers(2) as workers:
         assert everything(workers, tmp_path, 2) == {item: item**2 for item in range(COUNT)}
         assert (tmp_path / "killed").exists()
         (tmp_path / "poison").touch()
@@ -61,6 +79,20 @@ def test_a_killed_worker_loses_nothing_and_an_item_that_kills_costs_itself_only(
         ended = workers.map(deaf, range(COUNT), size=1, lost=lambda one: False)
         assert all(one for _, (one,) in ended), "Ctrl-C is for this process, also of workers that replace others"
     assert not deaf(0)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("default")
+def test_what_is_at_a_worker_that_another_item_ends_is_not_lost_with_it(tmp_path):
+    import dask
+    import distributed
+
+    settings = {"scheduler.allowed-failures": DEATHS - 1, "deploy.lost-worker-timeout": "1 day"}
+    with dask.config.set({f"distributed.{name}": one for name, one in settings.items()}), distributed.LocalCluster(
+        n_workers=1, threads_per_worker=2, host="127.0.0.1", dashboard_address=None
+    ) as cluster, Workers(cluster=cluster.scheduler_address) as workers:  # fmt: skip
+        ended = workers.map(ends_the_worker_of_the_other, [0, 1], str(tmp_path), size=1, lost=lambda one: "lost")
+        assert {one: result for (one,), (result,) in ended} == {0: "lost", 1: "done"}
 
 
 @pytest.mark.slow
@@ -135,6 +167,7 @@ def test_a_driver_that_is_ended_in_the_middle_goes_on(recordings, plan, tmp_path
     whole = plan.robots * plan.days
     after = {file.name: file.read_bytes() for file in rows.glob("*.parquet")}
     assert {name: after[name] for name in before} == before
-    sql = "select count(*), count(distinct (sha256, joint, parameter)), count(distinct sha256) from rows"
+    counts = "count(*), count(distinct (sha256, joint, parameter)), count(distinct sha256)"
+    sql = f"select {counts} from rows where parameter is not null"
     assert store.query(sql).fetchone() == (whole * plan.joints * 4, whole * plan.joints * 4, whole)
     assert read_words(whole - len(before), whole) in said

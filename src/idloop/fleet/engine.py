@@ -19,6 +19,9 @@ R = TypeVar("R")
 _AHEAD = 2  # batches in flight for each worker: the one that it works on, and one that waits there
 _UNCOLLECTED = 3  # items after which a worker gives memory back
 _PATIENCE = "30s"  # for an answer of a cluster
+_NEVER = "1000 days"
+_STARTS = 3  # of a worker that has done nothing yet
+_LOOK = "500ms"
 
 
 class Workers:
@@ -62,20 +65,35 @@ class Workers:
                 self._client = self._open.enter_context(distributed.Client(address, timeout=_PATIENCE))
             except (OSError, ValueError) as error:
                 raise InputError(f"--cluster {self._cluster}: no scheduler of Dask answers there ({error})") from error
-            try:
-                self._client.submit(load_engine, pure=False).result()
-            except distributed.scheduler.KilledWorker:
-                text = f"--memory {self._memory}: a worker ends before it has read anything; give more, such as 2GB"
-                raise InputError(text) from None
+            self._load(address)
         return self._client
+
+    def _load(self, cluster: Any) -> None:
+        """Let a worker import its libraries; processes here may end at their limit of memory before they can say so."""
+        distributed = library("distributed")
+        nannies = {} if isinstance(cluster, str) else cluster.workers
+        loaded = self._client.submit(load_engine, pure=False)
+        started: set[int] = set()
+        while len(started) <= _STARTS * len(nannies):
+            started |= {one.pid for one in nannies.values()} - {None}
+            with contextlib.suppress(distributed.TimeoutError):
+                try:
+                    loaded.result(timeout=_LOOK)
+                    return
+                except distributed.scheduler.KilledWorker:
+                    break
+        text = f"--memory {self._memory}: a worker ends before it has read anything; give more, such as 2GB"
+        raise InputError(text)
 
     def _local(self) -> Any:
         """Processes on this machine."""
         import dask
 
-        # A batch that loses two workers is suspect, and goes on item by item. Nobody looks at the profiles of workers.
-        # A worker that paused near its limit would wait for ever: what it holds are libraries.
+        # A batch that loses two workers is suspect, and its items are done alone. Nobody looks at the profiles of
+        # workers. One that paused near its limit would wait for ever: what it holds are libraries. One that is away
+        # for longer than a time limit, as on a busy machine, would not be replaced.
         settings = {
+            "distributed.deploy.lost-worker-timeout": _NEVER,
             "distributed.scheduler.allowed-failures": 1, "distributed.worker.profile.enabled": False,
             **{f"distributed.worker.memory.{way}": False for way in ("target", "spill", "pause")},
         }  # fmt: skip
@@ -85,15 +103,15 @@ class Workers:
         with _without_ctrl_c():
             runner.start()  # its thread starts the workers, also those that replace others
         self._open.callback(runner.stop)
-        with dask.config.set(settings):
-            return self._open.enter_context(
-                distributed.LocalCluster(
-                    loop=runner.loop, n_workers=self._given, threads_per_worker=1, processes=True,
-                    memory_limit=self._memory, host="127.0.0.1", dashboard_address=None, silence_logs=logging.CRITICAL,
-                    # Also without a dashboard it listens: at a port of its own, as there may be several fleets here.
-                    scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
-                )
-            )  # fmt: skip
+        self._open.enter_context(dask.config.set(settings))
+        return self._open.enter_context(
+            distributed.LocalCluster(
+                loop=runner.loop, n_workers=self._given, threads_per_worker=1, processes=True,
+                memory_limit=self._memory, host="127.0.0.1", dashboard_address=None, silence_logs=logging.CRITICAL,
+                # Also without a dashboard it listens: at a port of its own, as there may be several fleets here.
+                scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
+            )
+        )  # fmt: skip
 
     @property
     def count(self) -> int:
@@ -116,7 +134,7 @@ class Workers:
             Items in a batch.
         lost : callable
             Result of an item under which worker after worker ended. A batch that loses its workers is repeated by
-            others, and then item by item.
+            others, and at the end item by item, each alone.
         """
         waiting = [items[first : first + size] for first in range(0, len(items), size)][::-1]
         client = self.client
@@ -125,6 +143,7 @@ class Workers:
             return
         distributed = library("distributed")
         flying: dict[Any, Sequence[T]] = {}
+        suspects: list[T] = []
         while waiting or flying:
             # No more than the workers need: what is not done waits here, and results do not pile up.
             while waiting and len(flying) < _AHEAD * self.count:
@@ -132,12 +151,15 @@ class Workers:
                 flying[client.submit(each, function, batch, *shared, pure=False)] = batch
             for future in distributed.wait(list(flying), return_when="FIRST_COMPLETED").done:
                 batch = flying.pop(future)
-                if not isinstance(future.exception(), distributed.scheduler.KilledWorker):
-                    yield batch, future.result()
-                elif len(batch) == 1:
-                    yield batch, [lost(batch[0])]
+                if isinstance(future.exception(), distributed.scheduler.KilledWorker):
+                    suspects += batch
                 else:
-                    waiting += [[one] for one in reversed(batch)]
+                    yield batch, future.result()
+        # One after another: what waits at a worker that ends is blamed as well.
+        for one in suspects:
+            future = client.submit(each, function, [one], *shared, pure=False)
+            killed = isinstance(future.exception(), distributed.scheduler.KilledWorker)
+            yield [one], [lost(one)] if killed else future.result()
 
 
 @contextlib.contextmanager
