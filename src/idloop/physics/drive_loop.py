@@ -94,8 +94,9 @@ def _velocity_output(
     if parameters[4] < 1e300:
         at = velocity if state[2] == 0.0 else state[1]
         at += min(max(value - at, -parameters[4] * elapsed), parameters[4] * elapsed)
-    error = at - velocity
-    output = parameters[0] * error + parameters[1] * (state[0] + error * elapsed) + parameters[2] * at
+    # The integral of the velocity is the way.
+    way = velocity * elapsed if state[2] == 0.0 else position - state[3]
+    output = parameters[0] * (at - velocity) + parameters[1] * (state[0] + at * elapsed - way) + parameters[2] * at
     limited: float = min(max(output, -parameters[3]), parameters[3])
     return limited
 
@@ -107,15 +108,15 @@ def _settle_velocity(
     """Integrate the error, not beyond the limit, and move the set-point along its ramp."""
     at = value
     if parameters[4] < 1e300:
-        if state[2] == 0.0:
-            state[1], state[2] = velocity, 1.0
-        state[1] += min(max(value - state[1], -parameters[4] * elapsed), parameters[4] * elapsed)
-        at = state[1]
-    error = at - velocity
-    integral = state[0] + error * elapsed
+        at = velocity if state[2] == 0.0 else state[1]
+        at += min(max(value - at, -parameters[4] * elapsed), parameters[4] * elapsed)
+        state[1] = at
+    way = velocity * elapsed if state[2] == 0.0 else position - state[3]
+    error, integral = at - velocity, state[0] + at * elapsed - way
     output = parameters[0] * error + parameters[1] * integral + parameters[2] * at
     if abs(output) < parameters[3] or output * error < 0.0:
         state[0] = integral
+    state[2], state[3] = 1.0, position
     return 0.0
 
 
@@ -175,7 +176,7 @@ VELOCITY_LOOP = Effect(
     ),
     command=_velocity_output,
     settle=_settle_velocity,
-    states=3,
+    states=4,
     rate=_rate,
     order=0,
     not_cancelled="the loop of the drive acts on the set-point, and no force is commanded",
@@ -194,8 +195,11 @@ class LoopGains:
 def loop_gains(kind: str, own: Mapping[str, float]) -> LoopGains:
     """Gains of a loop within its limits, without its integral.
 
-    `kind`: one of "position_loop", "velocity_loop".
-    `own`: values of its parameters.
+    Parameters
+    ----------
+    kind : {"position_loop", "velocity_loop"}
+    own : mapping of str to float
+        Values of its parameters.
     """
     gain = own["proportional"]
     if kind == VELOCITY_LOOP.name:

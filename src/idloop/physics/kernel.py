@@ -1354,6 +1354,15 @@ def predict_ahead(
         measure(model, ahead, past, noise, prediction[k + steps])
 
 
+@inner
+def approach(position: Any, velocity: Any, share: float, state: Any) -> None:
+    """Move all bodies a share of the way to a measured motion."""
+    n = position.shape[0]
+    for i in range(n):
+        state[FIRST + i] += share * (position[i] - state[FIRST + i])
+        state[FIRST + n + i] += share * (velocity[i] - state[FIRST + n + i])
+
+
 @entry
 def balance(
     axis: Axis, time: Any, position: Any, velocity: Any, acceleration: Any, command_time: Any, command: Any,
@@ -1376,15 +1385,15 @@ def balance(
     for k in range(time.shape[0]):
         while index < last and command_time[index + 1] + delay <= time[k] + SAME_TIME:
             held = command[index] if index >= 0 else 0.0
-            step = max(command_time[index + 1] + delay - state[TIME], 0.0)
+            left, step = time[k] - state[TIME], max(command_time[index + 1] + delay - state[TIME], 0.0)
+            # What has a memory is settled with the motion at the end of a step.
+            approach(position[k], velocity[k], min(step / left, 1.0) if left > 0.0 else 1.0, state)
             settle_effects(model, held, step, state)
             state[TIME] += step
             index += 1
         held = command[index] if index >= 0 else 0.0
         step = max(time[k] - state[TIME], 0.0)
-        for i in range(n):
-            state[FIRST + i] = position[k, i]
-            state[FIRST + n + i] = velocity[k, i]
+        approach(position[k], velocity[k], 1.0, state)
         note_sides(model, state)
         settle_effects(model, held, step, state)
         state[TIME] = time[k]

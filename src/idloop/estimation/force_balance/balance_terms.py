@@ -40,7 +40,14 @@ _ARRIVING = _INERTIA = 2
 _LEAST_TURNED = 1e-3
 # Speed of a body that barely moves [m/s or rad/s].
 _BARELY = 1e-9
+# Rounds in which the start of an integral and the friction that it causes agree.
+_STARTS = 4
 _NO_JUMPS = np.zeros(0, dtype=np.int64)
+
+
+def halfway(time: Array) -> Array:
+    """Instants between each and the one before: from there on the mean command around it acts."""
+    return np.append(time[:1], 0.5 * (time[:-1] + time[1:]))
 
 
 @dataclass(frozen=True)
@@ -277,6 +284,25 @@ class MotionInWindows:
         self._size, self._lock = 0, Lock()
         self._most = max(_CACHE_BYTES, _FEWEST_CACHED * 8 * (len(rows) + len(self.near)))
 
+    def constants(self, force: Array) -> Array:
+        """Mean of a force (rows,) over the windows of each motion in which all bodies move, shape (motions,)."""
+        found = np.zeros(len(self.motions))
+        for number in range(len(found)):
+            own = self._motion_of_window == number
+            moving = own & (np.diff(self._near_matrix.indptr) == 0)
+            found[number] = np.mean(force[moving if np.any(moving) else own])
+        return found
+
+    def each(self, constants: Array) -> tuple[Array, Array]:
+        """A constant of each motion (motions,) in every window (rows,), and at the instants near rest (k,)."""
+        counts = [len(motion.time) for motion in self.motions]
+        return constants[self._motion_of_window], np.repeat(constants, counts)[self.near]
+
+    @cached_property
+    def _motion_of_window(self) -> Places:
+        ends = np.cumsum([len(motion.time) for motion in self.motions])
+        return np.searchsorted(ends, self.rows, side="right")
+
     @cached_property
     def turned(self) -> list[_Turned]:
         """Of every body."""
@@ -505,6 +531,12 @@ class BalanceTerms:
         key = (*values.values(), timing, rest)
         if self._last is None or self._last[0] != key:
             weak, near, drive = self._left(values, timing)
+            if self.model.integrates:
+                # Where an integral in the drive starts is not measured: what it adds holds a body at rest as well.
+                sliding = self._friction(0, values).weak if 0 in self._dry else 0.0
+                started = self.along.each(self.along.constants(weak[:, 0] + sliding))
+                weak[:, 0] -= started[0]
+                near[:, 0] -= started[1]
             change = np.zeros(0)
             for body in self._dry:
                 friction = self._friction(body, values)
@@ -589,8 +621,8 @@ class BalanceTerms:
             left, required = np.empty((count, layout.bodies)), np.empty(count)
             command = np.zeros(count) if commands is None else np.ascontiguousarray(commands[index])
             kernel.balance(
-                own, motion.time, motion.position, motion.velocity, np.zeros_like(motion.velocity), motion.time,
-                command, -1.0, layout.new_state(), left, required,
+                own, motion.time, motion.position, motion.velocity, np.zeros_like(motion.velocity),
+                halfway(motion.time), command, -1.0, layout.new_state(), left, required,
             )  # fmt: skip
             found.append(left)
         return np.concatenate(found)
@@ -726,20 +758,29 @@ class WholeBalance(BalanceTerms):
 
     @property
     def _remembers(self) -> bool:
-        return any(one.effect.settle is not None for one in self.model.effects)
+        return any(one.effect.settle is not None for one in self.model.acting)
 
     def residual(self, values: Values, timing: float, rest: float) -> Array:
         """As of `BalanceTerms`."""
-        return self._whole(values, timing, rest, None)
+        return self._whole(values, timing, rest, self._started(values, timing))
 
     def slope(self, values: Values, timing: float, rest: float) -> Array:
         """As of `BalanceTerms`."""
-        base = self._whole(values, timing, rest, None)[:, 0]
+        started = self._started(values, timing)
+        base = self._whole(values, timing, rest, started)[:, 0]
         waves, sent = self.along.square_waves if self._lags else self.along.constant_change
-        squares = sum((self._whole(values, timing, rest, wave)[:, 0] - base) ** 2 for wave in waves)
+        squares = sum((self._whole(values, timing, rest, started, wave)[:, 0] - base) ** 2 for wave in waves)
         return np.asarray(np.sqrt(squares / np.maximum(sent**2, 1e-300)))
 
-    def _whole(self, values: Values, timing: float, rest: float, wave: Array | None) -> Array:
+    def _started(self, values: Values, timing: float) -> Array:
+        """Force of an integral in the drive at the start of each motion, by which friction differs too (motions,)."""
+        found = np.zeros(len(self.along.motions))
+        if self.model.integrates and values["drive.integral"] * values["drive.gain"] != 0.0:
+            for _ in range(_STARTS):
+                found += self.along.constants(self._whole(values, timing, -1.0, found)[:, 0])
+        return found
+
+    def _whole(self, values: Values, timing: float, rest: float, started: Array, wave: Array | None = None) -> Array:
         along = self.along
         around = along.cached(("commands", timing), lambda: _Commands(along, timing)).around
         added = np.zeros(len(around.mean)) if wave is None else wave
@@ -747,9 +788,14 @@ class WholeBalance(BalanceTerms):
         constants = layout.axis.constants.copy()
         constants[kernel.DELAY] = 0.0
         if self._remembers:
-            starts = np.cumsum([len(motion.time) for motion in along.motions])[:-1]
-            parts = zip(along.motions, np.split(around.mean + added, starts), strict=True)
-            left = np.concatenate([_equation_error(layout, constants, *part, rest) for part in parts])
+            ends = np.cumsum([len(motion.time) for motion in along.motions])[:-1]
+            parts = zip(along.motions, np.split(around.mean + added, ends), started, strict=True)
+            left = np.concatenate(
+                [
+                    _equation_error(layout, constants, motion, given, rest, self._state(layout, values, force))
+                    for motion, given, force in parts
+                ]
+            )
         else:
             command = np.concatenate([around.mean, around.before, around.after])
             instants = np.concatenate([np.arange(len(around.mean)), around.jumps, around.jumps])
@@ -757,7 +803,8 @@ class WholeBalance(BalanceTerms):
             sides = (len(around.mean), around.jumps, around.late)
             left = np.column_stack([mean_of_sides(column.copy(), *sides) for column in error.T])
         for body, turned in enumerate(along.turned):
-            if body not in self._dry:
+            # An integral is known along the motion only, not at single instants.
+            if body not in self._dry or self.model.integrates:
                 continue
             given = (around.mean + added)[turned.places]
             here, back = (_equation_error(layout, constants, one, given, -1.0)[:, body] for one in turned.motions)
@@ -768,13 +815,24 @@ class WholeBalance(BalanceTerms):
         left = left - inertia * along.whole.acceleration
         return np.asarray(windowed(left, along.rows, along.weights) + inertia * along.inertial)
 
+    def _state(self, layout: Any, values: Values, started: float) -> Array:
+        """The state of a model in whose drive an integral starts with a force."""
+        state: Array = layout.new_state()
+        if started != 0.0:
+            # The loop acts first, and its integral is its first state.
+            place = kernel.FIRST + 3 * layout.bodies
+            state[place] = started / (values["drive.integral"] * values["drive.gain"])
+        return state
 
-def _equation_error(layout: Any, constants: Array, motion: Instants, command: Array, rest: float) -> Array:
+
+def _equation_error(
+    layout: Any, constants: Array, motion: Instants, command: Array, rest: float, state: Array | None = None
+) -> Array:
     axis = layout.under(motion.conditions).axis._replace(constants=constants)
     left, required = np.empty((len(command), layout.bodies)), np.empty(len(command))
     kernel.balance(
-        axis, motion.time, motion.position, motion.velocity, motion.acceleration, motion.time, command, rest,
-        layout.new_state(), left, required,
+        axis, motion.time, motion.position, motion.velocity, motion.acceleration, halfway(motion.time), command, rest,
+        layout.new_state() if state is None else state, left, required,
     )  # fmt: skip
     return left
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from idloop.arrays import Array
+from idloop.estimation.force_balance.balance_terms import halfway
 from idloop.estimation.force_balance.held_command import CommandAround, HeldCommand
 from idloop.estimation.force_balance.motion import Motion, low_pass, measured_motion
 
@@ -47,13 +48,24 @@ class RecordBalance:
         position, velocity, acceleration = (
             np.repeat(one, 2, axis=0) for one in (motion.position, motion.velocity, motion.acceleration)
         )
-        along = engine.balance(
-            None, position, velocity, acceleration, time, value.ravel(), time, rest_speed, conditions=self.conditions
-        )
-        applied, required = (np.sum(weight * one.reshape(-1, 2), axis=1) for one in (along.applied, along.required))
-        if engine.model.integrates:
-            applied += np.mean(required - applied)
-        return applied, required
+
+        def along(rest: float) -> tuple[Array, Array]:
+            found = engine.balance(
+                None, position, velocity, acceleration, halfway(time), value.ravel(), time, rest,
+                conditions=self.conditions,
+            )  # fmt: skip
+            applied, required = (np.sum(weight * one.reshape(-1, 2), axis=1) for one in (found.applied, found.required))
+            return applied, required
+
+        if not engine.model.integrates:
+            return along(rest_speed)
+        # What an integral adds from its start on is not measured, and holds a body at rest as well.
+        applied, required = along(-1.0)
+        moving = np.abs(motion.velocity[:, 0]) > rest_speed
+        started = float(np.mean((required - applied)[moving if np.any(moving) else slice(None)]))
+        acceleration[:, 0] -= started / engine.values(None)[f"{engine.model.bodies[0]}.inertia"]
+        applied, required = along(rest_speed)
+        return applied + started, required + started
 
 
 def record_balance(engine: Engine, data: Data, cutoff: float | None = None) -> RecordBalance | None:

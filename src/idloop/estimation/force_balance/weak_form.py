@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from itertools import groupby, pairwise
+from itertools import groupby
 
 import numpy as np
 
@@ -315,21 +315,12 @@ class WeakForm:
         if known != key:
             if self.engine.is_valid(theta):
                 balance, values, timing = self._at(theta, shift)
-                residual = self._without_starts(balance.residual(values, timing, self.rest_speed))
+                residual = balance.residual(values, timing, self.rest_speed)
             else:
                 residual = np.full(self.inertial.shape, np.nan)
             residual.flags.writeable = False
             self._known = key, residual
         return residual
-
-    def _without_starts(self, residual: Array) -> Array:
-        """Without the constant that an integral in the drive, from an unknown start, adds to each track."""
-        if not self.engine.model.integrates:
-            return residual
-        left: Array = residual.copy()
-        for first, after in pairwise(self.starts):
-            left[first:after, 0] -= np.mean(left[first:after, 0])
-        return left
 
     def _at(self, theta: Array, shift: float) -> tuple[BalanceTerms, Mapping[str, float], float]:
         """The balance, the values of all parameters, and the total delay of the command [s]."""
