@@ -36,6 +36,14 @@ def test_bad_input_is_one_line(tmp_path, monkeypatch, capsys, words, line):
     assert said.count("\n") == 1
 
 
+def test_a_date_after_all_recordings_is_refused_before_any_work(tmp_path, capsys):
+    (tmp_path / "t.csv").write_text("robot,joint,time,bag\nr,j,2026-03-01,b\n")
+    words = ["fleet", str(tmp_path / "t.csv"), "--model", "axis", "--output", str(tmp_path / "out"), "--quiet"]
+    assert main.run([*words, "--since", "2027-01-01"]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_place_that_is_not_there_is_refused_before_the_engine_is_imported(tmp_path):
     heavy = {"distributed", "duckdb", "numba", "pyarrow", "scipy", "statsmodels"}
     words = ["fleet", "none", "--model", "axis", "--output", str(tmp_path / "out")]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -77,6 +79,13 @@ def test_a_joint_that_is_shown_has_its_own_line(components):
     assert [item.label.value for item in error.above[0].items][1:] == ["r5 j"], "it has no interval"
     (chosen,) = trend(components[0], [], "place")
     assert chosen.select_one({"name": "place"}).data == {"x": [], "y": [], "low": [], "high": []}
+
+
+def test_no_bar_reaches_below_the_bound_of_its_parameter(components):
+    series = replace(components[0].series, variance=np.full((8, 6), 1.0), least=0.0)
+    (plot,) = trend(replace(components[0], series=series), [("r1", "j")])
+    low = plot.renderers[-1].data_source.data["low"]
+    assert np.min(low) == 0.0
 
 
 def test_every_parameter_has_a_row_on_paper(components):

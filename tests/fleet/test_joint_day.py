@@ -25,7 +25,9 @@ def bag(recordings):
 
 @pytest.fixture(scope="module")
 def rows(bag, settings):
-    return identify_bag(bag, settings)
+    look, *found = identify_bag(bag, settings)
+    assert (look["sha256"], "joint" in look) == (found[0]["sha256"], False)
+    return found
 
 
 def test_each_joint_is_identified_and_validated(rows, settings):
@@ -44,25 +46,35 @@ def test_each_joint_is_identified_and_validated(rows, settings):
 
 def test_every_row_says_where_it_comes_from(rows, bag, recordings, settings):
     digest = checksum(recordings / "robot000" / "2026-03-01")["sha256"]
-    expected = (digest, __version__, 0, settings.digest, "robot000", bag.bag)
-    keys = ("sha256", "version", "seed", "settings", "robot", "bag")
-    assert {tuple(one[key] for key in keys) for one in rows} == {expected}
+    keys = ("sha256", "version", "seed", "robot", "bag")
+    assert {tuple(one[key] for key in keys) for one in rows} == {(digest, __version__, 0, "robot000", bag.bag)}
+    assert {(one["kind"], one["settings"]) for one in rows} == set(settings.digests.items())
 
 
 def test_the_same_again_gives_the_same(rows, bag, settings):
-    assert identify_bag(bag, settings) == rows
+    assert identify_bag(bag, settings)[1:] == rows
 
 
 def test_what_is_done_by_its_checksum_is_not_done_again(rows, bag, recordings, settings, tmp_path):
     shutil.copytree(recordings / "robot000" / "2026-03-01", tmp_path / "moved")
     moved = replace(bag, bag=str(tmp_path / "moved"), stamp="other")
-    assert identify_bag(moved, settings, {key_of(rows[0])}) is None
-    assert identify_bag(replace(moved, robot="another"), settings, {key_of(rows[0])}) is not None
+    (look,) = identify_bag(moved, settings, {key_of(one) for one in rows})
+    assert identify_bag(moved, settings, {key_of(look)}) == [look]
+    assert {one["joint"] for one in identify_bag(moved, settings, {key_of(rows[0])})[1:]} == {"j1"}
+    assert len(identify_bag(replace(moved, robot="another"), settings, {key_of(one) for one in rows})) == 1 + len(rows)
 
 
-def test_models_seed_and_joints_are_a_part_of_what_is_done(bag, settings):
-    others = [Settings(settings.kinds[:1]), Settings(settings.kinds, seed=1)]
-    assert len({one.job(bag) for one in (settings, *others)} | {settings.job(replace(bag, joints=(("j0", ""),)))}) == 4
+def test_model_seed_and_name_are_a_part_of_what_is_done_with_a_joint(bag, settings):
+    (one, base), (_, wrist) = settings.kinds
+    others = [Settings(settings.kinds, seed=1), Settings(((one, wrist),)), Settings((("j*", base),))]
+    jobs = {other.job(bag, "j0", other.kinds[0][0]) for other in (settings, *others)}
+    assert len(jobs | {settings.job(bag, "j1", one), settings.job(replace(bag, robot="another"), "j0", one)}) == 6
+
+
+def test_models_of_other_kinds_are_no_part_of_it(bag, settings):
+    alone = Settings(settings.kinds[:1])
+    assert alone.job(bag, "j0", "j0") == settings.job(bag, "j0", "j0")
+    assert alone.look(bag) != settings.look(bag), "other joints may have a model now"
 
 
 def test_a_broken_bag_costs_its_own_row(bag, recordings, settings, tmp_path):
@@ -79,7 +91,7 @@ def test_a_broken_bag_costs_its_own_row(bag, recordings, settings, tmp_path):
 
 def test_a_joint_that_cannot_be_identified_leaves_the_others(bag, settings):
     asked = (("j0", ""), ("nowhere", "j0"), ("j1", "unknown"))
-    found = identify_bag(replace(bag, joints=asked), settings)
+    _, *found = identify_bag(replace(bag, joints=asked), settings)
     reasons = {one["joint"]: one.get("reason") for one in found}
     assert reasons["j0"] is None
     assert "nowhere" in reasons["nowhere"]
@@ -90,7 +102,7 @@ def test_a_joint_that_cannot_be_identified_leaves_the_others(bag, settings):
 def test_a_bag_at_an_address_is_fetched(rows, bag, recordings, settings):
     memory = fsspec.filesystem("memory")
     memory.put(str(recordings / "robot000" / "2026-03-01"), "/bags_of_test/one", recursive=True)
-    found = identify_bag(replace(bag, bag="memory://bags_of_test/one"), settings)
+    _, *found = identify_bag(replace(bag, bag="memory://bags_of_test/one"), settings)
     assert [one["value"] for one in found] == [one["value"] for one in rows]
     memory.rm("/bags_of_test", recursive=True)
 

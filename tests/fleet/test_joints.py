@@ -53,11 +53,12 @@ def recorded(components):
 def document():
     found = {"kind": "kind", "parameter": "p", "unit": "N", "day": "2024-10-05", "size": 0.5, "low": 0.4, "high": 0.6}
     return {
-        "source": "fleet.csv", "folder": "runs", "version": "1", "settings": "s", "seed": 0, "level": 0.05, "tests": 9,
-        "since": None, "against": None, "misfits": [], "new": 24, "bags": 24,
+        "source": "fleet.csv", "folder": "runs", "version": "1", "settings": {"kind": "s"}, "seed": 0,
+        "level": 0.05, "tests": 9, "since": None, "against": None, "misfits": [], "new": 24, "bags": 24,
         "joint_days": 48, "periods": [], "alarms": [], "recordings_per_false_alarm": 10_000,
         "kinds": [KIND],
         "findings": [{"what": "odd", "robot": "r1", "joint": "b", "p_value": 1e-9, **found}],
+        "diagnosis_level": 0.01,
         "diagnoses": [{"robot": "r1", "joint": "b", "conclusion": "all is well", "report": "joints/r1-b-0.html"}],
         "failed": [{"robot": "r1", "joint": None, "time": "2024-10-09", "bag": "bags/r1/9", "reason": "cut off"}],
     }  # fmt: skip
@@ -70,6 +71,24 @@ def page(components, document, recorded) -> str:
 
 def held(html):
     return json.loads(re.search(r'id="joints">(.*?)</script>', html, re.DOTALL)[1])
+
+
+def test_a_joint_that_is_fitted_badly_has_a_warning(components, document, recorded):
+    level, error = components
+    bad = np.arange(len(NAMES))[:, None] == 3
+    series = replace(error.series, value=np.where(bad, np.log(0.9), error.series.value))
+    (file,) = joint_files((level, take_apart(series)))
+    found = held(render_joints(file, document, recorded, "runs/models/kind.yaml", "axis"))["joints"]
+    warned = {name: one["warning"] for name, one in found.items() if one["warning"]}
+    assert list(warned) == [" ".join(NAMES[3])]
+    assert "fits this joint badly" in warned["r1 b"]
+    assert "89.3 %" in warned["r1 b"]
+
+
+def test_no_bar_of_a_joint_reaches_below_the_bound_of_its_parameter(components, document, recorded):
+    bounded = [replace(one, series=replace(one.series, least=0.92)) for one in components]
+    curve = held(page(bounded, document, recorded))["joints"]["r1 b"]["curves"]["trend-0"]
+    assert min(curve["low"]) == 0.92 < min(curve["y"])
 
 
 def test_every_joint_is_in_one_file(components, monkeypatch):

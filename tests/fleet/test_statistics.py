@@ -120,6 +120,19 @@ def test_an_odd_joint_has_the_date_from_which_on_it_is_odd():
     assert several == {0: 20000.0, 1: 20005.0}
 
 
+def test_the_interval_of_an_odd_joint_has_the_error_of_the_mean_of_its_kind():
+    """Of eight joints, the mean is known worse than the level of any one."""
+    held, found, deviation = 0, 0, 3.0
+    for seed in range(60):
+        series = fleet(700 + seed, units=8, missing=0.0)
+        series.value[0] += 1.0 + deviation - np.mean(series.value[0])
+        several = [one for one in found_in(take_apart(series)) if one.what == "odd" and unit(one) == 0]
+        found += len(several)
+        held += sum(one.low < deviation < one.high for one in several)
+    assert found >= 50
+    assert held >= binom.ppf(0.001, found, 0.95)
+
+
 def test_an_interval_is_of_the_distribution_of_its_p_value():
     """Of a change that one joint alone has, with few recordings: then Student's t is far from the normal one."""
     series = fleet(9, units=1, missing=0.0)

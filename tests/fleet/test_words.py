@@ -11,6 +11,7 @@ from idloop.fleet.joint_day import FORCE_ERROR
 from idloop.fleet.statistics import RELATIVE, Finding, Series, take_apart
 from idloop.fleet.words import (
     component_row,
+    diagnosis_words,
     failed_table,
     finding_row,
     finding_table,
@@ -22,6 +23,7 @@ from idloop.fleet.words import (
     level_table,
     misfit_rows,
     misfit_words,
+    misfits,
     periods_words,
     read_words,
     unit_rows,
@@ -32,7 +34,7 @@ STEP = Finding("step", "arm", "p", "N", "r1", "j", 20513.0, 0.25, 0.2, 0.3, 1e-6
 DAY = Finding("day", "arm", FORCE_ERROR, RELATIVE, "r2", "j", 20514.0, 1.5, 1.0, 2.0, 0.01)
 FAILED = "2 recordings or joints could not be identified"
 DIFFERS = "whether a joint differs from its kind, which takes 5 joints of a kind"
-FEW = (DIFFERS, "whether a joint changes, which takes 4 recordings of it")
+FEW = (DIFFERS, "whether a joint changes, which takes 4 recordings of it at least")
 KIND = Finding("trend", "arm", "p", "N", "", "", 20513.0, 0.25, 0.2, 0.3, 1e-6)
 
 
@@ -131,6 +133,13 @@ def test_what_too_few_joints_share_is_not_stated():
     ]  # fmt: skip
 
 
+def test_a_share_is_written_without_a_power_of_ten():
+    one = {"kind": "arm", "parameter": "p", "unit": "N", "mean": 1.0, "kept": 6, "units": 6, "recordings": 36}
+    parts = {"unit_deviation": 1.304, "date_deviation": 0.9951, "day_deviation": 0.01234, "error": 12.5}
+    (row,) = kind_table({"kinds": [one | parts]}).rows
+    assert row[5:] == ("130 %", "100 %", "1.2 %", "1250 %")
+
+
 def test_nothing_identified_has_no_empty_tables():
     bags = [{"robot": "r", "joint": None, "time": None, "bag": "b", "reason": "cut off"}]
     text = as_text(fleet_blocks(document(kinds=[], new=1, bags=1, diagnoses=[]) | {"failed": bags}))
@@ -160,6 +169,11 @@ def test_the_pattern_of_all_joints_has_words_for_a_name():
     assert kind_text("arm", ["arm"]) == "arm"
     alone = document(replace(KIND, kind="*"), kinds=[{"kind": "*", "units": 3, "followed": 3}])
     assert finding_table(alone, "findings").rows[0][0] == "all joints"
+
+
+def test_a_diagnosis_says_how_often_it_errs():
+    several = document(diagnosis_level=0.01, diagnoses=[{}] * 250)
+    assert diagnosis_words(several).endswith("with a probability of 1 %, which is 2.5 of 250 on average")
 
 
 def test_what_changed_since_a_date_is_in_the_headline():
@@ -201,6 +215,7 @@ def test_a_model_that_explains_less_than_half_of_the_power_is_a_bad_one(error, c
     assert [(one["kind"], one["joints"], one["of"]) for one in found] == [("arm", count, 6)] * bool(count)
     said = list(misfit_words(document(misfits=found)))
     assert len(said) == bool(count)
-    assert all("6 of 6 joints badly" in one and "74" in one and "--diagnose all" in one for one in said)
+    assert all("6 of 6 joints badly" in one and "74" in one and "--diagnose" in one for one in said)
+    assert set(misfits(parts)) == set(names[:count])
     text = as_text(fleet_blocks(document(kinds=[], misfits=found, new=1, diagnoses=[])))
     assert ("warning: arm: the model fits" in text) == bool(count)

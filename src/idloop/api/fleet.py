@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from idloop.physics import Model
 
 WORST = 5  # joints that are diagnosed
+DIAGNOSIS_LEVEL = 0.01  # of each joint's diagnosis
 MEMORY = "2GB"
 _BATCH = 8  # recordings of a task, at most
 LOST = "the worker process ended, perhaps at its limit of memory; give more by --memory"
@@ -117,7 +118,7 @@ class Fleet(Result):
             "source": self.source,
             "folder": str(self.folder),
             "version": __version__,
-            "settings": self.settings.digest,
+            "settings": self.settings.digests,
             "seed": self.settings.seed,
             "bags": self.bags,
             "new": self.new,
@@ -135,6 +136,7 @@ class Fleet(Result):
             "alarms": [finding_row(one) for one in self.alarms],
             "unwatched": list(self.unwatched),
             "recordings_per_false_alarm": FALSE_ALARMS,
+            "diagnosis_level": DIAGNOSIS_LEVEL,
             "diagnoses": list(self.diagnoses),
         }
 
@@ -158,9 +160,10 @@ class Fleet(Result):
             "units": (unit_rows(self.components), UNIT_COLUMNS),
             "findings": (document["findings"], FINDING_COLUMNS),
         }
-        made_by = {key: document[key] for key in ("settings", "version", "seed")}
+        made_by = {key: document[key] for key in ("version", "seed")}
         for name, (rows, columns) in tables.items():
-            write_table(self.folder / f"{name}.parquet", [{**one, **made_by} for one in rows], columns)
+            several = [{**one, **made_by, "settings": self.settings.digests[one["kind"]]} for one in rows]
+            write_table(self.folder / f"{name}.parquet", several, columns)
         models, store = dict(self.settings.kinds), Store(self.folder)
         of_kind = {kind: self.folder.resolve() / MODELS / f"{stem}.yaml" for kind, stem in file_stems(models).items()}
         for kind, path in of_kind.items():
@@ -253,7 +256,9 @@ def identify_fleet(
         source, models, folder, since=since, against=against, level=level, diagnose=diagnose, workers=workers,
         memory=memory, cluster=cluster, seed=seed, progress=progress,
     ) as work:  # fmt: skip
-        return work.run(find_bags(str(source)))
+        bags = find_bags(str(source))
+        work.check_periods(bags)
+        return work.run(bags)
 
 
 def watch_fleet(
@@ -350,6 +355,18 @@ class _Work:
     diagnose: int | str
     progress: Progress
 
+    def check_periods(self, bags: Sequence[FleetBag]) -> None:
+        """Refuse, before any work, a date that leaves one of the periods without a recording."""
+        days = [one.time.date().isoformat() for one in bags if one.time is not None]
+        if self.since is None or len(days) < len(bags):
+            return
+        dates = f"the recordings are from {min(days)} to {max(days)}"
+        if max(days) < self.since:
+            raise InputError(f"since {self.since}: there is no recording from that date on: {dates}")
+        if not any((self.against or "") <= day < self.since for day in days):
+            begin = f" from {self.against} on" if self.against else ""
+            raise InputError(f"since {self.since}: there is no recording{begin} before that date: {dates}")
+
     def run(self, bags: Sequence[FleetBag]) -> Fleet:
         """Identify what is new, compare all, and diagnose the worst."""
         from idloop.fleet import statistics
@@ -385,14 +402,15 @@ class _Work:
 
     def _identify(self, bags: Sequence[FleetBag], progress: Progress) -> int:
         """Identify what is not there yet, and return the number of recordings."""
-        from idloop.fleet.joint_day import failed_rows, identify_task
+        from idloop.fleet.joint_day import failed_rows, identify_task, key_of
 
         done = self.store.done(self.settings)
         left = done.open(bags, self.settings)
         if not left:
             return 0
         progress(0.0, "starting the workers")
-        ended, new, seen = 0, 0, done.keys - {key for _, key in done.former}
+        ended, new = 0, 0
+        seen = set(done.keys)
         size = min(_BATCH, max(len(left) // (8 * self.workers.count), 1))
 
         def lost(task: tuple[FleetBag, Sequence[str]]) -> list[dict[str, Any]]:
@@ -400,28 +418,39 @@ class _Work:
             return failed_rows(replace(task[0], stamp=""), self.settings, LOST)
 
         for batch, results in self.workers.map(identify_task, left, self.settings, size=size, lost=lost):
-            rows = [row for key, several in _keyed(results) if key not in seen for row in several]
-            seen |= {key for key, _ in _keyed(results)}
-            if rows:
-                self.store.add(rows)
-            ended, new = ended + len(batch), new + sum(one is not None for one in results)
+            kept: list[dict[str, Any]] = []
+            for rows in results:
+                keys = {key_of(row) for row in rows if "joint" in row} - seen
+                kept += [row for row in rows if "joint" not in row or key_of(row) in keys]
+                seen |= keys
+                new += len(rows) > 1 or "reason" in rows[0]
+            self.store.add(kept)
+            ended += len(batch)
             progress(ended / len(left), f"{ended} of {len(left)} recordings")
         return new
 
     def _alarms(self, components: Sequence[Components]) -> tuple[tuple[Finding, ...], tuple[str, ...]]:
         """Alarms of what can wear, and what scatters too much for them."""
         from idloop.fleet.alarms import watched, wear_alarms
+        from idloop.fleet.words import kind_text
 
         names = {kind: watched(model) for kind, model in self.settings.kinds}
         found = [(one, wear_alarms(one)) for one in components if one.series.parameter in names[one.series.kind]]
-        silent = [f"{one.series.kind} {one.series.parameter}" for one, alarms in found if alarms is None]
+        kinds = [kind for kind, _ in self.settings.kinds]
+        silent = [
+            f"{kind_text(one.series.kind, kinds)}: {one.series.parameter}" for one, alarms in found if alarms is None
+        ]
         return tuple(alarm for _, alarms in found for alarm in alarms or ()), tuple(silent)
 
     def _worst(self, components: Sequence[Components], findings: Sequence[Finding]) -> list[tuple[str, str]]:
-        """Robot and joint of what is diagnosed, the most certain finding first."""
+        """Robot and joint of what is diagnosed: the most certain findings first, then the joints that fit worst."""
+        from idloop.fleet.words import misfits
+
         if self.diagnose == "all":
             return list(dict.fromkeys(name for one in components for name in one.series.names))
-        return list(dict.fromkeys((one.robot, one.joint) for one in findings if one.robot))[: int(self.diagnose)]
+        badly = sorted((-error, name) for one in components for name, error in misfits(one).items())
+        named = [(one.robot, one.joint) for one in findings if one.robot]
+        return list(dict.fromkeys([*named, *(name for _, name in badly)]))[: int(self.diagnose)]
 
     def _diagnose(
         self, bags: Sequence[FleetBag], worst: Sequence[tuple[str, str]], progress: Progress
@@ -433,7 +462,7 @@ class _Work:
             return []
         place, tasks = self.store.folder / JOINTS, []
         for one in self.store.newest(worst, bags, self.settings):
-            key = hashlib.sha256(f"{one['sha256']} {self.settings.digest}".encode()).hexdigest()[:8]
+            key = hashlib.sha256(f"{one['sha256']} {self.settings.digests[one['kind']]}".encode()).hexdigest()[:8]
             tasks.append({**one, "stem": re.sub(r"[^\w.-]+", "_", f"{one['robot']}-{one['joint']}-{key}")})
         left = [one for one in tasks if not (place / f"{one['stem']}.json").exists()]
         make_folder(place, parents=True)
@@ -444,12 +473,6 @@ class _Work:
             write_text(place / f"{found['stem']}.json", json.dumps(found, indent=2, ensure_ascii=False) + "\n")
             progress(count / len(left), f"{count} of {len(left)} joints diagnosed")
         return [json.loads((place / f"{one['stem']}.json").read_text(encoding="utf-8")) for one in tasks]
-
-
-def _keyed(results: Sequence[list[dict[str, Any]] | None]) -> Iterator[tuple[str, list[dict[str, Any]]]]:
-    from idloop.fleet.joint_day import key_of
-
-    return ((key_of(rows[0]), rows) for rows in results if rows)
 
 
 def diagnose_joint(task: dict[str, Any], settings: Settings) -> tuple[dict[str, Any], str]:
@@ -466,25 +489,37 @@ def diagnose_joint(task: dict[str, Any], settings: Settings) -> tuple[dict[str, 
         with local_copy(task["bag"]) as path, tempfile.TemporaryDirectory() as scratch:
             records = joint_records(path, settings.model_of(task["kind"], task["joint"]))
             ladder = refine(settings.model_of(task["kind"], task["joint"]), records, criterion="force",
-                            seed=settings.seed)  # fmt: skip
+                            level=DIAGNOSIS_LEVEL, seed=settings.seed)  # fmt: skip
             document = ladder.to_dict()
             page = ladder.report(Path(scratch) / "report.html").read_text(encoding="utf-8")
     except IdloopError as error:
         return undiagnosed(task, one_line(error.what))
-    conclusion = _found_and_left(ladder.added, document["conclusion"])
-    found = {"added": list(ladder.added), "verdict": ladder.verdict, "conclusion": conclusion,
+    p_values = {name: step.p_value for name, step in zip(ladder.added, ladder.steps[1:], strict=True)}
+    conclusion = _found_and_left(p_values, document["conclusion"])
+    found = {"added": list(ladder.added), "p_values": p_values, "verdict": ladder.verdict, "conclusion": conclusion,
              "parameters": document["parameters"], "report": f"{JOINTS}/{task['stem']}.html"}  # fmt: skip
     return to_json({**task, **found}), page
 
 
-def _found_and_left(added: Sequence[str], conclusion: str) -> str:
-    """What a diagnosis found, and its conclusion on the rest."""
-    return f"missing from the model: {', '.join(added)}; beside that, {conclusion}" if added else conclusion
+def _found_and_left(added: Mapping[str, float | None], conclusion: str) -> str:
+    """What a diagnosis found, each with its p-value, and its conclusion on the rest."""
+    from idloop.p_values import p_text
+
+    names = (f"{name} ({p_text(p)})" if p_text(p) else name for name, p in added.items())
+    return f"missing from the model: {', '.join(names)}; beside that, {conclusion}" if added else conclusion
 
 
 def undiagnosed(task: dict[str, Any], reason: str = LOST) -> tuple[dict[str, Any], str]:
     """What there is of a joint that could not be diagnosed."""
-    return {**task, "added": [], "verdict": None, "conclusion": reason, "parameters": {}, "report": None}, ""
+    return {
+        **task,
+        "added": [],
+        "p_values": {},
+        "verdict": None,
+        "conclusion": reason,
+        "parameters": {},
+        "report": None,
+    }, ""
 
 
 def _day(text: str) -> float:

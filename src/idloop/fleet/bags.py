@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import date, datetime, timezone
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -36,8 +36,6 @@ class FleetBag:
         Name and kind of each joint; an empty kind is found by the joint's name. Empty: all joints of the bag.
     stamp : str
         Size and state of its files, by which an unchanged bag is known without being read; empty where there is none.
-    former : str
-        The bag that was cut off and of which this one is what could be recovered.
     """
 
     robot: str
@@ -45,7 +43,6 @@ class FleetBag:
     time: datetime | None = None
     joints: tuple[tuple[str, str], ...] = ()
     stamp: str = ""
-    former: str = ""
 
 
 def check_place(source: str) -> None:
@@ -78,9 +75,8 @@ def find_bags(source: str, *, empty: bool = False) -> list[FleetBag]:
     found = _of_table(fs, path, source) if path.lower().endswith(_TABLES) else _of_folder(fs, path, source)
     if not found and not empty:
         raise InputError(f"{source}: there is no bag; a folder holds ROBOT/DATE/BAG, a table {listed(COLUMNS)}")
-    former = {_recovered(one.bag): one.bag for one in found}
-    found = [replace(one, former=former.get(one.bag, "")) for one in found]
-    kept = (one for one in found if one.bag not in {other.former for other in found})
+    names = {one.bag for one in found}
+    kept = (one for one in found if _recovered(one.bag) not in names)
     return sorted(kept, key=lambda one: (one.robot, one.time is not None, one.time, one.bag))
 
 
@@ -106,7 +102,13 @@ def open_place(source: str) -> tuple[Any, str]:
     fsspec = library("fsspec")
     try:
         fs, path = fsspec.core.url_to_fs(source)
-    except (ImportError, ValueError) as error:
+    except ImportError as error:
+        from fsspec.registry import known_implementations
+
+        package = known_implementations.get(source.partition("://")[0], {"class": ""})["class"].partition(".")[0]
+        cure = f": pip install {package}" if package not in ("", "fsspec") else ""
+        raise InputError(f"{source}: {' '.join(str(error).split())}{cure}") from error
+    except ValueError as error:
         raise InputError(f"{source}: {' '.join(str(error).split())}") from error
     return fs, str(path)
 

@@ -172,7 +172,8 @@ def trend(parts: Components, shown: Sequence[tuple[str, str]], chosen: str = "")
         known = np.isfinite(series.value[place])
         y = factor * series.natural(series.value[place][known])
         reach = Z95 * factor * np.sqrt(series.variance[place][known])
-        sources[" ".join(name)] = ColumnDataSource({"x": time[known], "y": y, "low": y - reach, "high": y + reach})
+        low = np.maximum(y - reach, series.least)
+        sources[" ".join(name)] = ColumnDataSource({"x": time[known], "y": y, "low": low, "high": y + reach})
     # The errors of an error of the force are not known.
     bars = series.parameter != FORCE_ERROR
     unit = label_of(parts)[1]

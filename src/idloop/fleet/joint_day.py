@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import tempfile
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
@@ -50,13 +50,26 @@ class Settings:
     @cached_property
     def digest(self) -> str:
         """Hash of version, models and seed."""
-        given = [__version__, self.seed, [(kind, model.to_yaml()) for kind, model in self.kinds]]
-        return hashlib.sha256(json.dumps(given).encode()).hexdigest()[:16]
+        return _hash(__version__, self.seed, [(kind, model.to_yaml()) for kind, model in self.kinds])
 
-    def job(self, bag: FleetBag) -> str:
-        """Hash of what is done with a bag: settings, robot, time and joints."""
-        given = [self.digest, bag.robot, None if bag.time is None else bag.time.isoformat(), bag.joints]
-        return hashlib.sha256(json.dumps(given).encode()).hexdigest()[:16]
+    @cached_property
+    def digests(self) -> dict[str, str]:
+        """Hash of version, seed, and the model of one kind alone, by kind."""
+        return {kind: _hash(__version__, self.seed, kind, model.to_yaml()) for kind, model in self.kinds}
+
+    def look(self, bag: FleetBag) -> str:
+        """Hash of what is looked for in a bag: all models, robot, time and joints."""
+        return _hash(self.digest, bag.robot, bag.time and bag.time.isoformat(), bag.joints)
+
+    def job(self, bag: FleetBag, joint: str, kind: str | None) -> str:
+        """Hash of what is done with a joint of a bag; without a model of its kind that depends on all models."""
+        own = self.digest if kind is None else self.digests[kind]
+        return _hash(own, bag.robot, bag.time and bag.time.isoformat(), joint)
+
+    def jobs(self, bag: FleetBag, names: Iterable[str]) -> list[str]:
+        """Hash of what is done with each joint of a bag; `names`: joints that one may have where none is given."""
+        joints = bag.joints or [(name, "") for name in names]
+        return [self.job(bag, joint, self.kind_of(joint, kind)) for joint, kind in joints]
 
     def kind_of(self, joint: str, stated: str = "") -> str | None:
         """Kind of a joint: the one that is stated, or the first whose pattern matches its name; None without one."""
@@ -72,7 +85,11 @@ class Settings:
         return self._models[kind, joint]
 
 
-def identify_bag(bag: FleetBag, settings: Settings, done: Collection[str] = ()) -> list[dict[str, Any]] | None:
+def _hash(*given: object) -> str:
+    return hashlib.sha256(json.dumps(given).encode()).hexdigest()[:16]
+
+
+def identify_bag(bag: FleetBag, settings: Settings, done: Collection[str] = ()) -> list[dict[str, Any]]:
     """Identify and validate the joints of one recording.
 
     Parameters
@@ -84,36 +101,35 @@ def identify_bag(bag: FleetBag, settings: Settings, done: Collection[str] = ()) 
 
     Returns
     -------
-    list of dict or None
-        A row for each parameter of each joint, in the columns of `idloop.fleet.store.SCHEMA`. What cannot be done is
-        one row without a parameter, with the reason. None where it is done already.
+    list of dict
+        In the columns of `idloop.fleet.store.COLUMNS`: a row for the look at the recording, without a joint, and a row
+        for each parameter of each joint that is not done already. What cannot be done is one row without a parameter,
+        with the reason.
     """
-    common = _common(bag, settings)
+    look = _look(bag, settings)
     try:
         with local_copy(bag.bag) as path:
             if not path.exists():
                 return failed_rows(bag, settings, f"{bag.bag}: there is no bag, check the path")
-            common["sha256"] = checksum(path)["sha256"]
-            if key_of(common) in done:
-                return None
-            return list(_rows(path, bag, settings, common))
+            look["sha256"] = checksum(path)["sha256"]
+            return [look] if key_of(look) in done else [look, *_rows(path, bag, settings, look, done)]
     except Exception as error:  # noqa: BLE001  (a bag may hold anything, and costs its own row only)
-        return [common | {"reason": _reason(error)}]
+        return [look | {"reason": _reason(error)}]
 
 
-def identify_task(task: tuple[FleetBag, Collection[str]], settings: Settings) -> list[dict[str, Any]] | None:
+def identify_task(task: tuple[FleetBag, Collection[str]], settings: Settings) -> list[dict[str, Any]]:
     """As `identify_bag`, with what is done as a part of the task."""
     return identify_bag(task[0], settings, task[1])
 
 
 def failed_rows(bag: FleetBag, settings: Settings, reason: str) -> list[dict[str, Any]]:
     """Row of a recording of which nothing was identified."""
-    return [_common(bag, settings) | {"reason": reason}]
+    return [_look(bag, settings) | {"reason": reason}]
 
 
-def _common(bag: FleetBag, settings: Settings) -> dict[str, Any]:
+def _look(bag: FleetBag, settings: Settings) -> dict[str, Any]:
     return {
-        "robot": bag.robot, "time": bag.time, "bag": bag.bag, "stamp": bag.stamp, "job": settings.job(bag),
+        "robot": bag.robot, "time": bag.time, "bag": bag.bag, "stamp": bag.stamp, "job": settings.look(bag),
         "settings": settings.digest, "version": __version__, "seed": settings.seed,
     }  # fmt: skip
 
@@ -123,19 +139,22 @@ def key_of(row: dict[str, Any]) -> str:
     return f"{row.get('sha256') or row['bag']} {row['job']}"
 
 
-def _rows(path: Path, bag: FleetBag, settings: Settings, common: dict[str, Any]) -> Iterator[dict[str, Any]]:
+def _rows(
+    path: Path, bag: FleetBag, settings: Settings, look: dict[str, Any], done: Collection[str]
+) -> Iterator[dict[str, Any]]:
     with Bag(path) as opened:
         for joint, kind in bag.joints or _joints_in(opened, settings):
-            named = common | {"joint": joint, "kind": kind or None}
             found = settings.kind_of(joint, kind)
+            named = look | {"joint": joint, "kind": found or kind or None, "job": settings.job(bag, joint, found)}
             if found is None:
                 what = f"of kind {kind}" if kind else "of that name"
                 yield named | {"reason": f"joint {joint}: no model for one {what}; give --model KIND=FILE"}
-                continue
-            try:
-                yield from identify_joint(opened, settings.model_of(found, joint), named | {"kind": found})
-            except Exception as error:  # noqa: BLE001  (as above: the other joints are identified)
-                yield named | {"reason": _reason(error)}
+            elif key_of(named) not in done:
+                named["settings"] = settings.digests[found]
+                try:
+                    yield from identify_joint(opened, settings.model_of(found, joint), named)
+                except Exception as error:  # noqa: BLE001  (as above: the other joints are identified)
+                    yield named | {"reason": _reason(error)}
 
 
 def _reason(error: Exception) -> str:

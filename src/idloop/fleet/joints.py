@@ -15,11 +15,13 @@ import numpy as np
 
 from idloop.called_as import program
 from idloop.drawing import label
+from idloop.fleet import words
 from idloop.fleet.figures import Z95, label_of, trend
-from idloop.fleet.statistics import Components
+from idloop.fleet.statistics import Components, Series
 from idloop.fleet.store import JOINTS, Recording
 from idloop.fleet.words import display, failed_table, finding_table, kind_text, level_table
 from idloop.reporting.page.sheet import json_text, render_sheet
+from idloop.reporting.terms import capitalised
 from idloop.reporting.text.blocks import Table, number
 
 TEMPLATE = Path(__file__).parent / "templates" / "joints.html"
@@ -91,7 +93,7 @@ def render_joints(
     """
     from markupsafe import Markup
 
-    parameters = [one.series.parameter for one in file.components]
+    badly = {name: error for one in file.components for name, error in words.misfits(one).items()}
     by_joint: dict[tuple[str, str], list[Recording]] = {name: [] for name in file.names}
     for one in recordings:
         by_joint[one.robot, one.joint].append(one)
@@ -105,8 +107,9 @@ def render_joints(
     joints = {
         " ".join(name): {
             "name": list(name), "headline": _headline(kind, several),
+            "warning": f"Warning: {words.misfit_text(badly[name])}." if name in badly else "",
             "command": "\n".join(_commands(model, joint, several[-1])) if several else "",
-            "curves": {f"trend-{place}": _curve(several, one) for place, one in enumerate(parameters)},
+            "curves": {f"trend-{place}": _curve(several, one.series) for place, one in enumerate(file.components)},
         }
         for name, several in by_joint.items()
     }  # fmt: skip
@@ -118,6 +121,8 @@ def render_joints(
         headline=f"reports of {kind}",
         tables={key: Table(one.header, ()) for key, one in tables.items()},
         trends=[label_of(one)[0] for one in file.components],
+        words=words,
+        capitalised=capitalised,
         joints=Markup(json_text({"joints": joints, "rows": rows})),  # noqa: S704
     )
 
@@ -166,8 +171,9 @@ def _estimate(one: Recording, parameter: str) -> str:
     return shown if stderr is None else f"{shown} ± {number(Z95 * factor * stderr, 2)}"
 
 
-def _curve(several: Sequence[Recording], parameter: str) -> dict[str, list[float]]:
-    """Points of a parameter over time with the ends of their 95 % intervals."""
+def _curve(several: Sequence[Recording], series: Series) -> dict[str, list[float]]:
+    """Points of a parameter over time with the ends of their 95 % intervals, as far as it can be."""
+    parameter = series.parameter
     size, _ = display(parameter, "")
     curve: dict[str, list[float]] = {"x": [], "y": [], "low": [], "high": []}
     for one in several:
@@ -175,7 +181,7 @@ def _curve(several: Sequence[Recording], parameter: str) -> dict[str, list[float
             value, stderr = one.estimates[parameter]
             reach = Z95 * (stderr or 0.0)
             curve["x"].append(one.time.timestamp() * 1000.0)
-            for key, end in (("y", value), ("low", value - reach), ("high", value + reach)):
+            for key, end in (("y", value), ("low", max(value - reach, series.least)), ("high", value + reach)):
                 curve[key].append(float(f"{size * end:.6g}"))
     return curve
 

@@ -62,6 +62,8 @@ class Series:
         Dates [days since 1970].
     value, variance : array, shape (units, d)
         Estimates, of the force error as logarithms, and the squares of their standard errors; NaN where there is none.
+    least : float
+        Bound of the parameter from below.
     """
 
     kind: str
@@ -71,6 +73,7 @@ class Series:
     days: Array
     value: Array
     variance: Array
+    least: float = -np.inf
 
     def natural(self, value: Array | float) -> Array:
         """Value in the unit of the parameter."""
@@ -93,7 +96,7 @@ class Components:
     Attributes
     ----------
     series : Series
-    mean : float
+    mean, mean_stderr : float
         Of the kind.
     date, date_stderr : array, shape (d,)
         Effect of each date; 0 where fewer than five units share it: then it adds to the variance, as others do.
@@ -115,6 +118,7 @@ class Components:
 
     series: Series
     mean: float
+    mean_stderr: float
     date: Array
     date_stderr: Array
     level: Array
@@ -141,10 +145,12 @@ class Finding:
     robot, joint : str
         Empty for a kind.
     day : float
-        First day of a step, or on which an odd unit is outside of 95 % of its kind, the recording of a day, or the
-        last one [days since 1970].
+        First recording of a step, on which an odd unit is outside of 95 % of its kind, or that an alarm counts; the
+        one of a day; the last one of a trend [days since 1970].
     size, low, high : float
-        Deviation or change with its 95 % interval; of the force error relative to what it differs from.
+        Deviation of a unit from the mean of its kind, change of a trend from the first to the last recording, change at
+        a step, deviation of a day from the course of its unit, growth of an alarm over its reference, with its 95 %
+        interval; of the force error relative to what it differs from.
     p_value, q_value : float
         The second is the rate of false discoveries at which it is found.
     """
@@ -164,8 +170,9 @@ class Finding:
 
 
 def series_of(
-    kind: str, parameter: str, unit: str, joints: Sequence[tuple[str, str]], days: Array, value: Array, stderr: Array
-) -> Series:
+    kind: str, parameter: str, unit: str, joints: Sequence[tuple[str, str]], days: Array, value: Array, stderr: Array,
+    least: float = -np.inf,
+) -> Series:  # fmt: skip
     """Arrange the estimates of a parameter by joint and date.
 
     Parameters
@@ -177,6 +184,8 @@ def series_of(
         In the order of time: of several recordings of a date the last one counts.
     value, stderr : array, shape (n,)
         NaN where not known. An error of the force is taken as its logarithm.
+    least : float
+        Bound of the parameter from below.
     """
     names = sorted(set(joints))
     place = {name: number for number, name in enumerate(names)}
@@ -187,7 +196,7 @@ def series_of(
     row = np.array([place[name] for name in joints])[known]
     table = np.full((2, len(names), len(dates)), np.nan)
     table[:, row, column[known]] = value[known], stderr[known] ** 2
-    return Series(kind, parameter, unit, tuple(names), dates, table[0], table[1])
+    return Series(kind, parameter, unit, tuple(names), dates, table[0], table[1], least)
 
 
 class RandomEffect(NamedTuple):
@@ -263,12 +272,12 @@ def take_apart(series: Series) -> Components:
         level, error = _means(left, total)
         count = np.maximum(np.sum(np.isfinite(left), axis=0), 1)
         date_stderr = np.sqrt(np.nanmedian(total, axis=0) * (np.pi / 2.0) / count)
-    mean, _, between, unit_freedom, kept = random_effect(level, error)
+    mean, mean_stderr, between, unit_freedom, kept = random_effect(level, error)
     towards = (mean - level) * error / np.maximum(between + error, 1e-300)
     shrunk = level + np.clip(towards, -np.sqrt(error), np.sqrt(error))
     return Components(
-        series, mean, date, date_stderr, level, np.sqrt(error), shrunk, float(np.sqrt(between)), float(np.sqrt(day)),
-        rho, left, total, freedom, unit_freedom, kept,
+        series, mean, mean_stderr, date, date_stderr, level, np.sqrt(error), shrunk, float(np.sqrt(between)),
+        float(np.sqrt(day)), rho, left, total, freedom, unit_freedom, kept,
     )  # fmt: skip
 
 
@@ -383,10 +392,12 @@ class Hypotheses:
                 self._one(change.p_value, partial(_change, series, change, name))
                 course = change.course if change.p_value < LEVEL else course
             if len(series.names) >= FEWEST_UNITS:
-                size, stderr = float(parts.level[place] - parts.mean), float(parts.level_stderr[place])
+                size = float(parts.level[place] - parts.mean)
+                stderr = float(np.hypot(parts.level_stderr[place], parts.mean_stderr))
+                freedom = min(parts.freedom, parts.unit_freedom)
                 outside = np.abs(course - parts.mean) > _reach(among[place], parts.unit_freedom)
                 since = float(days[np.argmax(outside)])
-                odd = partial(finding_of, series, "odd", since, size, stderr, parts.freedom, name)
+                odd = partial(finding_of, series, "odd", since, size, stderr, freedom, name)
                 self._one(float(_p(size, among[place], parts.unit_freedom)), odd)
             if len(y) >= FEWEST_DAYS - 1:
                 # A recording is a part of its own unit's mean.

@@ -37,30 +37,29 @@ class Done:
     Attributes
     ----------
     keys : frozenset of str
-        See `key_of`.
-    stamps : frozenset of (str, str, str)
-        Bag, stamp and job.
-    former : frozenset of (str, str)
-        Bag, and the key of an earlier state of it.
+        See `key_of`: of the joints, and of the looks at recordings that could be read.
+    looks : frozenset of (str, str, str)
+        Bag, stamp and look.
+    joints : tuple of str
+        Names of all joints.
     """
 
     keys: frozenset[str] = frozenset()
-    stamps: frozenset[tuple[str, str, str]] = frozenset()
-    former: frozenset[tuple[str, str]] = frozenset()
+    looks: frozenset[tuple[str, str, str]] = frozenset()
+    joints: tuple[str, ...] = ()
 
     def open(self, bags: Iterable[FleetBag], settings: Settings) -> list[tuple[FleetBag, tuple[str, ...]]]:
-        """Bags that are new or have changed, each with the keys of its job that are done: it may have been moved.
+        """Bags that are new, have changed, or may have joints of a new model, each with the keys of what is done of it.
 
-        One that is still missing is neither. What a bag was before it changed is not done: it may have been put back.
+        One that is still missing is not among them.
         """
         by_job: dict[str, list[str]] = {}
         for key in self.keys:
             by_job.setdefault(key.rpartition(" ")[2], []).append(key)
-        jobs = ((one, settings.job(one)) for one in bags)
         return [
-            (one, tuple(key for key in by_job.get(job, ()) if (one.bag, key) not in self.former))
-            for one, job in jobs
-            if (one.bag, one.stamp, job) not in self.stamps
+            (one, tuple(key for job in (look, *settings.jobs(one, self.joints)) for key in by_job.get(job, ())))
+            for one in bags
+            if (one.bag, one.stamp, look := settings.look(one)) not in self.looks
         ]
 
 
@@ -98,16 +97,12 @@ class Store:
 
     def done(self, settings: Settings) -> Done:
         """Return what is there of these settings."""
-        found = as_rows(
-            self.query("select distinct bag, sha256, stamp, job from rows where settings = ?", [settings.digest])
-        )
-        keys = frozenset(key_of(one) for one in found)
-        stamps = frozenset((one["bag"], one["stamp"] or "", one["job"]) for one in found)
-        newest: dict[tuple[str, str], str] = {}
-        for one in sorted(found, key=lambda one: (one["stamp"] or "").partition(" ")[2]):
-            newest[one["bag"], one["job"]] = key_of(one)
-        former = {(one["bag"], key_of(one)) for one in found if key_of(one) != newest[one["bag"], one["job"]]}
-        return Done(keys, stamps, frozenset(former))
+        sql = """select distinct bag, sha256, coalesce(stamp, '') as stamp, job, joint, joint is null and reason is not
+            null as failed from rows where settings in (select unnest(?))"""
+        found = as_rows(self.query(sql, [[settings.digest, *settings.digests.values()]]))
+        keys = frozenset(key_of(one) for one in found if not one["failed"])
+        looks = frozenset((one["bag"], one["stamp"], one["job"]) for one in found if one["joint"] is None)
+        return Done(keys, looks, tuple({one["joint"]: None for one in found if one["joint"] is not None}))
 
     def query(self, sql: str, values: Sequence[Any] = ()) -> Any:
         """Answer a question in SQL, in which ``rows`` is all that is there.
@@ -137,31 +132,36 @@ class Store:
         The name follows from what was done: the same batch is written once.
         """
         make_folder(self.rows, parents=True)
-        keys = "\n".join(sorted({f"{key_of(dict(one))} {one.get('stamp')}" for one in rows}))
+        keys = "\n".join(sorted({f"{key_of(dict(one))} {one.get('stamp')} {one['bag']}" for one in rows}))
         target = self.rows / f"{hashlib.sha256(keys.encode()).hexdigest()[:24]}.parquet"
         if not target.exists():
             write_table(target, rows, COLUMNS)
         return target
 
     def chosen(self, bags: Sequence[FleetBag], settings: Settings, what: str, more: Sequence[Any] = ()) -> Any:
-        """Answer a question about ``chosen``: of these bags and settings each joint and recording once.
+        """Answer a question about ``chosen``: of these bags as they are now, and these settings, each joint once.
 
-        Of a bag that has changed its present state counts, or the newest; one recording under two names counts once,
-        and one that was recovered in the place of what it was.
+        The look at a bag in its present state has its checksum, which has the joints; of one under which workers ended
+        there is a look without a state. One recording under two names counts once.
         """
-        jobs = sorted({settings.job(one) for one in bags})
+        (names,) = self.query("select coalesce(list(distinct joint), []) from rows where joint is not null").fetchone()
         head = """
-            with newest as (
-                select * from rows where settings = ? and job in (select unnest(?)) and bag not in (select unnest(?))
-                qualify dense_rank() over (partition by bag, job order by
-                    (bag || ' ' || coalesce(stamp, '')) in (select unnest(?)) desc,
-                    split_part(stamp, ' ', 2) desc) = 1),
+            with asked as (select unnest(?) as bag, unnest(?) as stamp, unnest(?) as job),
+            wanted as (select unnest(?) as bag, unnest(?) as job),
+            looks as (
+                select rows.* from rows join asked using (bag, job)
+                where joint is null and coalesce(rows.stamp, '') in (asked.stamp, '')
+                qualify row_number() over (
+                    partition by bag, job order by coalesce(rows.stamp, '') = '', reason nulls first) = 1),
+            held as (select looks.bag, looks.sha256, wanted.job from looks join wanted using (bag)),
             chosen as (
-                select * from newest qualify row_number() over (
-                    partition by coalesce(sha256, bag), job, joint, parameter order by bag) = 1)"""
-        present = [f"{one.bag} {one.stamp}" for one in bags]
-        former = [one.former for one in bags]
-        return self.query(head + what, [settings.digest, jobs, former, present, *more])
+                select * from looks where reason is not null union all by name
+                select rows.* replace (held.bag as bag) from rows join held using (sha256, job)
+                qualify row_number() over (partition by sha256, job, parameter order by held.bag, rows.bag) = 1)"""
+        asked = list(zip(*((one.bag, one.stamp, settings.look(one)) for one in bags), strict=True)) or [()] * 3
+        pairs = ((one.bag, job) for one in bags for job in settings.jobs(one, names))
+        wanted = list(zip(*pairs, strict=True)) or [()] * 2
+        return self.query(head + what, [*map(list, (*asked, *wanted)), *more])
 
     def series(self, bags: Sequence[FleetBag], settings: Settings) -> Iterator[Series]:
         """Yield every parameter of every kind."""
@@ -171,10 +171,12 @@ class Store:
                 list(stderr order by time, bag)
             from chosen where value is not null group by kind, parameter order by kind, parameter"""
         answer = self.chosen(bags, settings, what)
+        least = {(kind, one.name): one.min for kind, model in settings.kinds for one in model.parameters}
         while row := answer.fetchone():
             kind, parameter, unit, robots, joints, *numbers = row
             days, value, stderr = (np.array(one, dtype=float) for one in numbers)
-            yield series_of(kind, parameter, unit, list(zip(robots, joints, strict=True)), days, value, stderr)
+            names, bound = list(zip(robots, joints, strict=True)), least.get((kind, parameter), -np.inf)
+            yield series_of(kind, parameter, unit, names, days, value, stderr, bound)
 
     def recordings(self, bags: Sequence[FleetBag], settings: Settings, kind: str) -> Iterator[Recording]:
         """Yield every recording of every joint of a kind, each joint's in the order of time."""
@@ -190,7 +192,7 @@ class Store:
 
     def counts(self, bags: Sequence[FleetBag], settings: Settings) -> tuple[int, list[dict[str, Any]]]:
         """Joints and recordings that were identified, and rows of what could not be."""
-        identified = "select count(distinct (sha256, job, joint)) from chosen where parameter is not null"
+        identified = "select count(distinct (sha256, job)) from chosen where parameter is not null"
         failed = "select robot, joint, time, bag, reason from chosen where reason is not null order by all"
         (count,) = self.chosen(bags, settings, identified).fetchone()
         return count, as_rows(self.chosen(bags, settings, failed))

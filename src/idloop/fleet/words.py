@@ -30,11 +30,22 @@ UNIT_COLUMNS = {
     "unit_deviation": "double", "day_deviation": "double", "from_kind": "double", **_MADE_BY,
 }  # fmt: skip
 KIND_WORDS = (
-    "mean over the joints of a kind; ± σ: one standard deviation of joints, of dates that all joints share, of single "
-    "days, and of the error of a fit, as a share of the mean; joints that are too far off to be of one normal "
-    "distribution with the others are left out of mean, deviation and bands (4 of 5: one is); -: too few joints or "
-    "recordings, or no error is stated"
+    "mean over the joints of a kind, of the force error the geometric one; ± σ: one standard deviation of joints, of "
+    "dates that all joints share, of single days, and of the error of a fit, as a share of the mean; joints that are "
+    "too far off to be of one normal distribution with the others are left out of mean, deviation and bands (4 of 5: "
+    "one is); -: too few joints or recordings, or no error is stated"
 )
+FINDING_WORDS = (
+    "odd: the joint beside the mean of its kind, date: its first recording outside of the range of 95 % of its kind; "
+    "trend: change from the first recording to the last one, date: the last one; step: change at the date; day: the "
+    "recording of the date beside the course of its joint"
+)
+LEVEL_WORDS = (
+    "level: mean of the joint over its recordings, weighted by their variances, without what its kind shares on each "
+    "date; of the force error the geometric one"
+)
+_DIGITS = 3  # of the ends of intervals, or more where they need them
+_WHOLE = 0.995  # share from which on two digits do not reach the decimal point
 _MOST = 20  # findings and failures in the text
 _WHAT = {
     "odd": "odd: differs from its kind since", "trend": "trend: changes steadily", "step": "step: changes at once",
@@ -91,14 +102,40 @@ def unit_rows(components: Iterable[Components]) -> Iterator[dict[str, Any]]:
             }  # fmt: skip
 
 
+def misfits(parts: Components) -> dict[tuple[str, str], float]:
+    """Force error of the joints of which the model explains less than half of the power of the drive force."""
+    if parts.series.parameter != FORCE_ERROR:
+        return {}
+    error = parts.series.natural(parts.level).tolist()
+    return {name: one for name, one in zip(parts.series.names, error, strict=True) if one > HALF_OF_POWER}
+
+
 def misfit_rows(components: Iterable[Components]) -> Iterator[dict[str, Any]]:
-    """Yield a row for each kind of which the model explains less than half of the power of some joints' drive force."""
+    """Yield a row for each kind of which the model fits some joints badly."""
     for parts in components:
-        if parts.series.parameter == FORCE_ERROR:
-            error = parts.series.natural(parts.level)
-            if count := int(np.sum(error > HALF_OF_POWER)):
-                worst = float(np.nanmax(error))
-                yield {"kind": parts.series.kind, "joints": count, "of": len(error), "force_error": worst}
+        if error := misfits(parts):
+            yield {
+                "kind": parts.series.kind, "joints": len(error), "of": len(parts.series.names),
+                "force_error": max(error.values()),
+            }  # fmt: skip
+
+
+def misfit_text(error: float) -> str:
+    """What is wrong with a joint that the model fits badly."""
+    return (
+        f"the model fits this joint badly: it explains less than half of the power of the drive force, and the force "
+        f"error is {100.0 * error:.3g} %; do not trust the values below"
+    )
+
+
+def diagnosis_words(document: Mapping[str, Any]) -> str:
+    """What a diagnosis is, and how often it errs."""
+    level, count = document["diagnosis_level"], len(document["diagnoses"])
+    return (
+        f"diagnosis of the newest recording of {_counted(count, 'joint', 'joints')}, each by itself: where nothing is "
+        f"missing, an effect is added with a probability of {100.0 * level:g} %, which is {level * count:.2g} of "
+        f"{count} on average"
+    )
 
 
 def misfit_words(document: Mapping[str, Any]) -> Iterator[str]:
@@ -109,7 +146,7 @@ def misfit_words(document: Mapping[str, Any]) -> Iterator[str]:
         yield (
             f"{kind_text(one['kind'], kinds)}: the model fits {joints} badly: it explains less than half of the power "
             f"of the drive force, and the force error is up to {100.0 * one['force_error']:.3g} %; do not trust the "
-            "values below; --diagnose all looks for what the model lacks"
+            "values below; --diagnose looks for what the model lacks"
         )
 
 
@@ -123,7 +160,7 @@ def untested_words(document: Mapping[str, Any]) -> list[str]:
         f"whether a joint differs from its kind, which takes {FEWEST_UNITS} joints of a kind": [
             kind for kind, one in kinds.items() if one["units"] < FEWEST_UNITS
         ],
-        f"whether a joint changes, which takes {FEWEST_DAYS} recordings of it": [
+        f"whether a joint changes, which takes {FEWEST_DAYS} recordings of it at least": [
             kind for kind, one in kinds.items() if not one["followed"]
         ],
     }
@@ -141,6 +178,9 @@ def fleet_blocks(document: Mapping[str, Any]) -> Iterator[Block]:
     yield from (f"warning: {one}" for one in misfit_words(document))
     if document["kinds"]:
         yield from _compared(document)
+    if document["diagnoses"]:
+        yield ""
+        yield diagnosis_words(document)
     for one in document["diagnoses"]:
         yield ""
         yield f"{one['robot']} {one['joint']}: {one['conclusion']}"
@@ -158,6 +198,8 @@ def _compared(document: Mapping[str, Any]) -> Iterator[Block]:
     yield kind_table(document)
     yield ""
     yield findings_words(document)
+    if document["findings"]:
+        yield FINDING_WORDS
     yield from _first(finding_table(document, "findings"), "findings", "findings.parquet")
     if document["since"]:
         yield ""
@@ -218,7 +260,10 @@ def findings_words(document: Mapping[str, Any]) -> str:
     """What the findings are taken from."""
     tests = _counted(document["tests"], "test", "tests")
     if not tests:
-        return "no test yet: a change takes four recordings of a joint, a joint that differs four others of its kind"
+        return (
+            f"no test yet: a change takes {FEWEST_DAYS} recordings of a joint at least, a joint that differs "
+            f"{FEWEST_UNITS - 1} others of its kind"
+        )
     if not document["findings"]:
         return f"{tests}, no finding"
     return f"{tests}; of what is listed at most {100.0 * document['level']:g} % is false on average"
@@ -228,12 +273,13 @@ def periods_words(document: Mapping[str, Any]) -> str:
     """Which periods are compared, if there is something to compare."""
     since, against = document["since"], document["against"]
     before = f"the days from {against} on" if against else "the days before"
+    beyond = "that of a joint among five or more is what it has beyond the mean change of its kind"
     if not document["periods"]:
         return f"nothing to compare since {since} with {before}: no joint has recordings in both"
     rate = f"at most {100.0 * document['level']:g} % of the joints are listed falsely on average"
     return (
         f"change since {since} against {before}: of each kind as a whole, significant or not; then of the joints whose "
-        f"change is significant, {rate}"
+        f"change is significant, {rate}; {beyond}"
     )
 
 
@@ -241,7 +287,10 @@ def alarms_words(document: Mapping[str, Any]) -> str:
     """What an alarm means, or that there is none."""
     if not document["alarms"]:
         return f"no alarm of wear; there may be one from recording {REFERENCE + 1} of a joint on"
-    return f"alarms of wear; one false alarm in {document['recordings_per_false_alarm']} recordings of a joint"
+    return (
+        f"alarms of wear, each of the growth since its date over the first {REFERENCE} recordings; one false alarm in "
+        f"{document['recordings_per_false_alarm']} recordings of a joint"
+    )
 
 
 def _counted(count: int, one: str, several: str) -> str:
@@ -271,12 +320,17 @@ def kind_table(document: Mapping[str, Any]) -> Table:
         size = abs(one["mean"]) or 1.0
         # What too few joints or recordings have, and an error that no fit states.
         known = (one["units"] > 1, one["units"] >= FEWEST_UNITS, one["recordings"] > one["units"], one["error"] > 0.0)
-        shares = [f"{100.0 * one[key] / size:.2g} %" if sure else "-" for key, sure in zip(parts, known, strict=True)]
+        shares = [_percent(one[key] / size) if sure else "-" for key, sure in zip(parts, known, strict=True)]
         joints = str(one["units"]) if one["kept"] == one["units"] else f"{one['kept']} of {one['units']}"
         head = (kind_text(one["kind"], kinds), one["parameter"], joints, number(factor * one["mean"]), unit)
         rows.append((*head, *shares))
     deviations = ("joints ± σ", "dates ± σ", "days ± σ", "error ± σ")
     return Table.of(("kind", "parameter", "joints", "mean", "unit", *deviations), rows)
+
+
+def _percent(share: float) -> str:
+    """Two digits, or all before the decimal point."""
+    return f"{100.0 * share:.0f} %" if share >= _WHOLE else f"{100.0 * share:.2g} %"
 
 
 def finding_table(document: Mapping[str, Any], which: str) -> Table:
@@ -291,9 +345,10 @@ def finding_table(document: Mapping[str, Any], which: str) -> Table:
         rows.append((
             one["robot"] or (f"all of {whole}" if whole == one["kind"] else whole), one["joint"] or "-",
             one["parameter"], _WHAT[one["what"]], one["day"], f"× {size:.3g}" if relative else f"{size:+.3g}",
-            interval_text(low, high), "times as much" if relative else one["unit"], p_value_text(one["p_value"]),
+            interval_text(low, high, _DIGITS), "times as much" if relative else one["unit"],
+            p_value_text(one["p_value"]),
         ))  # fmt: skip
-    return Table.of(("robot", "joint", "parameter", "finding", "date", "by", "95 % interval", "unit", "p"), rows)
+    return Table.of(("robot", "joint", "parameter", "finding", "date", "size", "95 % interval", "unit", "p"), rows)
 
 
 def level_table(components: Iterable[Components]) -> Table:
@@ -305,8 +360,8 @@ def level_table(components: Iterable[Components]) -> Table:
             factor * one[key] for key in ("level", "shrunk", "kind_mean", "low", "high")
         )  # fmt: skip
         rows.append((
-            one["robot"], one["joint"], one["parameter"], number(level), interval_text(low, high), number(shrunk),
-            number(mean), unit, f"{one['from_kind']:+.1f} σ",
+            one["robot"], one["joint"], one["parameter"], number(level), interval_text(low, high, _DIGITS),
+            number(shrunk), number(mean), unit, f"{one['from_kind']:+.1f} σ",
         ))  # fmt: skip
     away = "from its kind [σ, standard deviations of joints and of the level's error]"
     shown = ("level", "95 % interval", "shrunk to its kind", "mean of its kind", "unit", away)

@@ -62,7 +62,7 @@ class FleetCommand(ListOptionCommand):
     default="5",
     show_default=True,
     metavar="NUMBER|all",
-    help="So many of the worst joints go through the catalogue of effects, and get a report.",
+    help="So many of the worst joints go through the catalogue of effects, each at a level of 1 %, and get a report.",
 )
 @click.option("--watch", is_flag=True, help="Follow the place in which recordings land, until Ctrl-C.")
 @click.option("--period", type=click.FloatRange(0.1), default=10.0, show_default=True, help="Of --watch [s].")
@@ -92,6 +92,10 @@ def command(
     TABLE_OR_FOLDER is a table (.csv, .parquet) with the columns robot, joint, time, bag, and kind if wanted, a folder
     of ROBOT/DATE/BAG, a pattern, or an address of these. What is in the folder of --output already is not done again:
     the same command goes on where it was interrupted, and takes in what is new.
+
+    Findings are odd joints (size: beside the mean of their kind; date: first recording outside of 95 % of it), trends
+    (change from the first recording to the last; date: the last), steps (change at their date) and days (a recording
+    beside the course of its joint), each with its 95 % interval; alarms of wear have the growth since their date.
     """
     from idloop.fleet.bags import check_place
 
