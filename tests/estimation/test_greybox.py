@@ -51,7 +51,6 @@ def test_intervals_and_report_under_noise(motor: Model, experiment: Make) -> Non
     assert all(name in result.summary() for name in motor.free)
     assert set(result.to_dict()["parameters"]) == set(motor.free)
     assert result.model.parameter("drive.gain").stderr == pytest.approx(result.stderr[result.names.index("drive.gain")])
-    assert len(result.plot()) == 2
     # A motor with viscous friction: an integrator, and the pole of the friction over the inertia.
     fast = -result.model.values["motor.viscous_friction"] / result.model.values["motor.inertia"]
     assert sorted(result.system.poles().real) == pytest.approx([fast, 0.0], abs=1e-9)

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 CRITERIA = ("auto", "prediction", "simulation", "force")
-_NORMAL_95 = 1.959963984540054
 
 
 class DiagnosisCommand(ListOptionCommand):

@@ -170,27 +170,6 @@ class FitResult:
             "warnings": list(self.warnings),
         }
 
-    def plot(self, axes: Any = None) -> Any:
-        """Draw the residuals of every record over time; returns the matplotlib axes."""
-        import matplotlib.pyplot as plt
-
-        columns = self.residuals[0].names
-        if axes is None:
-            _, axes = plt.subplots(
-                len(columns), 1, squeeze=False, sharex=True, layout="constrained",
-                figsize=(9, 2.2 * len(columns) + 0.8),
-            )  # fmt: skip
-            axes = axes[:, 0]
-        for index, (axis, column) in enumerate(zip(axes, columns, strict=True)):
-            for record in self.residuals:
-                axis.plot(record.time, record.value[:, index], linewidth=0.7, label=record.name)
-            axis.set_ylabel(column)
-            axis.axhline(0.0, color="0.5", linewidth=0.6)
-        axes[0].legend(loc="upper right", frameon=False)
-        axes[0].set_title(f"{self.model.name}: residuals of the {self.criterion} criterion")
-        axes[-1].set_xlabel("time [s]")
-        return axes
-
 
 def _interval(value: float, stderr: float) -> tuple[float, float]:
     """95 % confidence interval of a normal estimate."""

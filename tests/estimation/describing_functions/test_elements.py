@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 import control
 from idloop.errors import InputError
 from idloop.estimation.describing_functions import (
-    CoulombFriction,
     DeadZone,
     FrictionBacklash,
     InertiaBacklash,
@@ -56,12 +55,6 @@ def test_friction_backlash_against_the_integral(gap: float, ratio: float) -> Non
 def test_inertia_backlash_against_a_mass_between_walls(gap: float, ratio: float) -> None:
     element = InertiaBacklash(gap)
     assert drive_by_sine(element, ratio * gap, 1.0).gain == pytest.approx(complex(element.gain(ratio * gap)), abs=2e-4)
-
-
-@given(level=sizes, speed=sizes)
-def test_coulomb_friction_against_the_integral(level: float, speed: float) -> None:
-    found = drive_by_sine(CoulombFriction(level), speed, 1.0).gain
-    assert found == pytest.approx(4.0 * level / (np.pi * speed), rel=1e-6)
 
 
 ELEMENTS = (
@@ -127,7 +120,6 @@ def test_inertia_backlash_at_its_smallest_amplitude_turns_by_a_quarter() -> None
         (lambda: Relay(1.0, 0.1, 0.2), "off is 0.2; it must lie between"),
         (lambda: FrictionBacklash(float("inf")), "gap is inf"),
         (lambda: InertiaBacklash(0.0), "gap is 0"),
-        (lambda: CoulombFriction(0.0), "level is 0"),
         (lambda: Saturation(1.0).gain([1.0, 0.0]), "amplitudes must be finite and above 0"),
         (lambda: Saturation(1.0).gain([]), "amplitudes must be finite and above 0"),
     ],

@@ -1,5 +1,3 @@
-import json
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -61,16 +59,6 @@ def test_validation_is_the_default_judge(made):
     assert select_order(table, "loss").size == 8
 
 
-def test_the_table_is_json_and_a_figure(made):
-    table = arx_structures(made(300), range(1, 4), range(1, 4), validation=made(300, 1))
-    document = json.loads(json.dumps(table.to_dict()))
-    assert document["structures"][0]["nb"] == [1]
-    assert {"validation", "aic", "bic", "fpe", "loss"} <= set(document["structures"][0])
-    axes = table.plot()
-    assert axes.get_ylabel() == "unexplained variance [%]"
-    assert len(axes.get_legend_handles_labels()[1]) == 4
-
-
 @given(first=st.integers(1, 12), second=st.integers(1, 12), seed=st.integers(20, 30))
 def test_each_input_has_its_own_delay(first, second, seed):
     found = estimate_delay(delayed(1000, seed, (first, second)), longest=15)
@@ -87,12 +75,6 @@ def test_delay_is_found_under_feedback():
             y[t] = 0.7 * y[t - 1] + 0.5 * u[t - 4] + e[t]
         u[t] = r[t] - 0.4 * y[t]
     assert estimate_delay(SampledData("loop", u[:, None], y[:, None], 0.1)).delay == (4,)
-
-
-def test_the_delay_is_json_and_a_figure():
-    found = estimate_delay(delayed(500, 0, (3,)))
-    json.dumps(found.to_dict(), default=lambda array: array.tolist())
-    assert found.plot().get_xlabel() == "delay [samples]"
 
 
 @pytest.mark.parametrize(

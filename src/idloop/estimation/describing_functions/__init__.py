@@ -13,7 +13,6 @@ from idloop.estimation.describing_functions.dwell import Dwell, dwells_of, find_
 from idloop.estimation.describing_functions.effect_element import EffectElement, effect_element
 from idloop.estimation.describing_functions.element import ClosedForm, Element
 from idloop.estimation.describing_functions.elements import (
-    CoulombFriction,
     DeadZone,
     FrictionBacklash,
     InertiaBacklash,
@@ -28,7 +27,6 @@ from idloop.estimation.describing_functions.sine_drive import SineAnswer, drive_
 
 __all__ = [
     "ClosedForm",
-    "CoulombFriction",
     "DeadZone",
     "DescribingFunction",
     "Dwell",

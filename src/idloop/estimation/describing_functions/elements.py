@@ -283,34 +283,3 @@ class InertiaBacklash:
             return position
 
         return coast
-
-
-@dataclass(frozen=True)
-class CoulombFriction:
-    """Dry friction of a motion without sticking: force level·sign v against a velocity v = V sin ωt.
-
-    N(V) = 4 level / (π V), the ideal relay's: a viscous friction that falls as the speed grows.
-    Of the displacement's amplitude A the same force is N(A) = j 4 level / (π A) at every frequency
-    (Gelb and Vander Velde, 1968, appendix B).
-
-    `level`: friction force, above 0.
-    """
-
-    level: float
-    name: str = "coulomb_friction"
-
-    def __post_init__(self) -> None:
-        check_size(self.name, "level", self.level)
-
-    @property
-    def threshold(self) -> float:
-        """0: dry friction has no scale of its own."""
-        return 0.0
-
-    def gain(self, amplitude: ArrayLike) -> Complex:
-        """Describing function N(V) of the velocity's amplitude, real, in the shape of ``amplitude``."""
-        return Relay(self.level, name=self.name).gain(amplitude)
-
-    def answer(self, interval: float) -> Answer:
-        """The catalogue's effect under a given velocity, asked every ``interval`` seconds."""
-        return effect_element("coulomb_friction", "body", "velocity", level=self.level).answer(interval)

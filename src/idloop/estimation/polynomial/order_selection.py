@@ -11,7 +11,6 @@ import numpy as np
 
 from idloop.arrays import Array, Integers
 from idloop.errors import InputError
-from idloop.estimation.black_box.labels import new_axes
 from idloop.estimation.black_box.sampled import SampledData, together
 from idloop.estimation.polynomial.polynomials import Orders
 from idloop.estimation.polynomial.regression import (
@@ -25,15 +24,12 @@ from idloop.estimation.polynomial.regression import (
 
 Criterion = Literal["validation", "aic", "bic", "fpe", "loss"]
 CRITERIA: tuple[Criterion, ...] = ("validation", "aic", "bic", "fpe", "loss")
-_DRAWN: dict[Criterion, str] = {"validation": "validation loss", "aic": "AIC", "bic": "BIC (MDL)"}
 
 
 @dataclass(frozen=True, eq=False)
 class DelayEstimate:
     """Delays, and how much worse the others would be."""
 
-    output_name: str
-    input_names: tuple[str, ...]
     sample_time: float  # period [s]
     delay: tuple[int, ...]  # of each input [samples]
     candidates: Integers  # shape (k,): delays that were compared [samples]
@@ -43,36 +39,6 @@ class DelayEstimate:
     def seconds(self) -> tuple[float, ...]:
         """Delays less the one sample that a sampled plant has anyway [s]."""
         return tuple(max(delay - 1, 0) * self.sample_time for delay in self.delay)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain numbers for JSON."""
-        return {
-            "output": self.output_name,
-            "inputs": list(self.input_names),
-            "sample_time": self.sample_time,
-            "delay": list(self.delay),
-            "seconds": list(self.seconds),
-            "candidates": self.candidates,
-            "bic": self.bic,
-        }
-
-    def plot(self, axes: Any = None) -> Any:
-        """Draw the criterion over the delay; returns the matplotlib axes."""
-        from idloop import drawing
-
-        with drawing.styled():
-            axes = new_axes(axes, 1, 3, width=7)
-            for index, (name, values) in enumerate(zip(self.input_names, self.bic, strict=True)):
-                axes.plot(self.candidates, values, marker=".", label=name, **drawing.model_look(index))
-                axes.axvline(self.delay[index], color=drawing.BAND, linewidth=0.6)
-            axes.set_yscale("symlog")
-            axes.set_ylim(bottom=0.0)
-            axes.xaxis.get_major_locator().set_params(integer=True)
-            axes.set_xlabel(drawing.label("delay", "samples"))
-            axes.set_ylabel(drawing.label("extended BIC above the least", None))
-            axes.set_title(f"delay to {self.output_name}")
-            axes.legend()
-        return axes
 
 
 def estimate_delay(
@@ -132,10 +98,8 @@ def estimate_delay(
     candidates = np.arange(shortest, longest + 1)
     criteria = np.array([_criteria(whole, orders, i, len(candidates), rows) for i in range(m)])
     best = tuple(int(candidates[np.argmin(row)]) for row in criteria)
-    return DelayEstimate(
-        experiments[0].output_names[0], experiments[0].input_names, experiments[0].sample_time, best, candidates,
-        criteria - criteria.min(axis=1, keepdims=True),
-    )  # fmt: skip
+    above = criteria - criteria.min(axis=1, keepdims=True)
+    return DelayEstimate(experiments[0].sample_time, best, candidates, above)
 
 
 def _criteria(factor: Array, orders: Orders, index: int, candidates: int, rows: int) -> Array:
@@ -156,13 +120,10 @@ def _criteria(factor: Array, orders: Orders, index: int, candidates: int, rows: 
 class ArxStructures:
     """Losses of ARX models of several structures, all on the same rows."""
 
-    output_name: str
-    input_names: tuple[str, ...]
     structures: tuple[Orders, ...]
     loss: Array  # shape (s,): mean squared prediction error on the data that it was fitted to [output unit squared]
     validation_loss: Array | None  # shape (s,): on the validation data
     samples: int  # rows of the fit
-    variance: float  # of the output that is judged, that of the validation data where there are any
 
     @property
     def parameters(self) -> Integers:
@@ -198,47 +159,6 @@ class ArxStructures:
         if name == "loss":
             return self.loss
         raise InputError(f"criterion {name!r} is unknown; choose one of {', '.join(CRITERIA)}")
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain numbers for JSON."""
-        named = [name for name in CRITERIA if name != "validation" or self.validation_loss is not None]
-        return {
-            "output": self.output_name,
-            "inputs": list(self.input_names),
-            "samples": self.samples,
-            "variance": self.variance,
-            "structures": [
-                {"na": o.na, "nb": list(o.nb), "nk": list(o.nk)}
-                | {name: float(self.criterion(name)[i]) for name in named}
-                for i, o in enumerate(self.structures)
-            ],
-        }
-
-    def plot(self, axes: Any = None) -> Any:
-        """Draw what the best structure of each size leaves unexplained; returns the matplotlib axes."""
-        from idloop import drawing
-
-        judged = self.loss if self.validation_loss is None else self.validation_loss
-        sizes = np.unique(self.parameters)
-        least = np.array([np.min(judged[self.parameters == size]) for size in sizes])
-        percent = 100.0 / max(self.variance, np.finfo(float).tiny)
-        with drawing.styled():
-            axes = new_axes(axes, 1, 3.5, width=7)
-            axes.bar(sizes, percent * least, color=drawing.BAND, label="best of its size")
-            for index, (name, text) in enumerate(_DRAWN.items()):
-                if name == "validation" and self.validation_loss is None:
-                    continue
-                best = int(np.argmin(self.criterion(name)))
-                axes.plot(
-                    self.parameters[best], percent * judged[best], "ovs"[index], fillstyle="none",
-                    color=drawing.MODELS[index], label=f"{text}: {_text(self.structures[best])}",
-                )  # fmt: skip
-            axes.set_yscale("log")
-            axes.set_xlabel(drawing.label("number of coefficients", None))
-            axes.set_ylabel(drawing.label("unexplained variance", "%"))
-            axes.set_title(f"ARX structures of {self.output_name}")
-            axes.legend()
-        return axes
 
 
 def arx_structures(
@@ -289,7 +209,7 @@ def arx_structures(
         raise InputError("no structures to compare; give at least one of na, nb and nk each")
     every = _covering(orders)
     check_inputs(experiments, every)
-    factor, samples, variance = _factored(experiments, every)
+    factor, samples = _factored(experiments, every)
     other = _factored(judged, every) if judged else None
     loss, judgement = np.empty(len(orders)), np.empty(len(orders))
     for index, one in enumerate(orders):
@@ -299,10 +219,7 @@ def arx_structures(
         if other is not None:
             left = other[0][:, columns] @ np.append(-solution.coefficients, 1.0)
             judgement[index] = float(left @ left) / other[1]
-    return ArxStructures(
-        experiments[0].output_names[0], experiments[0].input_names, orders, loss,
-        judgement if other is not None else None, samples, variance if other is None else other[2],
-    )  # fmt: skip
+    return ArxStructures(orders, loss, judgement if other is not None else None, samples)
 
 
 def select_order(table: ArxStructures, criterion: Criterion | None = None) -> Orders:
@@ -354,8 +271,8 @@ def _columns(orders: Orders, every: Orders) -> list[int]:
     return columns
 
 
-def _factored(data: Sequence[SampledData], every: Orders) -> tuple[Array, int, float]:
-    """Triangular factor, number of rows and variance of the output of one side."""
+def _factored(data: Sequence[SampledData], every: Orders) -> tuple[Array, int]:
+    """Triangular factor and number of rows of one side."""
     signals = channels(data, 0)
     first = first_row(every)
     rows = sum(max(len(c.output) - first, 0) for c in signals)
@@ -364,12 +281,4 @@ def _factored(data: Sequence[SampledData], every: Orders) -> tuple[Array, int, f
             f"{data[0].name}: {rows} usable samples for the largest structure of {every.size} coefficients and a"
             f" longest lag of {first}; record longer or lower the orders"
         )
-    outputs = np.concatenate([c.output[first:] for c in signals])
-    return triangle(regression_blocks(signals, every, first)), rows, float(np.var(outputs))
-
-
-def _text(orders: Orders) -> str:
-    def short(values: tuple[int, ...]) -> str:
-        return str(values[0]) if len(set(values)) == 1 else "[" + " ".join(map(str, values)) + "]"
-
-    return f"na {orders.na}, nb {short(orders.nb)}, nk {short(orders.nk)}"
+    return triangle(regression_blocks(signals, every, first)), rows

@@ -10,7 +10,6 @@ import numpy as np
 
 from idloop.arrays import Array
 from idloop.errors import InputError
-from idloop.estimation.black_box.labels import new_axes
 from idloop.estimation.black_box.sampled import SampledData, together
 from idloop.estimation.polynomial.polynomials import Polynomials
 from idloop.estimation.recursive.estimator import RecursivePolynomial
@@ -52,19 +51,6 @@ class CoefficientHistory:
             "fit_on_the_way": self.fit,
             "final": self.final.to_dict(),
         }
-
-    def plot(self, axes: Any = None) -> Any:
-        """Draw each coefficient with a band of two standard errors; returns the matplotlib axes."""
-        from idloop import drawing
-
-        with drawing.styled():
-            axes = new_axes(axes, 1, 4)
-            self.draw(axes, range(len(self.names)))
-            axes.set_xlabel(drawing.label("time", "s"))
-            axes.set_ylabel(drawing.label("coefficient", None))
-            axes.set_title(f"coefficients of {self.output_name}, ± 2 standard errors")
-            axes.legend(ncols=2)
-        return axes
 
     def draw(self, axes: Axes, which: Sequence[int]) -> None:
         """Draw some of the coefficients, by their places in `names`, with bands of two standard errors."""

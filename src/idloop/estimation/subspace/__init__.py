@@ -9,7 +9,7 @@ from __future__ import annotations
 from idloop.estimation.subspace.compression import default_horizon
 from idloop.estimation.subspace.known_controller import vodma, vodma_direct
 from idloop.estimation.subspace.open_loop import cva, moesp, n4sid, select_order
-from idloop.estimation.subspace.order import OrderSelection, singular_value_plot
+from idloop.estimation.subspace.order import OrderSelection
 from idloop.estimation.subspace.predictor_based import pbsid
 
 __all__ = [
@@ -20,7 +20,6 @@ __all__ = [
     "n4sid",
     "pbsid",
     "select_order",
-    "singular_value_plot",
     "vodma",
     "vodma_direct",
 ]

@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from idloop.arrays import Array
 from idloop.errors import InputError
-from idloop.estimation.black_box.labels import new_axes
-
-if TYPE_CHECKING:
-    from idloop.estimation.linear.model import LinearModel
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,57 +20,6 @@ class OrderSelection:
     correlations: Array  # shape (s,): canonical correlations between past and future, whatever the method's weights
     threshold: float  # correlation that unrelated past and future would hardly exceed
     order: int  # number of correlations above it, one at least
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain numbers for JSON."""
-        return {
-            "method": self.method,
-            "horizon": self.horizon,
-            "order": self.order,
-            "singular_values": self.singular_values,
-            "canonical_correlations": self.correlations,
-            "threshold": self.threshold,
-        }
-
-    def plot(self, axes: Any = None) -> Any:
-        """Draw the singular values over the canonical correlations; returns the two matplotlib axes."""
-        from idloop import drawing
-
-        with drawing.styled():
-            axes = new_axes(axes, 2, 5)
-            top, bottom = axes
-            _stems(top, self.singular_values, self.order, "singular value [-]")
-            top.set_title(f"{self.method}, horizon {self.horizon} samples: order {self.order}")
-            _stems(bottom, self.correlations, self.order, "canonical correlation [-]")
-            bottom.axhline(self.threshold, color=drawing.BAND, label="noise alone stays below")
-            bottom.legend()
-            bottom.set_xlabel("order [-]")
-        return axes
-
-
-def singular_value_plot(model: LinearModel, axes: Any = None) -> Any:
-    """Draw a subspace model's singular values on a logarithmic axis, those it kept in another colour.
-
-    Parameters
-    ----------
-    model : LinearModel
-        From a subspace method.
-
-    Raises
-    ------
-    InputError
-        The model comes from another kind of method.
-    """
-    from idloop import drawing
-
-    if model.singular_values is None:
-        raise InputError(f"model {model.method} has no singular values; identify it with a subspace method")
-    with drawing.styled():
-        axes = new_axes(axes, 1, 3)
-        _stems(axes, model.singular_values, model.order, "singular value [-]")
-        axes.set_title(f"{model.method}, order {model.order}")
-        axes.set_xlabel("order [-]")
-    return axes
 
 
 def significant(correlations: Array, past: int, future: int, windows: int) -> tuple[int, float]:
@@ -108,12 +51,3 @@ def check_order(order: int | str, horizon: int, outputs: int) -> None:
         raise InputError(
             f"order {order} with a horizon of {horizon} samples; give 1 to {largest} states or a longer horizon"
         )
-
-
-def _stems(axes: Any, values: Array | Sequence[float], order: int, label: str) -> None:
-    from idloop import drawing
-
-    numbers = np.arange(1, len(values) + 1)
-    for part, color in ((numbers <= order, drawing.MODELS[0]), (numbers > order, drawing.BAND)):
-        axes.semilogy(numbers[part], np.asarray(values)[part], "o", color=color, markersize=4)
-    axes.set_ylabel(label)

@@ -14,7 +14,6 @@ from idloop.records.formats.form import Form, Options, text_of
 from idloop.records.tables.table import Table
 
 _VARIABLE = re.compile(r"(\d+)\.Variable\s*;\s*(.*?)\s*")
-_DATA = re.compile(r"\d+\.Data\s*;\s*")
 _HEAD = re.compile(r"\[key\]\s*;\s*\[value\]", re.IGNORECASE)
 _WORDS = {"TRUE": 1.0, "FALSE": 0.0}
 _LONGEST_LINE = 1 << 16

@@ -143,12 +143,6 @@ class Axis:
         noise = max(white_noise(known), 0.3 * sensor_step(known)) if known.size > 30 else 0.0
         return Grid(period, time, place, velocity, command, speed, noise)
 
-    @cached_property
-    def command_noise(self) -> float:
-        """Standard deviation of the white noise of the command."""
-        known = self.command[np.isfinite(self.command)]
-        return white_noise(known) if known.size > 30 else 0.0
-
 
 def _at(even: Array, time: Array, value: Array | None, period: float) -> Array:
     if value is None:

@@ -37,8 +37,9 @@ def start_model(
 ) -> Model:
     """Return a model of one body, or of two where the position of the load was recorded as well.
 
-    A command in the unit of the position, or of its rate, is the set-point of a loop in the drive: a proportional gain
-    and the damping show in the motion, both per inertia.
+    A command in the unit of the position, or of its rate, is the set-point of a loop in the drive, which acts late: its
+    gains and the damping show in the motion, per inertia. Of the braking of a position loop and viscous friction only
+    the sum shows until its limit is reached.
 
     `command_unit`: unit of the command on the topics.
     `outputs`: unit by field: ``position``, ``velocity``.
@@ -57,7 +58,7 @@ def start_model(
     else:
         # Only ratios of inertia, friction and gain show in the motion.
         body["inertia"] = 1.0
-        body["viscous_friction"] = {"value": _rounded(friction), "min": 0.0}
+        body["viscous_friction"] = 0.0 if loop == "position_loop" else {"value": _rounded(friction), "min": 0.0}
     bodies, sensor = [body], []
     couplings: list[dict[str, Any]] = []
     if load is not None:
@@ -72,16 +73,24 @@ def start_model(
         "outputs": [_output(joint, field, unit, records) for field, unit in outputs.items()] + sensor,
         "bodies": bodies,
         "couplings": couplings,
-        "drive": _drive(loop, gain, force=force),
-        "effects": [],
+        "drive": _drive(loop, gain, friction, force=force),
+        "effects": [{"effect": "input_delay", "at": "input", "delay": {"value": _sample_time(records)}}]
+        if loop
+        else [],
     }
     return build_model(ModelFile.model_validate(content), name)
 
 
-def _drive(loop: str, gain: float, *, force: bool) -> dict[str, Any]:
-    if loop:
-        return {"kind": loop, "unit": "-", "proportional": {"value": _rounded(gain), "min": 0.0}}
-    return {"gain": 1.0 if force else {"value": _rounded(gain)}}
+def _drive(loop: str, gain: float, friction: float, *, force: bool) -> dict[str, Any]:
+    if not loop:
+        return {"gain": 1.0 if force else {"value": _rounded(gain)}}
+    gains = {"proportional": gain} | ({"derivative": friction} if loop == "position_loop" else {})
+    return {"kind": loop, "unit": "-"} | {name: {"value": _rounded(one), "min": 0.0} for name, one in gains.items()}
+
+
+def _sample_time(records: Sequence[Record]) -> float:
+    steps = [float(np.median(np.diff(record.input_time))) for record in records if len(record.input_time) > 1]
+    return _rounded(float(np.median(steps))) if steps else 0.0
 
 
 def _output(joint: str, field: str, unit: str, records: Sequence[Record]) -> dict[str, Any]:
