@@ -170,6 +170,17 @@ def test_a_change_of_one_joint_is_found_also_where_few_or_no_others_have_recordi
     assert units == 5 or of_joint >= binom.ppf(0.001, fleets, 0.9)
 
 
+@pytest.mark.parametrize(("units", "after"), [(1, 8), (5, 5)])
+def test_a_change_is_found_from_so_many_recordings_after_it_on(units, after):
+    fleets, named = 40, 0
+    for seed in range(fleets):
+        series = fleet(800 + seed, units=units, missing=0.0)
+        series.value[0, DAYS - after :] += 0.3
+        several = found_in(take_apart(series))
+        named += any(unit(one) == 0 and one.what in {"trend", "step"} for one in several)
+    assert named >= binom.ppf(0.001, fleets, 0.97)
+
+
 def test_a_date_that_few_joints_share_may_do_what_other_dates_do():
     series = fleet(6, missing=0.0)
     series.value[1:, DAYS // 2 :] = np.nan

