@@ -631,12 +631,13 @@ def test_a_doubt_that_is_answered_in_the_mapping_names_it(record, tmp_path):
 
 @pytest.mark.parametrize(("command", "kind"), [("goal=deg", "position_loop"), ("goal=rpm", "velocity_loop")])
 def test_a_set_point_gets_a_model_of_the_loop_in_the_drive(command, kind, tmp_path):
-    """A servo of the inertia 1 with a gain of 400 per second squared, or of 20 per second."""
+    """A servo of the inertia 1 with a gain of 400 per second squared, or of 20 per second, that acts 20 ms late."""
     random, time = np.random.default_rng(5), np.arange(0.0, 15.0, 0.01)
     goal = np.interp(time, np.arange(0.0, 16.0, 0.5), random.uniform(-60.0, 60.0, 32))
     model = idloop.load_model("axis")
     drive = {"kind": kind, "proportional": 400.0 if kind == "position_loop" else 20.0}
     model = _with_drive(model, drive, "rad" if kind == "position_loop" else "rad/s")
+    model = model.with_effects(["input_delay@input(delay=0.02)"])
     factor = np.pi / 180.0 if kind == "position_loop" else 2.0 * np.pi / 60.0
     moved = idloop.physics.simulate(model, time, factor * goal, time).output
     moved = moved[:, 0] / factor if kind == "position_loop" else moved[:, 1] / factor
@@ -650,6 +651,12 @@ def test_a_set_point_gets_a_model_of_the_loop_in_the_drive(command, kind, tmp_pa
     assert fitted is not None
     assert fitted.model.loop.effect.name == kind
     assert fitted.values["drive.proportional"] == pytest.approx(drive["proportional"], rel=0.05)
+    assert fitted.values["input_delay@input.delay"] == pytest.approx(0.02, abs=0.002)
+    if kind == "position_loop":
+        # Its braking and viscous friction are one until a limit is reached.
+        assert fitted.values["drive.derivative"] == pytest.approx(10.0, rel=0.05)
+        assert "axis.viscous_friction" not in fitted.model.free
+    assert "input_delay" not in done.summary().partition("larger by a factor, ")[2].partition(" larger")[0]
 
 
 def _with_drive(model, drive, unit):

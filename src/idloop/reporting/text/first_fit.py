@@ -85,14 +85,16 @@ def held_inertia(model: Model) -> Iterator[Block]:
         command = "a command without a unit" if model.input.unit == "-" else f"a command in {model.input.unit}"
     else:
         return
-    free = joined_names(model.free)
+    # A time does not depend on the scale of forces.
+    scaled = [name for name in model.free if model.parameter(name).unit != "s"]
+    free = joined_names(scaled)
     for name in (f"{body}.inertia" for body in model.bodies):
         one = model.parameter(name)
         if name not in model.free:
             yield (
                 f"{name} is held at {one.value:g} {one.unit}: {command} is no force, so the data show"
                 f" only ratios to the inertia. If it is larger by a factor, {free}"
-                f" {'is' if len(model.free) == 1 else 'are'} larger by the same factor"
+                f" {'is' if len(scaled) == 1 else 'are'} larger by the same factor"
             )
     if model.loop is not None:
         yield (
