@@ -120,6 +120,14 @@ def test_every_effect_explains_itself(effect: Effect) -> None:
     assert all(spec.unit for spec in effect.parameters)
 
 
+@pytest.mark.parametrize("effect", ALL, ids=lambda effect: f"{effect.name}@{effect.site}")
+def test_an_angle_is_found_within_a_turn(effect: Effect) -> None:
+    """A fit cannot leave it many turns away while it has no influence yet."""
+    for parameter in effect.parameters:
+        if parameter.unit == "rad":
+            assert -7.0 <= parameter.min <= parameter.neutral <= parameter.max <= 7.0
+
+
 def test_an_unknown_parameter_is_named_with_the_nearest_one() -> None:
     with pytest.raises(InputError, match="did you mean 'width'"):
         load_model("dc_motor").with_effect("dead_zone", "input", widht=0.1)

@@ -22,7 +22,7 @@ EFFECT = Effect(
     equation=EffectEquation(r"-M_{g@i}\sin(@q - \varphi_0)", "", {"moment": "M_{g@i}", "lowest": r"\varphi_0"}),
     parameters=(
         EffectParameter("moment", "{force}"),
-        EffectParameter("lowest", "rad", held=True),
+        EffectParameter("lowest", "rad", min=-7.0, max=7.0, held=True),
     ),
     force=force,
     proportional=True,
