@@ -217,6 +217,18 @@ def test_no_balance_is_reliable_with_an_inertia_from_sensor_noise(memory: float,
     assert found is None or not found.reliable or found.theta[0] == pytest.approx(TRUE_INERTIA, rel=0.2)
 
 
+@pytest.mark.parametrize("memory", [0.9, 0.95])
+@pytest.mark.parametrize("share", [0.02, 0.05, 0.1])
+def test_noise_of_a_velocity_that_has_a_memory_takes_no_inertia_away(memory: float, share: float) -> None:
+    plain = load_model("axis")
+    plain = replace(plain, outputs=plain.outputs[1:])
+    record = recorded(plain)
+    noise = share * float(np.std(record.output)) * wandering(memory, 1.0)[: len(record.time)]
+    record = replace(record, output=record.output + noise[:, None])
+    found = fit_by_force(CachingEngine(plain), prepare(plain, [record]), plain.theta)
+    assert found is None or found.theta[0] == pytest.approx(TRUE_INERTIA, rel=0.1)
+
+
 def test_a_prediction_with_a_force_in_its_disturbance_is_contradicted() -> None:
     plain = load_model("axis")
     balance = fit_by_force(CachingEngine(plain), prepare(plain, [recorded(MACHINE)]), plain.theta)

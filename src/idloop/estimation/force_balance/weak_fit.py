@@ -39,9 +39,9 @@ _LITTLE_NOISE, LEAST_UNEXPLAINED = 0.1, 0.01
 _NOT_FOUND = 0.9
 # Relative difference of two sensors' velocities of one body above which they disagree.
 _DISAGREE = 0.02
-# Narrow windows agree with those wider by this ratio where they show at least that part of the inertia, or where their
-# values lose at most this log-likelihood there.
-_FAR_WIDER, _SAME_INERTIA, _AS_LIKELY = 2.5, 0.95, 3.0
+# Narrow windows agree with those wider by these ratios where they show at least that part of the inertia, or where
+# their values lose at most this log-likelihood there. Noise with a memory averages out slowly: the first shows little.
+_FAR_WIDER, _SAME_INERTIA, _AS_LIKELY = (2.5, 6.25), 0.95, 3.0
 # Least share of the acceleration's power without noise, as the inertia is biased by the rest.
 _RELIABLE = 0.8
 # A fit to prediction errors with so many times the unexplained force of a disturbance takes a force for a disturbance,
@@ -594,7 +594,16 @@ def _underestimates_inertia(fit: WeakFit, start: Array, forms: dict[int, WeakFor
     with it how much it attenuates. Where it was much of the acceleration in narrower windows (`noisy`), the values must
     be as likely as the others; else they must not leave much more.
     """
-    form = _windows(fit.form.engine, fit.form.data, round(_FAR_WIDER * fit.form.width), forms)
+    checks = [_shows_more_inertia(fit, start, forms, ratio, noisy=noisy) for ratio in _FAR_WIDER]
+    known = [one for one in checks if one is not None]
+    return any(known) if known else None
+
+
+def _shows_more_inertia(
+    fit: WeakFit, start: Array, forms: dict[int, WeakForm], ratio: float, *, noisy: bool
+) -> bool | None:
+    """As `_underestimates_inertia`, in windows that are wider by one ratio."""
+    form = _windows(fit.form.engine, fit.form.data, round(ratio * fit.form.width), forms)
     if form is None:
         return None
     draft = draft_windows(form.with_rest_speed(fit.form.rest_speed))
