@@ -594,9 +594,13 @@ def _underestimates_inertia(fit: WeakFit, start: Array, forms: dict[int, WeakFor
     with it how much it attenuates. Where it was much of the acceleration in narrower windows (`noisy`), the values must
     be as likely as the others; else they must not leave much more.
     """
-    checks = [_shows_more_inertia(fit, start, forms, ratio, noisy=noisy) for ratio in _FAR_WIDER]
-    known = [one for one in checks if one is not None]
-    return any(known) if known else None
+    found: bool | None = None
+    for ratio in _FAR_WIDER:
+        shown = _shows_more_inertia(fit, start, forms, ratio, noisy=noisy)
+        if shown:
+            return True
+        found = found if shown is None else shown
+    return found
 
 
 def _shows_more_inertia(
