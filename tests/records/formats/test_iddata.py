@@ -43,6 +43,11 @@ def test_channels_stamps_and_units(tmp_path):
     assert found.all_doubts() == []
 
 
+def test_an_empty_unit_of_time_is_seconds():
+    columns, _ = series_of_iddata(_data(TimeUnit=np.zeros((0, 0))))
+    assert columns["VariableUnits"]["Time"] == "s"
+
+
 def test_experiments_are_parts(tmp_path):
     both = {key: _cell(one, one[:30]) for key, one in _data().items() if key in ("InputData", "OutputData")}
     changed = both | {"Ts": _cell(0.02, 0.02), "ExperimentName": _cell("up", "down")}

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
+from scipy.io import savemat
 
 from idloop.api.log import recognise
 from idloop.records.tables.table_files import read_table
@@ -39,6 +41,31 @@ def test_each_run_is_a_record(tmp_path, content):
     windows = [window.get("rows", {"start": 0, "stop": 30}) for _, window in log.runs.values()]
     assert [one["stop"] - one["start"] for one in windows] == [len(run["angle"]) for run in runs]
     assert {one.role: one.column for one in log.recognition.guesses} == {"command": "torque", "position": "angle"}
+
+
+def test_each_element_of_a_structure_array_is_a_record(tmp_path):
+    runs = [{"t": 0.02 * np.arange(count), **run} for count, run in zip(LENGTHS, _runs(), strict=True)]
+    fields = ("t", "torque", "angle")
+    rows = [tuple(np.array(run[key]) for key in fields) for run in runs]
+    array = np.array(rows, dtype=[(key, "O") for key in fields])
+    savemat(tmp_path / "runs.mat", {"log": array, "gain": 3.0})
+    log = recognise(tmp_path / "runs.mat")
+    assert len(log.runs) == len(runs)
+    assert {one.role: one.column for one in log.recognition.guesses} == {"command": "torque", "position": "angle"}
+    assert log.recognition.table.attributes == {"gain": 3.0}
+
+
+def test_data_to_identify_and_to_validate_with_are_records(tmp_path):
+    def of(run):
+        torque, angle = np.array(run["torque"]), np.array(run["angle"])
+        channels = {"InputData": torque, "OutputData": angle, "InputName": "u1", "OutputName": "y1"}
+        return channels | {"Ts": 0.02, "SamplingInstants": np.zeros((0, 0)), "TimeUnit": np.zeros((0, 0))}
+
+    both = {name: of(run) for name, run in zip(("id", "val"), _runs((30, 12)), strict=True)}
+    savemat(tmp_path / "sets.mat", both)
+    log = recognise(tmp_path / "sets.mat")
+    assert len(log.runs) == 2
+    assert {one.role: one.column for one in log.recognition.guesses}["command"] == "u1"
 
 
 def test_what_stands_beside_the_runs_is_kept(tmp_path):

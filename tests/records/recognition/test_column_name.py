@@ -19,6 +19,7 @@ NAMES = {
     "Drehzahl in 1/min": (("drehzahl",), "rpm", ""),
     "n / rpm": (("n",), "rpm", ""),
     "/joint_states/shoulder/position": (("shoulder", "position"), "", ""),
+    "id.u": (("u",), "", ""),
     "log.y[0]": (("log", "y"), "", "0"),
     "Position actual value [inc]": (("position", "actual", "value"), "counts", ""),
     "encoder(steps)": (("encoder",), "counts", ""),

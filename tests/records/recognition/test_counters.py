@@ -86,3 +86,15 @@ def test_of_joints_with_names_the_one_that_moves_most_is_taken(tmp_path, taken):
     found = recognise(path)
     assert [one.column for one in found.recognition.guesses] == [f"{taken}.u_A", f"{taken}.pos_mm"]
     assert any(f"2 joints (X, Y); joint {taken}" in doubt for doubt in found.doubts)
+
+
+def test_a_counter_without_a_name_that_begins_anew_with_each_run_is_no_motion(tmp_path):
+    """As boards print it: row, held command, microseconds, angle."""
+    rows = np.arange(150)
+    files = [
+        _write(tmp_path / f"pwm-{level}.csv", f"0,{level},52,0", rows + 1, 0 * rows + level, 5000 * (rows + 1), speed)
+        for level in (100, 150, 200)
+        for speed in [1e-3 * level * (1.0 - np.exp(-rows / 40.0)) ** 2]
+    ]
+    found = recognise(files).recognition
+    assert {one.role: one.column for one in found.guesses if one.role != "time"} == {"command": "1", "position": "3"}

@@ -41,7 +41,9 @@ def series_of_iddata(value: Any) -> tuple[dict[str, Any], Parts] | None:
         times.append(time)
         end = float(time[-1])
     columns: dict[str, Any] = {"Time": np.concatenate(times)}
-    units = {"Time": str(value.get("TimeUnit") or "s")}
+    unit = value.get("TimeUnit")
+    # What is empty is no text, but an array without entries.
+    units = {"Time": unit if isinstance(unit, str) and unit else "s"}
     for data, kind, letter in ((inputs, "Input", "u"), (outputs, "Output", "y")):
         whole = np.concatenate(data)
         names = _texts(value[f"{kind}Name"], whole.shape[1]) or [f"{letter}{k + 1}" for k in range(whole.shape[1])]

@@ -11,7 +11,7 @@ from typing import Any
 from idloop.documents import MOST_COLUMNS, MOST_JSON_TABLE, read_json, read_text
 from idloop.errors import InputError
 from idloop.records.formats.form import Form, Options, text_of
-from idloop.records.formats.run_list import arrays_of_runs, table_of_runs
+from idloop.records.formats.run_list import runs_in, table_of_runs
 from idloop.records.formats.tree import table_of_tree
 from idloop.records.tables.table import Table
 from idloop.spelling import did_you_mean, listed
@@ -78,7 +78,7 @@ def table_of_content(path: Path, content: Any, options: Options) -> Table:
             have = list(content) if isinstance(content, dict) else []
             raise InputError(f"{path}: no key {key!r} with the samples; it has {listed(have)}{did_you_mean(key, have)}")
         entries = content[key]
-    if found := _runs_in(content, key):
+    if found := runs_in(content, key):
         return table_of_runs(path, *found)
     if key is None and isinstance(content, dict):
         lists = [name for name, value in content.items() if _holds_samples(value)]
@@ -94,18 +94,6 @@ def table_of_content(path: Path, content: Any, options: Options) -> Table:
     raise InputError(
         f"{path}: neither a list of samples nor columns; name the key that holds them as `entries:` in the mapping"
     )
-
-
-def _runs_in(content: Any, key: str | None) -> tuple[list[Any], list[str], dict[str, Any]] | None:
-    """Return a list of runs with the names of their arrays and what stands beside it; None where there is none."""
-    if not isinstance(content, dict):
-        names = arrays_of_runs("", content, {})
-        return (content, names, {}) if names else None
-    for place in content if key is None else [key]:
-        beside = {name: value for name, value in content.items() if name != place}
-        if names := arrays_of_runs(str(place), content[place], beside):
-            return content[place], names, beside
-    return None
 
 
 def _holds_samples(value: Any) -> bool:

@@ -17,6 +17,7 @@ from idloop.records.formats.iddata import series_of_iddata
 from idloop.records.formats.isolated import read_isolated
 from idloop.records.formats.mat_hdf5 import read_mat_hdf5
 from idloop.records.formats.mat_objects import Objects, Reference
+from idloop.records.formats.run_list import runs_in, table_of_runs
 from idloop.records.formats.tree import table_of_tree
 from idloop.records.tables.table import Table
 
@@ -38,7 +39,15 @@ def read_mat(path: Path, _: Options) -> Table:
     else:
         tree, objects = read_isolated(path, "MAT", lambda: _load(path))
     found = {name: series for name, value in tree.items() if (series := series_of_iddata(value)) is not None}
-    table = table_of_tree(path, {**tree, **{name: columns for name, (columns, _) in found.items()}})
+    sets = [columns for columns, _ in found.values()]
+    # Sets of data with the same channels, such as those to identify and to validate with, are runs of one machine.
+    alike = len(sets) > 1 and all(one.keys() == sets[0].keys() for one in sets)
+    runs = runs_in({"": sets} if alike else {} if sets else tree)
+    if runs is not None:
+        table = table_of_runs(path, *runs)
+        table.units |= runs[0][0].get("VariableUnits", {})
+    else:
+        table = table_of_tree(path, {**tree, **{name: columns for name, (columns, _) in found.items()}})
     # Windows of several experiments hold for the stamps of one set of data.
     table.parts = next(iter(found.values()))[1] if len(found) == 1 else {}
     if objects:

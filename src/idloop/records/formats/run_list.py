@@ -23,7 +23,22 @@ _BESIDE_EACH_OTHER = {
 _FEWEST_ROWS = 3
 
 
-def arrays_of_runs(name: str, value: Any, others: Mapping[str, Any]) -> list[str]:
+def runs_in(content: Any, key: str | None = None) -> tuple[list[Any], list[str], dict[str, Any]] | None:
+    """Return a list of runs with the names of their arrays and what stands beside it; None where there is none.
+
+    `key`: of the list in a mapping; None for any.
+    """
+    if not isinstance(content, Mapping):
+        names = _arrays_of_runs("", content, {})
+        return (content, names, {}) if names else None
+    for place in content if key is None else [key]:
+        beside = {name: value for name, value in content.items() if name != place}
+        if names := _arrays_of_runs(str(place), content[place], beside):
+            return content[place], names, beside
+    return None
+
+
+def _arrays_of_runs(name: str, value: Any, others: Mapping[str, Any]) -> list[str]:
     """Return the arrays that each run has, of one length in a run; empty where a list is none of runs.
 
     Samples with vectors are more than the vectors are long, and all of theirs are of one length. Signals are named.

@@ -97,8 +97,9 @@ def parse_column_name(name: str, unit: str = "") -> ColumnName:
     path = re.split(r"[/.]", text.strip("/. "))
     # A state with an index is one of several, as of the joints.
     alone = _counts(path[-1]) or (path[-1].strip().lower() in FLAGS and not index)
-    # Of a vector the last word is the component: wrench.force.x.
-    text = path[-1] if alone else " ".join(path[-3 if path[-1] in _COMPONENTS else -2 :])
+    # Of a vector the last word is the component: wrench.force.x. Data to identify with are called id, and no current.
+    around = [one for one in path[-3 if path[-1] in _COMPONENTS else -2 : -1] if one.strip().lower() != "id"]
+    text = " ".join([*([] if alone else around), path[-1]])
     words = [word for word in _WORD.findall(text) if word]
     if text.rstrip().endswith("*"):
         words.append("setpoint")  # as i_q* in the literature on drives

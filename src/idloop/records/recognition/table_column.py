@@ -139,16 +139,30 @@ class TableColumn:
         # A value that is set may rise by one with each row, such as a duty cycle: then its own name says so.
         own = role_by_name(parse_column_name(self.name.rpartition(".")[2])).role
         plain = not self.parsed.unit and own != "command"
-        if plain and counts_rows(self.value):
+        # A counter may begin anew with each run.
+        if plain and counts_rows(_from_beginnings(self.value, self.runs)):
             return True
         if not self.moves or self.value.size != seconds.size:
             return False
         enough = self.value.size > _FEWEST_STAMPS
         if plain and enough and any(np.array_equal(self.value * factor, seconds) for factor in SECONDS.values()):
             return True
+        if self.by_name.role:
+            return False
         # A value that is not finite leaves no correlation.
-        along = np.corrcoef([self.value, seconds, np.arange(seconds.size)])[0, 1:]
-        return not self.by_name.role and bool((1.0 - along**2 < _LINE**2).any())
+        three = (self.value, seconds, np.arange(seconds.size, dtype=np.float64))
+        along = np.corrcoef([_from_beginnings(one, self.runs) for one in three])[0, 1:]
+        return bool((1.0 - along**2 < _LINE**2).any())
+
+
+def _from_beginnings(value: Array, runs: Sequence[slice]) -> Array:
+    """Return what a column has gone since each run began, one run after the other."""
+    gone, end = [], 0.0
+    for one in (value[run] for run in runs):
+        if one.size:
+            gone.append(one - one[0] + end)
+            end = float(gone[-1][-1]) + 1.0
+    return np.concatenate(gone)
 
 
 def numbers_of(table: Table) -> dict[str, Array]:
