@@ -98,3 +98,20 @@ def test_a_counter_without_a_name_that_begins_anew_with_each_run_is_no_motion(tm
     ]
     found = recognise(files).recognition
     assert {one.role: one.column for one in found.guesses if one.role != "time"} == {"command": "1", "position": "3"}
+
+
+def test_the_command_of_an_array_is_of_the_joint_with_its_number(tmp_path):
+    """As PlotJuggler writes topics: efforts that were not measured are zero, and another joint swings further."""
+    head = "__time,/efforts/data.0,/states/joint0/effort,/states/joint0/position,/states/joint1/effort"
+    columns = (1.7e9 + TIME, FORCE, 0.0 * TIME, ANGLE, 0.0 * TIME, 3.0 * ANGLE)
+    rows = "\n".join(",".join(f"{cell:.6f}" for cell in row) for row in zip(*columns, strict=True))
+    (tmp_path / "log.csv").write_text(f"{head},/states/joint1/position\n{rows}\n", encoding="utf-8")
+    found = recognise(tmp_path / "log.csv").recognition
+    assert [one.column for one in found.guesses] == ["/efforts/data.0", "/states/joint0/position"]
+
+
+def test_elements_of_arrays_behind_dots_are_those_of_joints(tmp_path):
+    head = "t,/commands/torque.0,/commands/torque.1,/states/angle.0,/states/angle.1"
+    path = _write(tmp_path / "log.csv", head, TIME, FORCE, 0.5 * FORCE, ANGLE, 3.0 * ANGLE)
+    found = recognise(path).recognition
+    assert [one.column for one in found.guesses] == ["/commands/torque.1", "/states/angle.1"]

@@ -16,6 +16,7 @@ _WORD = re.compile(r"[A-ZÄÖÜ]+(?![a-zäöüß])|[A-ZÄÖÜ]?[a-zäöüß]+|\d
 # A remark in a name, as in "Time (samples) TM=1000us": its unit is not that of the column.
 _REMARK = re.compile(r"\b\w+\s*=\s*[-+]?\d\S*")
 _INDEX = re.compile(r"\d+")
+_ELEMENT = re.compile(r"(?<=[^\d./])[./](\d+)(?=[./]|$)")
 # What was wanted, and what was measured of it.
 WANTED = frozenset({
     "ref", "reference", "target", "goal", "setpoint", "desired", "des", "soll", "sollwert", "sp", "demand", "demanded",
@@ -71,6 +72,11 @@ class ColumnName:
     written: str = ""  # what is written as a unit and is none that is known
 
 
+def with_brackets(name: str) -> str:
+    """Return a path with the elements of arrays in brackets: ``/effort/data.0`` is ``/effort/data[0]``."""
+    return _ELEMENT.sub(r"[\1]", name)
+
+
 def parse_column_name(name: str, unit: str = "") -> ColumnName:
     """Take a name apart.
 
@@ -78,7 +84,7 @@ def parse_column_name(name: str, unit: str = "") -> ColumnName:
     `unit`: unit from a row below the header.
     """
     index = ""
-    name = _REMARK.sub(" ", name)
+    name = with_brackets(_REMARK.sub(" ", name))
     written = unit.strip("[](){}<> ")
     found, factor = read_unit(written)
     for match in BRACKETS.finditer(name):

@@ -12,13 +12,15 @@ import numpy as np
 
 from idloop.arrays import Array
 from idloop.records.inspection.motion import white_noise
+from idloop.records.recognition.column_name import with_brackets
 from idloop.records.recognition.guess import MOTION
 from idloop.records.recognition.roles import is_called_command
 from idloop.records.recognition.table_column import TableColumn
 from idloop.records.tables.base_units import COUNTS, base_unit
 from idloop.spelling import listed
 
-_OF_SEVERAL = re.compile(r"(.*)\[\d+\]")
+_OF_SEVERAL = re.compile(r"(.*)\[(\d+)\]")
+_NUMBERED = re.compile(r".*\D(\d+)")
 _BLOCKS, _FEWEST_BLOCKS = 4000, 4  # means along which the path of a joint is measured
 
 
@@ -28,8 +30,8 @@ def joints_by_name(names: Iterable[str]) -> dict[str, str] | None:
     None where the names say no joints so.
     """
     groups: dict[str, set[str]] = {}
-    for name in names:
-        joint, _, own = name.replace("/", ".").rpartition(".")
+    paths = {name: with_brackets(name).replace("/", ".").rpartition(".") for name in names}
+    for joint, _, own in paths.values():
         groups.setdefault(joint, set()).add(own)
     alike = [
         joint
@@ -38,13 +40,16 @@ def joints_by_name(names: Iterable[str]) -> dict[str, str] | None:
     ]
     if not alike:
         return None
-    joints = {name: name.replace("/", ".").rpartition(".")[0] for name in names}
-    joints = {name: joint for name, joint in joints.items() if joint in alike}
+    joints = {name: joint for name, (joint, _, _) in paths.items() if joint in alike}
     # What was measured of a joint and what was asked of it may stand apart: motor_state[1].q and motor_cmd[1].tau.
     places = [_OF_SEVERAL.fullmatch(joint) for joint in alike]
     if all(places) and len({one[1] for one in places if one}) > 1:
         return {name: joint[joint.rindex("[") + 1 : -1] for name, joint in joints.items()}
-    return joints
+    # An array of commands has one for each joint: that of joint1 is commands[1].
+    numbers = {match[1]: joint for joint in alike if (match := _NUMBERED.fullmatch(joint))}
+    elements = {name: _OF_SEVERAL.fullmatch(path) for name, (_, _, path) in paths.items() if name not in joints}
+    of_arrays = {name: numbers[one[2]] for name, one in elements.items() if one and one[2] in numbers}
+    return joints | (of_arrays if len(numbers) == len(alike) else {})
 
 
 def one_joint(
@@ -52,7 +57,8 @@ def one_joint(
 ) -> dict[str, TableColumn]:
     """Return the columns of one joint, where a log has several: that which the user names, or that which moves most.
 
-    Where names say of some joints only that they were commanded, it is one of these: another was driven by them.
+    Where names say of some joints only that they were commanded, it is one of these: another was driven by them. So it
+    is where only some of them have a force that was not the same throughout.
     """
     by_joint = _motions(columns)
     # Names of their own, which differ from joint to joint, say what is measured and not of which joint.
@@ -68,7 +74,9 @@ def one_joint(
     said += [one.parsed.index for one in columns.values() if one.name in named and one.parsed.index in by_joint]
     chosen = said[0] if said else ""
     if not chosen:
-        commanded = {one.parsed.index for one in columns.values() if one.moves and is_called_command(one.parsed)}
+        driven = [one for one in columns.values() if one.moves and one.by_name.role in ("command", "effort")]
+        commanded = {one.parsed.index for one in driven if is_called_command(one.parsed)}
+        commanded = commanded or {one.parsed.index for one in driven}
         among = {index: some for index, some in by_joint.items() if index in commanded} or by_joint
         chosen = _moving_most(among)
         why = "which moves most" if len(among) == len(by_joint) else "the one with a command"

@@ -42,3 +42,15 @@ def test_few_rows_of_a_smooth_command_and_a_staircase_show_no_loop(reference):
 
 def test_a_loop_shows_in_few_rows():
     assert all(check(_axis(seed, _sines(seed), closed=True)) for seed in range(10))
+
+
+@pytest.mark.parametrize("period", [0.97, 1.03, 1.06])
+def test_a_sine_beside_measurements_of_another_clock_shows_no_loop(period):
+    """Where the readings are not taken with the commands, in some steps of theirs no command falls."""
+    time = 0.002 * np.arange(2000)
+    command, speed = np.sin(2.0 * np.pi * time), np.zeros(2000)
+    for k in range(1999):
+        speed[k + 1] = speed[k] + 0.002 * (20.0 * command[k] - 3.0 * speed[k])
+    taken = period * time[:1900] + 0.0007
+    place, speed = (np.interp(taken, time, one) for one in (0.002 * np.cumsum(speed), speed))
+    assert not check(Axis("j", taken, place, speed, time, command, "j.effort"))

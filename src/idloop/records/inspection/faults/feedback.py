@@ -56,16 +56,22 @@ def check(axis: Axis) -> list[Finding]:
 
 
 def _explained(axis: Axis, signals: list[Array]) -> float:
-    """Share of the newest command, beyond its past, that the newest measurements explain."""
-    after = np.searchsorted(axis.input_time, axis.time - 1e-3 * axis.period)
-    command = axis.command[np.minimum(after, axis.command.size - 1)]
-    good = (after < axis.command.size) & np.isfinite(command) & np.isfinite(signals).all(axis=0)
-    # Differences: no offset, no drift, and no large common part.
-    command = np.diff(command[-_MOST:])
-    motions = [np.diff(one[-_MOST:]) for one in signals]
-    last = max(_PAST, _OLD + _NEW - 1)
+    """Share of a command, beyond those before it, that the newest measurements explain.
+
+    From command to command, so that a log of two clocks repeats and leaves out measurements and no commands: those
+    before an even sine tell where it goes on.
+    """
+    newest = np.searchsorted(axis.time, axis.input_time + 1e-3 * axis.period, side="right") - 1
+    measured = [one[np.maximum(newest, 0)] for one in signals]
+    good = (newest >= 0) & np.isfinite(axis.command) & np.isfinite(measured).all(axis=0)
     # What is new is the step of one sample: no row may reach over a missing one.
-    whole = good[-_MOST:] & np.append(True, np.diff(axis.time[-_MOST:]) < _LOST * axis.period)
+    lost = np.append(0, np.cumsum(np.diff(axis.time) > _LOST * axis.period))[np.maximum(newest, 0)]
+    steps = np.diff(axis.input_time)
+    good &= np.append(True, (np.diff(lost) == 0) & (steps < _LOST * float(np.median(steps))))
+    # Differences: no offset, no drift, and no large common part.
+    command, whole = np.diff(axis.command[-_MOST:]), good[-_MOST:]
+    motions = [np.diff(one[-_MOST:]) for one in measured]
+    last = max(_PAST, _OLD + _NEW - 1)
     rows = last + np.flatnonzero(np.lib.stride_tricks.sliding_window_view(whole, last + 2).all(axis=1))
     if rows.size < _FEWEST:
         return 0.0
