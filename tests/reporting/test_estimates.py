@@ -151,3 +151,4 @@ def test_an_estimate_at_its_bound_is_not_determined(value, stderr):
     assert ("only that it is below 0.196 kg·m² (95 %)" in line) == (stderr is not None)
     (row,) = (row for row in parameter_rows(model) if row["key"] == "axis.inertia")
     assert row["kind"] == "at its bound"
+    assert "±" not in row["value"]

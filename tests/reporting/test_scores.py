@@ -57,6 +57,16 @@ def test_what_is_not_known_is_no_score():
     assert scores_of({"fit": {"a": float("nan")}})["a"].text == "–"
 
 
+@pytest.mark.parametrize(
+    ("noise", "said"),
+    [(0.139, "sensor noise may be all of it"), (0.07, "7 % from sensor noise alone"), (0.001, ""), (None, "")],
+)
+def test_what_sensor_noise_makes_of_the_force_error_stands_beside_it(noise, said):
+    """The model of a machine without any other effect left 13.8 % of the force: all of it noise."""
+    score = scores_of({"force": 0.138, "force_noise": noise})["drive force"]
+    assert (score.text, score.beside) == ("13.8 %", said)
+
+
 def test_views_that_disagree_are_said_to():
     better = ladder_of((-15.0, 0.171), (-119.0, 0.072))
     (said,) = disagreements(better)

@@ -12,11 +12,12 @@ import pytest
 import idloop
 from idloop.errors import IdloopError
 from idloop.physics import Model, load_model, simulate
+from idloop.physics.model_file import from_text
 from idloop.records import Record
 from idloop.validation import Comparison, compare, share_measures
 from idloop.validation.error_choice import drift
 from idloop.validation.variables import VARIABLES
-from idloop.validation.where import DRIVE_FORCE
+from idloop.validation.where import DRIVE_FORCE, NOISE_ALONE
 
 TIME = np.arange(0.0, 12.0, 2e-3)
 NOISE = 2e-4
@@ -51,6 +52,14 @@ def hiding(effect: str, command: np.ndarray | None = None) -> Comparison:
 @pytest.fixture(scope="module")
 def friction() -> Comparison:
     return hiding("coulomb_friction@motor(level=4)")
+
+
+def test_an_error_as_large_as_the_stated_noise_may_be_all_noise() -> None:
+    plain = load_model("dc_motor")
+    text = plain.to_yaml().replace("noise: 0.0332", f"noise: {NOISE}").replace("noise: 0.0728", f"noise: {10 * NOISE}")
+    found = compare(from_text(text, None), recorded(plain, swept())).where
+    assert found["motor.position"].why == NOISE_ALONE
+    assert found["motor.velocity"].why == "", "what is stated is ten times what the sensor has"
 
 
 def test_all_variables_of_all_errors_are_there_and_their_shares_add_up(friction: Comparison) -> None:

@@ -29,7 +29,7 @@ def model_errors(model: Model, records: Sequence[Record]) -> dict[str, Any]:
     """Free-run errors ``nrmse``, ``fit`` [%], ``rmse`` and ``anew`` by output over all records, and by ``records``.
 
     ``anew`` is nrmse of a run that is started anew at every fifth of a record, ``force`` the relative force error, None
-    where it is unknown. Empty without records.
+    where it is unknown, and ``force_noise`` the part that sensor noise alone makes. Empty without records.
     """
     if not records:
         return {}
@@ -78,9 +78,9 @@ def _errors(model: Model, record: Record) -> dict[str, Any]:
         found[label] = {name: float(value) for name, value in zip(names, values, strict=True) if np.isfinite(value)}
     try:
         force = force_error(model, record)
-        found["force"] = force.relative if force.trusted else None
+        found |= {"force": force.relative if force.trusted else None, "force_noise": force.noise}
     except IdloopError:
-        found["force"] = None
+        found |= {"force": None, "force_noise": None}
     return found
 
 
@@ -113,8 +113,9 @@ def _mean(several: list[dict[str, Any]]) -> dict[str, Any]:
         for name in dict.fromkeys(name for one in several for name in one[label]):
             values = [one[label][name] for one in several if name in one[label]]
             mean[label][name] = float(np.mean(values)) if label == "fit" else _rms(values)
-    forces = [one["force"] for one in several]
-    mean["force"] = None if None in forces else _rms(forces)
+    for label in ("force", "force_noise"):
+        values = [one[label] for one in several]
+        mean[label] = None if None in values else _rms(values)
     return mean
 
 

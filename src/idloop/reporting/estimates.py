@@ -102,20 +102,16 @@ def parameter_rows(model: Model, held: Collection[str] = ()) -> list[dict[str, s
     rows = []
     for one in model.parameters:
         free = "estimated" if one.stderr is not None else "free, not fitted yet"
+        # At a bound an interval about the value says nothing.
+        bound = at_bound(one) is not None
         rows.append(
             {
                 "key": one.name,
                 "name": effect_words(one.name.replace(".", " ")),
-                "value": with_interval(one.value, one.stderr if one.free else None),
+                "value": with_interval(one.value, one.stderr if one.free and not bound else None),
                 "unit": one.unit.strip("-"),
                 "bounds": _bounds(one) if one.free else "",
-                "kind": "at its bound"
-                if at_bound(one) is not None
-                else free
-                if one.free
-                else "held"
-                if one.name in held
-                else "known",
+                "kind": "at its bound" if bound else free if one.free else "held" if one.name in held else "known",
             }
         )
     return rows

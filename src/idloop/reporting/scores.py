@@ -7,12 +7,12 @@ read from the errors of a ladder's step, which are those of the JSON documents.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from idloop.reporting.terms import DATA_USE
-from idloop.validation.where import DRIVE_FORCE
+from idloop.reporting.terms import DATA_USE, effect_words
+from idloop.validation.where import DRIVE_FORCE, NOISE_ALONE
 from idloop.validation.words import fit_text, force_text
 
 if TYPE_CHECKING:
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 TRAIN, VALIDATION = "train", "validation"
 FREE_RUN, FORCE = "free_run", "force"
+NOTABLE_NOISE = 0.3  # of an error, from which on the part of sensor noise is worth a word
 BETTER, WORSE, SAME = "better", "worse", "same"
 
 
@@ -38,6 +39,7 @@ class Score:
     # FIT of the prediction of the same output so many samples ahead [%]; None where not known
     predicted: float | None = None
     steps: int = 0
+    noise: float | None = None  # error of the force that the sensors' noise alone makes; None where not known
 
     @property
     def name(self) -> str:
@@ -51,8 +53,12 @@ class Score:
 
     @property
     def beside(self) -> str:
-        """The same output predicted: "99.9 % 10 steps ahead"; empty where that is not known."""
-        return "" if self.predicted is None else f"{fit_text(self.predicted, 3, ' %')} {self.steps} steps ahead"
+        """The same output predicted: "99.9 % 10 steps ahead"; of a force what noise makes of it; empty if not known."""
+        if self.predicted is not None:
+            return f"{fit_text(self.predicted, 3, ' %')} {self.steps} steps ahead"
+        if self.noise is None or self.value is None or self.noise < NOTABLE_NOISE * self.value:
+            return ""
+        return NOISE_ALONE if self.noise >= self.value else f"{force_text(self.noise, 3, ' %')} from sensor noise alone"
 
     @property
     def cell(self) -> str:
@@ -96,8 +102,10 @@ def scores_of(errors: Mapping[str, Any], data: str = "", model: str = "") -> dic
         name: Score(FREE_RUN, name, _finite(fit), data, model, _finite(ahead.get(name)), steps)
         for name, fit in errors.get("fit", {}).items()
     }
-    force = _finite(errors.get("force"))
-    return found if force is None else {**found, DRIVE_FORCE: Score(FORCE, DRIVE_FORCE, force, data, model)}
+    force, noise = _finite(errors.get("force")), _finite(errors.get("force_noise"))
+    if force is not None:
+        found[DRIVE_FORCE] = Score(FORCE, DRIVE_FORCE, force, data, model, noise=noise)
+    return found
 
 
 def disagreements(ladder: Ladder) -> list[str]:
@@ -120,6 +128,18 @@ def disagreements(ladder: Ladder) -> list[str]:
     return found
 
 
+def unknown_force(steps: Sequence[Step], kind: str) -> str:
+    """Why the error of the drive force is not that of every step; empty where it is, or that of none."""
+    known = [DRIVE_FORCE in step_scores(step, kind) for step in steps]
+    if all(known) or not any(known):
+        return ""
+    if known[-1]:
+        return "–: sensor noise may be all of the error of the drive force."
+    added = steps[len(known) - known[::-1].index(True)].added
+    what = "" if added is None else f" with {effect_words(added.name)}"
+    return f"–: for a model{what}, the measurements do not determine the drive force."
+
+
 def comparison_errors(comparison: Comparison) -> dict[str, Any]:
     """Errors of a comparison as `idloop.diagnosis.model_errors` has those of a step, and those of its predictions."""
     force = comparison.force
@@ -128,6 +148,7 @@ def comparison_errors(comparison: Comparison) -> dict[str, Any]:
         "ahead": comparison.fit_ahead,
         "steps": comparison.steps,
         "force": force.relative if force is not None and force.trusted else None,
+        "force_noise": None if force is None else force.noise,
     }
 
 

@@ -42,6 +42,9 @@ def believed_noise(model: Model, refuted: Iterable[str]) -> dict[str, float]:
 
 
 def least_error(ladder: Ladder, name: str) -> float:
-    """Least NRMSE of an output at any step; infinite where none is known. A floor well above it is none."""
-    every = [part.get("nrmse", {}).get(name) for step in ladder.steps for part in (step.validation, step.train)]
+    """Least NRMSE of an output on the data that judge, at any step; infinite where none is known.
+
+    A floor well above it is none. Other data have another motion, and so another NRMSE for the same noise.
+    """
+    every = [(step.validation or step.train).get("nrmse", {}).get(name) for step in ladder.steps]
     return min((float(one) for one in every if one is not None and np.isfinite(one)), default=np.inf)

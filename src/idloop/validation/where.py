@@ -21,11 +21,14 @@ if TYPE_CHECKING:
 
 
 DRIVE_FORCE = "drive force"
+NOISE_ALONE = "sensor noise may be all of it"
 
 # Fewest samples for a breakdown.
 _FEWEST = 50
 # Printed: functions of one variable with this coefficient of determination, and at most so many stretches.
 _FOLLOWS, _MOST_STRETCHES = 0.25, 3
+# An error between these multiples of the stated noise is as large; one that is smaller refutes what is stated.
+_NOISE = 0.7, 1.1
 
 
 @dataclass(frozen=True)
@@ -156,9 +159,16 @@ def where(runs: Runs, measures: Mapping[str, str] | None = None) -> Where:
             continue
         measured = runs.measured[known, column]
         state = states[output.body] if np.all(known) else states[output.body].at(runs.time[known])
-        named = (output.name, output.unit, basis.name, basis.kind, basis.why)
+        why = basis.why or _noise_alone(basis.error[known], output.noise)
+        named = (output.name, output.unit, basis.name, basis.kind, why)
         maps.append(_map(named, basis.error[known], measured, state, float(np.std(measured)), runs.record.start_ns))
     return Where(runs.model.name, runs.record.name, tuple(maps))
+
+
+def _noise_alone(error: Array, noise: float | None) -> str:
+    """Say that an error is as large as the noise that the model file states for the sensor; empty where it is not."""
+    low, high = _NOISE
+    return NOISE_ALONE if noise and low * noise <= np.sqrt(np.mean(error**2)) <= high * noise else ""
 
 
 def _force_map(runs: Runs) -> ErrorMap | None:
@@ -169,7 +179,7 @@ def _force_map(runs: Runs) -> ErrorMap | None:
     state = operating_state(model, runs.data, model.bodies[0]).at(force.time, force.command)
     size = float(np.sqrt(np.mean(force.commanded**2)))
     # The noise that the model file states may be all of it where it is small as well.
-    why = "" if force.trusted and force.noise < force.relative else "sensor noise may be all of it"
+    why = "" if force.trusted and force.noise < force.relative else NOISE_ALONE
     named = (DRIVE_FORCE, model.units.force, "force", "applied minus needed", why)
     return _map(named, force.applied - force.required, force.applied, state, size, runs.record.start_ns)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 pytest.importorskip("bokeh", reason="no Bokeh: launch_scripts/test installs it")
@@ -43,6 +44,19 @@ def test_a_floor_that_the_ladder_goes_below_is_none():
     source.order("add", FRICTION.name)  # and is known to 2 %
     draw(page)
     assert len(floors(page)) == 1
+
+
+def test_data_with_a_larger_motion_do_not_refute_the_noise():
+    source = FakeSource()
+    source.feed(3000)
+    start = source.state.snapshot.ladder.steps[0]
+    # One noise of 0.001 rad, on an unseen motion of 3.3 rad and a fitted one of 5 rad.
+    errors = ({"nrmse": {"motor.position": 0.001 / spread}, "rmse": {"motor.position": 0.001}} for spread in (3.3, 5.0))
+    unseen, fitted = errors
+    source.signals.noise[:] = 0.001, np.nan
+    source.state.change(ladder=Ladder((replace(start, validation=unseen, train=fitted),)))
+    (drawn,) = floors(seen(source))
+    assert drawn == pytest.approx(0.001 / 3.3)
 
 
 def test_the_floor_is_that_of_the_data_that_judge_the_ladder():

@@ -333,8 +333,9 @@ def test_the_words_below_the_error_name_the_error_that_is_drawn(site, source, vi
     source.state.change(assessment=assessed(*along, kind=kind, why="the free run drifts: hence a prediction"))
     page.wait_for_selector("#where-hint >> text=Prediction error 10 steps")
     assert page.inner_text("#where-hint").replace("\u00a0", " ") == (
-        "Prediction error 10 steps (0.01 s) ahead on 0.0 to 10.0 s. The free run drifts: hence a prediction."
+        "Prediction error 10 steps (0.01 s) ahead on 0.0 to 10.0 s."
     )
+    page.wait_for_selector("#where-words >> text=The free run drifts: hence a prediction. ")
     # The tab that opens has the dot, and its words say what the curve shows.
     page.wait_for_selector("[data-variable='command'][aria-checked='true'].loud")
     page.wait_for_selector("#where-words >> text=a curve over command makes up 62 % of the error")
@@ -901,6 +902,29 @@ def test_nothing_of_another_width_stays_beside_a_figure_and_paper_unfolds(record
     with image.open(tmp_path / "edge.png") as edge:
         assert min(low for low, _ in edge.convert("RGB").getextrema()) > 250
     page.goto("about:blank")
+
+
+@pytest.mark.slow
+def test_paper_is_light_and_its_figures_are_pictures_of_its_width(recording, visit):
+    """In the dark the figures stayed dark, and those of the narrow column half as wide as the paper."""
+    _, address = recording
+    page = visit(address).page
+    page.click("#theme")
+    page.wait_for_selector("body.dark")
+    page.wait_for_selector("#residual-panel canvas")
+    page.evaluate("() => dispatchEvent(new Event('beforeprint'))")
+    assert page.get_attribute("body", "class") == "light"
+    page.set_viewport_size({"width": 690, "height": 900})
+    page.emulate_media(media="print")
+    for place in ("where", "frequency", "residual"):
+        figure = page.locator(f"[data-figures='{place}']")
+        assert figure.locator("> div").is_hidden()
+        room = figure.bounding_box()["width"]
+        widths = [one.bounding_box()["width"] for one in figure.locator("> img").all()]
+        assert widths == [pytest.approx(room, abs=1.0)] * len(widths) != [], place
+    page.evaluate("() => dispatchEvent(new Event('afterprint'))")
+    assert page.locator("[data-figures] > img").count() == 0
+    assert page.get_attribute("body", "class") == "dark"
 
 
 @pytest.mark.slow

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -240,21 +241,21 @@ def test_an_experiment_says_what_it_sends_in():
 
 
 def test_the_evidence_and_what_may_be_trusted_is_said_in_words_and_numbers():
-    found = state_json._evidence(
-        Evidence(
-            "decided: dead_zone@input", (), (5.0, 10.0),
-            {"cogging@motor": (float("nan"), -2.04), "dead_zone@input": (6.0, 18.37)}, 7.9,
-            {"dead_zone@input": Decided(10.0, 1000, 18.37)},
-            (TrustedEstimate("drive.gain", "8.0 N·m/V", False, "missing from the model: dead_zone@input"),),
-            "decided: dead_zone@input",
-        ),
-        (),
+    known = Evidence(
+        "decided: dead_zone@input", (), (5.0, 10.0),
+        {"cogging@motor": (float("nan"), -2.04), "dead_zone@input": (6.0, 18.37)}, 7.9,
+        {"dead_zone@input": Decided(10.0, 1000, 18.37)},
+        (TrustedEstimate("drive.gain", "8.0 N·m/V", False, "missing from the model: dead_zone@input"),),
+        "decided: dead_zone@input",
     )  # fmt: skip
+    found = state_json._evidence(known, ())
     assert found["current"]
     assert [(one["log_e"], one["decided"]) for one in found["effects"]] == [
         ("18.4", "10 s, 1000 samples"),
         ("−2.0", "open"),
     ]
+    recorded = replace(known, recorded=True, decided={"dead_zone@input": Decided(0.5667, 7, 18.37)})
+    assert state_json._evidence(recorded, ())["effects"][0]["decided"] == "0.567 s", "windows are no samples"
     assert "log(m/α) = 7.9; this threshold holds at any time" in found["hint"]
     assert "dead zone @ input" in found["ended"]
     (estimate,) = found["estimates"]
@@ -308,13 +309,54 @@ def test_on_a_live_graph_a_model_without_its_fit_is_pending():
 def test_head_and_ladder_name_the_error_that_decides():
     model = load_model("dc_motor")
     step = Step(None, model, validation={"fit": {"motor.position": 80.0}, "force": 0.2})
-    said = state_json._judged_by(Ladder((step,), criterion="force"), [True])
+    said = state_json._judged_by(Ladder((step,), criterion="force"), force_known=True)
     assert said == "Effects are judged by the drive force that the measured motion leaves unexplained."
     hidden = replace(step, validation={"fit": {"motor.position": 80.0}, "force": None})
-    said = state_json._judged_by(Ladder((hidden,), criterion="force"), [False])
+    said = state_json._judged_by(Ladder((hidden,), criterion="force"), force_known=False)
     assert said.endswith("unexplained; its error is not shown, sensor noise may be all of it.")
     # Where one step has it, every other one says that it has none.
     shown = state_json._ladder(Ladder((hidden, step), criterion="prediction"), ())
     texts = [[one["text"] for one in row["scores"]] for row in shown["steps"]]
     assert texts == [["80 %", "–"], ["80 %", "20 %"]]
-    assert shown["data"].endswith("errors; –: sensor noise may be all of the error of the drive force.")
+    assert shown["data"].endswith("errors. –: sensor noise may be all of the error of the drive force.")
+    # Behind a spring, where nobody measures, it is not noise that hides the force.
+    split = Candidate("compliance", "motor", "yes", "", "")
+    shown = state_json._ladder(Ladder((step, replace(hidden, added=split)), criterion="prediction"), ())
+    assert shown["data"].endswith("with compliance @ motor, the measurements do not determine the drive force.")
+
+
+def test_a_fit_that_makes_the_free_run_worse_is_said_to():
+    opened, fitted = (
+        Step(None, load_model("dc_motor"), validation={"fit": {"motor.position": position, "motor.velocity": velocity}})
+        for position, velocity in ((89.7, 85.0), (78.9, 84.9))
+    )
+    (said,) = state_json._ladder(Ladder((fitted,)), (), opened)["beware"]
+    assert said.startswith("The fit makes FIT motor.position worse on these data")
+    added = replace(fitted, added=Candidate("cogging", "motor", "yes", "", ""))
+    assert state_json._ladder(Ladder((fitted, added)), (), opened)["beware"] == []
+
+
+def test_what_an_unseen_recording_says_against_a_verdict_stands_beside_it():
+    model = load_model("axis")
+    test = SimpleNamespace(name="axis.position", coloured=False, follows=True, against="input")
+    looked_at = SimpleNamespace(model=model, record="run2", residual_tests=(ResidualFinding("run2", test),))
+    shown = Snapshot(model=model, assessment=looked_at, missing=Missing("adequate"), recordings=("run2 (unseen)",))
+    said = "On run2, which is unseen, the one-step error of axis.position follows the command"
+    assert state_json._elsewhere(shown).startswith(said)
+    for other in (
+        {"recordings": ("run2 (fitted)",)}, {"missing": Missing("missing")}, {"missing": None},
+        {"missing": Missing("adequate", left=(ResidualFinding("run1", test),))},
+    ):  # fmt: skip
+        assert state_json._elsewhere(replace(shown, **other)) == ""
+
+
+@pytest.mark.parametrize(
+    ("noise", "said"),
+    [
+        ((0.1, 0.2), "95 % of the sensor noise"),
+        ((np.nan, np.nan), "95 % of the one-step residual"),
+        ((0.1, np.nan), "95 % of the sensor noise or the one-step residual"),
+    ],
+)
+def test_the_key_of_the_band_names_what_it_holds(noise, said):
+    assert state_json._band(np.array(noise)) == said

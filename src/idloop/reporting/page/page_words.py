@@ -17,10 +17,10 @@ from idloop.reporting.detectability import detection_limits, undetectable
 from idloop.reporting.estimates import NORMAL_95, held_parameters, parameter_rows, with_interval
 from idloop.reporting.figures.candidates import UNTESTABLE, ladder_rows
 from idloop.reporting.ladder_errors import step_evidence, step_title
-from idloop.reporting.page.contents import driven_step, step_force
+from idloop.reporting.page.contents import driven_step
 from idloop.reporting.page.page_figures import MOST_RECORDS, effect_place, maps_of, where_place, where_places
 from idloop.reporting.residual_findings import FEWEST_FOR_TESTS, ResidualFinding, residual_findings, residual_warnings
-from idloop.reporting.scores import TRAIN, VALIDATION, Score, disagreements, judging, step_scores
+from idloop.reporting.scores import TRAIN, VALIDATION, Score, disagreements, judging, step_scores, unknown_force
 from idloop.reporting.terms import DATA_USE, FITTED, capitalised, effect_words, in_words, sentence
 from idloop.reporting.verdicts import (
     CRITERIA,
@@ -57,7 +57,7 @@ def page_words(contents: Contents) -> dict[str, Any]:
         "headline": headline(ladder, left),
         "verdict": verdict_text(ladder, left),
         "changes": changes(ladder),
-        "no_force": _no_force(ladder),
+        "no_force": unknown_force(ladder.steps, judging(ladder)),
         "against": [
             sentence(line)
             for line in (
@@ -227,19 +227,6 @@ def changes(ladder: Ladder) -> list[dict[str, str]]:
 def _change(before: Score, after: Score, up_to: str = "") -> dict[str, str]:
     texts = {"before": before.text, "after": after.text, "trend": before.trend(after)}
     return {"name": after.name, "data": f"{after.data}{up_to}", **texts}
-
-
-def _no_force(ladder: Ladder) -> str:
-    """Why the error of the drive force is not that of every step; empty where it is, or that of none."""
-    known = [step_force(step) is not None for step in ladder.steps]
-    if all(known) or not any(known):
-        return ""
-    if known[-1]:
-        return "–: sensor noise may be all of the error of the drive force."
-    first = len(known) - known[::-1].index(True)
-    added = ladder.steps[first].added
-    what = "" if added is None else f" with {effect_words(added.name)}"
-    return f"–: for a model{what}, the measurements do not determine the drive force."
 
 
 def _drawn(name: str, contents: Contents) -> str:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from idloop import drawing
+from idloop.arrays import Array
 from idloop.diagnosis.design.expected_outcome import describe_signal
 from idloop.diagnosis.equivalence.equivalent_effects import find_equivalent_effects, without_equivalents
+from idloop.diagnosis.search.step import NOISE_VERDICTS
 from idloop.p_values import p_text
 from idloop.reporting.breakdowns import along_text, is_notable, shown_first
 from idloop.reporting.estimates import held_parameters, parameter_rows
@@ -17,15 +21,25 @@ from idloop.reporting.ladder_errors import step_evidence, step_title
 from idloop.reporting.page.equations import equations, to_mathml
 from idloop.reporting.residual_findings import residual_warnings
 from idloop.reporting.same_force import same_forces
-from idloop.reporting.scores import FORCE, Score, disagreements, judging, scores_of, step_scores
+from idloop.reporting.scores import (
+    FORCE,
+    FREE_RUN,
+    Score,
+    disagreements,
+    judging,
+    scores_of,
+    step_scores,
+    unknown_force,
+)
 from idloop.reporting.terms import DATA_USE, FITTED, UNSEEN, capitalised, effect_words, in_words, sentence, unbroken
 from idloop.reporting.text.parameters import parameter_text
 from idloop.reporting.verdicts import CRITERIA, basis, conclusion, ending, explained_of, scope_text
 from idloop.reporting.workbench.files import MODEL, commands, named_model, offered
 from idloop.reporting.workbench.state import model_version
+from idloop.spelling import joined_names
 from idloop.validation.characteristic import no_picture
 from idloop.validation.variables import TITLES
-from idloop.validation.where import DRIVE_FORCE
+from idloop.validation.where import DRIVE_FORCE, NOISE_ALONE
 from idloop.validation.words import percent, short
 
 if TYPE_CHECKING:
@@ -46,7 +60,8 @@ TROUBLE = (
 )  # fmt: skip
 _AS_THEY_ARE = ("commands", "equations", "outputs", "input")
 LEVEL = 0.01  # family-wise error rate of a diagnosis, where no ladder has another one
-_UNKNOWN_FORCE = {**Score(FORCE, DRIVE_FORCE, None).to_dict(), "about": "Sensor noise may be all of it."}
+_UNKNOWN_FORCE = {**Score(FORCE, DRIVE_FORCE, None).to_dict(), "about": "Not known."}
+WORSE_BY = 1.1  # error of a free run, as a part of that before, that is worth a word
 ONE_SIGN = 0.6  # share of its root mean square from which on the mean of an error is worth a word
 
 
@@ -86,12 +101,14 @@ def page_state(snapshot: Snapshot, signals: Signals) -> dict[str, Any]:
         "downloaded": named_model(snapshot) == MODEL,
         "inspected": list(snapshot.inspected),
         "outputs": [{"name": n, "unit": u} for n, u in zip(signals.names, signals.units, strict=True)],
+        "band": _band(signals.noise),
         "input": {"name": signals.input_name, "unit": signals.input_unit},
         "followed": signals.followed,
         "head": _head(snapshot),
         "missing": None
         if snapshot.missing is None
-        else _missing(snapshot.missing, snapshot.pictures, snapshot.ladder, _remainders(snapshot)),
+        else _missing(snapshot.missing, snapshot.pictures, snapshot.ladder, _remainders(snapshot))
+        | {"elsewhere": _elsewhere(snapshot)},
         "evidence": None if snapshot.evidence is None else _evidence(snapshot.evidence, snapshot.effects),
         "looks": snapshot.looks,
         "recordings": list(snapshot.recordings),
@@ -155,6 +172,13 @@ def _finite(value: float | None) -> float | None:
     return None if value is None or not math.isfinite(value) else float(value)
 
 
+def _band(noise: Array) -> str:
+    """What the band about a residual of zero holds: the noise that the model states, else the residual's bulk."""
+    stated = np.isfinite(noise)
+    known = ["the sensor noise"] * bool(np.any(stated)) + ["the one-step residual"] * (not np.all(stated))
+    return f"95 % of {' or '.join(known)}"
+
+
 def _head(snapshot: Snapshot) -> dict[str, Any]:
     """Scores of the present model, or why there are none; `pending` where they are those of the model before."""
     fit, found = snapshot.fit, snapshot.assessment
@@ -170,7 +194,7 @@ def _head(snapshot: Snapshot) -> dict[str, Any]:
         force = scores_of(found.errors, found.record).get(DRIVE_FORCE)
         scores |= {} if force is None else {DRIVE_FORCE: force}
     ladder = snapshot.ladder
-    judged = "" if ladder is None or not scores else _judged_by(ladder, [DRIVE_FORCE in scores])
+    judged = "" if ladder is None or not scores else _judged_by(ladder, force_known=DRIVE_FORCE in scores)
     return {"scores": [one.to_dict() for one in scores.values()], "pending": pending, "why": why, "judged": judged}
 
 
@@ -231,7 +255,11 @@ def _evidence(found: Evidence, effects: Sequence[str]) -> dict[str, Any]:
     """How the evidence has grown; `current` where it was weighed against a model of these effects."""
     newest = {name: values[-1] for name, values in found.lines.items() if values}
     keys = drawn_lines(found.lines, found.decided)
-    decided = {name: f"{one.seconds:.4g} s, {one.samples} samples" for name, one in found.decided.items()}
+    # Of recordings stretches are scored, thinned or over windows: their number is not that of the samples.
+    decided = {
+        name: f"{one.seconds:.3g} s" if found.recorded else f"{one.seconds:.4g} s, {one.samples} samples"
+        for name, one in found.decided.items()
+    }
     rows = [
         {
             "name": name,
@@ -281,6 +309,22 @@ def _remainders(snapshot: Snapshot) -> Sequence[ResidualFinding]:
     if snapshot.missing is None or not snapshot.live:
         return () if snapshot.missing is None else snapshot.missing.left
     return snapshot.assessment.residual_tests if snapshot.assessment is not None and snapshot.assessed else ()
+
+
+def _elsewhere(snapshot: Snapshot) -> str:
+    """What the residual tests of an unseen record that is shown say against a verdict on the fitted ones."""
+    found, missing = snapshot.assessment, snapshot.missing
+    unseen = snapshot.recordings[snapshot.shown : snapshot.shown + 1]
+    if missing is None or found is None or not snapshot.assessed or not all(o.endswith(f"({UNSEEN})") for o in unseen):
+        return ""
+    known = {one.test.name for one in missing.left if one.test.follows}
+    follows = [one for one in found.residual_tests if one.test.follows and one.test.name not in known]
+    if snapshot.live or missing.verdict not in NOISE_VERDICTS or not follows:
+        return ""
+    return (
+        f"On {found.record}, which is unseen, the one-step error of {joined_names([o.test.name for o in follows])}"
+        f" follows the {follows[0].drive}: an error of the parameters, or something that the fitted data do not show."
+    )
 
 
 def _conclusion(verdict: str, ladder: Ladder | None, left: Sequence[ResidualFinding]) -> str:
@@ -356,7 +400,8 @@ def _ladder(ladder: Ladder, recordings: Sequence[str], given: Step | None = None
     kind = judging(ladder)
     count = _count(recordings, DATA_USE[kind])
     together = f" ({count} recordings together)" if count > 1 else ""
-    found = [step_scores(step, kind) for step in (*([] if given is None else [given]), *ladder.steps)]
+    every = (*([] if given is None else [given]), *ladder.steps)
+    found = [step_scores(step, kind) for step in every]
     known = [DRIVE_FORCE in one for one in found]
     # What is known of one step has its place in all of them.
     rows = [[*(o.to_dict() for o in one.values()), *([_UNKNOWN_FORCE] if any(known) and not has else [])]
@@ -373,23 +418,35 @@ def _ladder(ladder: Ladder, recordings: Sequence[str], given: Step | None = None
             for number, step in enumerate(ladder.steps)
         ],
         "verdict": ladder.verdict,
-        "data": f"Errors of the {DATA_USE[kind]} data{together}. {_judged_by(ladder, known)}",
+        "data": " ".join(
+            [f"Errors of the {DATA_USE[kind]} data{together}.", _judged_by(ladder, force_known=any(known))]
+            + [why for why in [unknown_force(every, kind)] if why]
+        ),
         "beware": [
             sentence(in_words(text))
-            for text in (*(f"warning: {one.text}" for one in ladder.worsened), *disagreements(ladder))
+            for text in (
+                *(_fitted_and_worse(found) if given is not None and len(ladder.steps) == 1 else ()),
+                *(f"warning: {one.text}" for one in ladder.worsened),
+                *disagreements(ladder),
+            )
         ],
     }
 
 
-def _judged_by(ladder: Ladder, known: Sequence[bool]) -> str:
+def _fitted_and_worse(found: Sequence[Mapping[str, Score]]) -> Iterator[str]:
+    """Free runs on the data that judge which the fit of the model has made worse."""
+    given, fitted = found
+    left = [{k: 100.0 - (o.value or 0.0) for k, o in one.items() if o.view == FREE_RUN} for one in (given, fitted)]
+    worse = [fitted[name].name for name, now in left[1].items() if now > WORSE_BY * left[0].get(name, now)]
+    if worse:
+        yield f"the fit makes {joined_names(worse)} worse on these data: it cannot make up for what the model lacks"
+
+
+def _judged_by(ladder: Ladder, *, force_known: bool) -> str:
     """Name the error that decides about effects, and say where that of the drive force is not among the numbers."""
     by = CRITERIA[ladder.criterion] if ladder.criterion != "auto" else "what the data show best"
-    hidden = ""
-    if any(known) and not all(known):
-        hidden = "; –: sensor noise may be all of the error of the drive force"
-    elif not any(known) and ladder.criterion == "force":
-        hidden = "; its error is not shown, sensor noise may be all of it"
-    return f"Effects are judged by {by}{hidden}."
+    hidden = ladder.criterion == "force" and not force_known
+    return f"Effects are judged by {by}{f'; its error is not shown, {NOISE_ALONE}' if hidden else ''}."
 
 
 def _step(number: int, step: Step, ladder: Ladder) -> dict[str, Any]:
@@ -455,7 +512,7 @@ def _map(one: ErrorMap) -> dict[str, Any]:
         "name": one.name,
         "unit": one.unit,
         "kind": one.kind,
-        "why": one.why,
+        "why": sentence(one.why),
         "rms": f"{short(one.rms)} {one.unit}",
         "relative": one.relative_text,
         "variables": [b.variable for b in one.breakdowns],

@@ -129,10 +129,7 @@
 
   function taken() {
     if (look !== null) shown = JSON.parse(look.data.json[0]);
-    if (shown.theme && document.body.className !== shown.theme) {
-      document.body.className = shown.theme;
-      strips.paintIn(document.body);
-    }
+    if (shown.theme && document.body.className !== shown.theme) paint(shown.theme);
     say("theme", shown.theme === "dark" ? "Light" : "Dark");
     if (!state) return;
     $("follow").hidden = !state.live;
@@ -217,10 +214,11 @@
       make("div", { class: "value" }, pending ? "…" : one.text),
       make("div", { class: "bar" }, make("i", { style: `width:${pending ? 0 : 100 * one.share}%` })),
       make("div", { class: "what" }, `${one.name}, ${pending ? COMPUTING : one.data}`),
-      one.beside && !pending ? make("div", { class: "what", title: "FIT of the prediction, in which the measurements correct the model until so many samples before." }, one.beside) : null);
+      one.beside && !pending ? make("div", { class: "what", title: one.view === "force" ? one.about : "FIT of the prediction, in which the measurements correct the model until so many samples before." }, one.beside) : null);
   }
 
   function showHead(s) {
+    say("band-words", s.band);
     say("title", `workbench · ${s.title}`);
     render("model", s.effects, () => s.effects.length
       ? [make("span", { class: "plain", style: "background:none;padding:0" }, "with"), ...s.effects.map((e) => make("span", {}, e))]
@@ -277,7 +275,7 @@
     // The figure may show a prediction where the free run has drifted away.
     const of = found.current ? "" : " of the model before this step";
     $("where-panel").setAttribute("aria-busy", String(!found.current));
-    say("where-hint", `${found.current ? "" : `The present model is ${COMPUTING}. `}${map.kind[0].toUpperCase()}${map.kind.slice(1)}${of} on ${found.record}.${map.why ? ` ${map.why[0].toUpperCase()}${map.why.slice(1)}.` : ""}`);
+    say("where-hint", `${found.current ? "" : `The present model is ${COMPUTING}. `}${map.kind[0].toUpperCase()}${map.kind.slice(1)}${of} on ${found.record}.`);
     for (const one of document.querySelectorAll("#variables button")) {
       const name = one.dataset.variable;
       const checked = name === (shown.variable || "velocity");
@@ -288,7 +286,7 @@
       one.classList.toggle("loud", map.loud.includes(name));
     }
     say("where-title", `Where the model fails: ${map.name}, ${map.kind}`);
-    say("where-words", map.along[shown.variable || "velocity"] ?? "");
+    say("where-words", [map.why, map.along[shown.variable || "velocity"]].filter(Boolean).join(" "));
     render("stretches", [map.name, map.stretches], () => map.stretches.length ? [
       make("h3", {}, "Worst stretches: a click zooms to them"),
       ...map.stretches.map((one, index) => make("button", { type: "button", "data-focus": `stretch${index}`, onclick: () => zoom(one) },
@@ -361,7 +359,8 @@
       say("verdict", [m.conclusion || plain, shape].filter(Boolean).join(" ") || m.line);
     }
     verdict.classList.toggle("long", verdict.textContent.length > LONG);
-    say("beside", m && s.pending ? "Found beside the model before this step." : m && m.verdict !== "missing" && beside.length ? `Significant by itself and not added: ${beside.map((c) => `${c.words}, because ${c.passed_over}`).join("; ")}.` : "");
+    const over = m && m.verdict !== "missing" && beside.length ? `Significant by itself and not added: ${beside.map((c) => `${c.words}, because ${c.passed_over}`).join("; ")}.` : "";
+    say("beside", m && s.pending ? "Found beside the model before this step." : [m?.elsewhere, over].filter(Boolean).join(" "));
     const busy = Boolean(s.activity);
     // While a recording is looked at, the search may wait for that; where a model is made, there is nothing to search yet.
     $("diagnose").disabled = busy && (s.live || Boolean(m) || Boolean(s.computing) || Boolean(s.activity.then) || s.activity.text.startsWith("looking"));
@@ -631,10 +630,31 @@
     }
   }
 
-  // On paper nothing unfolds: what the data cannot show is said there.
-  let folded = false;
-  addEventListener("beforeprint", () => { folded = !$("cannot").open; $("cannot").open = true; });
-  addEventListener("afterprint", () => { if (folded) $("cannot").open = false; });
+  // On paper nothing unfolds: what the data cannot show is said there. It is light, and gets pictures of the figures, which
+  // have the width and the colours of the screen.
+  let folded = false, before = "light";
+  function paint(theme) {
+    document.body.className = theme;
+    strips.paintIn(document.body);
+  }
+  addEventListener("beforeprint", () => {
+    folded = !$("cannot").open;
+    $("cannot").open = true;
+    before = document.body.className;
+    for (const view of window.Bokeh?.index ?? []) {
+      for (const figure of view.child_views ?? []) {
+        const { canvas } = figure.export("png", true);
+        if (canvas.width && canvas.height) document.querySelector(`[data-figures="${view.model.name}"]`)?.append(make("img", { src: canvas.toDataURL("image/png"), class: before, alt: "" }));
+      }
+    }
+    paint("light");
+    strips.whole();
+  });
+  addEventListener("afterprint", () => {
+    if (folded) $("cannot").open = false;
+    for (const one of document.querySelectorAll("[data-figures] > img")) one.remove();
+    paint(before);
+  });
   // A page in the background draws nothing, and the server sends it nothing.
   document.addEventListener("visibilitychange", () => choose({ seen: document.visibilityState === "visible" }));
   addEventListener("keydown", (event) => {
