@@ -33,6 +33,30 @@ def test_a_chain_passes_its_torques_on():
     assert len(set(symbols.values())) == len(symbols)
 
 
+def test_what_an_effect_says_of_a_whole_coupling_replaces_the_plain_one():
+    written = [
+        line.latex for line in equations(load_model("torsion").with_effects(["backlash@motor-load1(gap=0.1)"]))[0]
+    ]
+    (one,) = (text for text in written if text.startswith(r"T_{\text{motor-load1}} ="))
+    assert one.startswith(r"T_{\text{motor-load1}} = 0 \text{ while }")
+
+
+def test_a_long_balance_is_cut_before_its_summands():
+    """A browser breaks no line within a <math>; the fourth summand was cut off."""
+    balance = next(one.latex for one in equations(load_model("torsion"))[0] if one.about.startswith("load1:"))
+    cut = ET.fromstring(to_mathml(balance, block=True))
+    assert len(cut) == balance.count(" - ") + 1 == 3
+    assert [one.find(".//*[@form='infix']") is not None for one in cut] == [False, True, True]
+
+
+def test_a_gain_that_the_loop_of_a_drive_does_not_have_is_not_written():
+    text = load_model("axis").to_yaml().replace("field: effort, unit: N·m", "field: position, unit: rad")
+    drive = "drive: {kind: position_loop, unit: V, gain: 0.2, proportional: 12.0, derivative: 0.3}"
+    lines = [line for line in text.splitlines() if not line.startswith(("controller", "drive"))]
+    (loop,) = (one.latex for one in equations(from_text("\n".join([*lines, drive]), None))[0] if one.effect == "drive")
+    assert loop == r"u_d = K_p\,(u - \theta) - K_d\,\omega"
+
+
 @pytest.mark.parametrize("name", ["cogging@motor", "load_torque@load1", "compliance@load3"])
 def test_the_term_of_the_newest_effect_is_marked_in_its_balance(name):
     model = load_model("torsion").with_effects([name])

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from bokeh.models import DataRange1d, FixedTicker, HoverTool
-from bokeh.models.annotations import BoxAnnotation, Label
+from bokeh.models import DataRange1d, FixedTicker, HoverTool, LinearAxis
+from bokeh.models.annotations import BoxAnnotation
 from bokeh.plotting import figure
 
 from idloop.reporting.breakdowns import (
@@ -103,20 +103,25 @@ def error_in_time(maps: Sequence[tuple[str, ErrorMap]], theme: Theme = LIGHT, bu
         drawn = draw_thinned(plot, one.time, one.error, buckets, color=colour, line_width=1.0)
         entries.append((legend_entry(maps, index), [drawn]))
     add_zero_line(plot, theme)
+    numbers: dict[float, str] = {}
     for number, stretch in enumerate(maps[-1][1].loud_stretches[:MARKED_STRETCHES], start=1):
+        numbers[0.5 * (stretch.start + stretch.stop)] = str(number)
         plot.add_layout(
             BoxAnnotation(
                 left=stretch.start, right=stretch.stop, fill_color=theme.found, fill_alpha=0.22, line_color=None
             )
         )
+    if numbers:  # above the frame, where no curve runs through them
+        looks: Any = {"ticker": FixedTicker(ticks=sorted(numbers)), "major_label_overrides": numbers}
         plot.add_layout(
-            Label(
-                x=0.5 * (stretch.start + stretch.stop), y=0, y_units="screen",
-                y_offset=2 + 13 * ((number - 1) % MARKED_STRETCHES), text=str(number),
-                text_align="center", text_color=theme.found, text_font=FONT, text_font_size="12px",
-                background_fill_color=theme.surface, background_fill_alpha=0.85,
-            )
+            LinearAxis(
+                **looks, axis_line_color=None, major_tick_line_color=None,
+                minor_tick_line_color=None, major_label_standoff=-4, major_label_text_font=FONT,
+                major_label_text_font_size="12px", major_label_text_color=theme.found,
+            ),
+            "above",
         )  # fmt: skip
+        plot.height = int(plot.height or 0) + 12
     if len(maps) > 1:
         add_legend(plot, theme, entries)
     return plot

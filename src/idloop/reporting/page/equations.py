@@ -68,7 +68,14 @@ class _Writer:
             for spec in active.effect.parameters:
                 if spec.optional and f"{active.name}.{spec.name}" not in self.model.values:
                     text = text.replace(known.symbols[spec.name], known.symbols[spec.optional])
-            return replace(known, text=_CANCELLED.sub("", text))
+            required = {spec.name for spec in active.effect.parameters if not spec.optional}
+            lacking = [
+                symbol
+                for name, symbol in known.symbols.items()
+                if name in required and f"{active.name}.{name}" not in self.model.values
+            ]
+            text = "".join(part for part in _summands(_CANCELLED.sub("", text)) if not any(s in part for s in lacking))
+            return replace(known, text=text)
         name = rf"\text{{{plain_words(active.effect.name)}}}"
         symbols = {spec.name: rf"p_{{\text{{{plain_words(spec.name)}}}}}" for spec in active.effect.parameters}
         if kind == BODY:
@@ -122,15 +129,15 @@ def equations(model: Model, newest: str = "") -> tuple[list[Equation], dict[str,
     for coupling, (first, second) in zip(
         model.couplings, zip(model.bodies[:-1], model.bodies[1:], strict=True), strict=True
     ):
-        twist, rate = (rf"\left({writer.of(x, first)} - {writer.of(x, second)}\right)" for x in (writer.q, writer.v))
         stiffness, damping = (rf"{x}_{{\text{{{plain_words(coupling)}}}}}" for x in ("k", "c"))
         writer.symbols |= {f"{coupling}.stiffness": stiffness, f"{coupling}.damping": damping}
-        _coupling(writer, coupling, twist, rate)
+        twist = f"Δ{{}} = {first} − {second}".format(_named(writer.q).partition(" ")[0])
+        _coupling(writer, coupling, f"{coupling}: what passes, {twist}")
     for coupling, active in model.inner_couplings.items():
         if writer.effects(COUPLING, coupling):
             for own in COUPLING_PARAMETERS:
                 writer.symbols[f"{coupling}.{own}"] = writer.symbols[f"{active.name}.{own}"]
-            _coupling(writer, coupling, *(writer.filled(rf"\Delta {x}", body=active.at) for x in ("@q", "@v")))
+            _coupling(writer, coupling, f"{coupling}: what passes", body=active.at)
     for output in model.outputs:
         _reading(writer, output)
     return writer.lines, {name: symbol for name, symbol in writer.symbols.items() if name in model.values}
@@ -183,17 +190,21 @@ def _between(writer: _Writer, coupling: str) -> str:
     return rf"{writer.force}_{{\text{{{plain_words(coupling)}}}}}"
 
 
-def _coupling(writer: _Writer, coupling: str, twist: str, rate: str) -> None:
+def _coupling(writer: _Writer, coupling: str, about: str, body: str = "") -> None:
     stiffness, damping = (writer.symbols[f"{coupling}.{own}"] for own in COUPLING_PARAMETERS)
-    right, definitions = rf"{stiffness}\,{twist} + {damping}\,{rate}", []
+    twist, rate = (writer.filled(rf"\Delta {x}", body=body) for x in ("@q", "@v"))
+    plain = rf"{stiffness}\,{twist} + {damping}\,{rate}"
+    right, definitions = plain, []
     for active in writer.effects(COUPLING, coupling):
         equation = writer.equation_of(active, COUPLING)
-        right += writer.term(active, equation, coupling)
+        right += writer.term(active, equation, coupling) if equation.term else ""
         if equation.text:
             text = equation.text.replace("k_{@s}", stiffness).replace("c_{@s}", damping)
-            definitions.append(Equation(writer.filled(text, coupling), "coupling", active.name))
+            definitions.append(Equation(writer.filled(text, coupling), about, active.name))
         writer.keep_symbols(active, equation)
-    writer.lines.append(Equation(f"{_between(writer, coupling)} = {right}", f"{coupling}: what passes"))
+    # What one effect says of the whole, the plain coupling would contradict.
+    if right != plain or len(definitions) != 1:
+        writer.lines.append(Equation(f"{_between(writer, coupling)} = {right}", about))
     writer.lines += definitions
 
 
@@ -218,7 +229,27 @@ def _reading(writer: _Writer, output: OutputSignal) -> None:
 
 @lru_cache(maxsize=512)
 def to_mathml(latex: str, *, block: bool = False) -> str:
-    """Turn a line of LaTeX, without dollar signs, into a ``<math>`` element; `block` on a line of its own."""
+    """Turn a line of LaTeX, without dollar signs, into a ``<math>`` element.
+
+    `block`: one element for each summand, in a ``<span>``: a browser breaks no line within an element.
+    """
     from latex2mathml.converter import convert
 
-    return str(convert(latex, display="block" if block else "inline"))
+    if not block:
+        return str(convert(latex, display="inline"))
+    first, *rest = (str(convert(one, display="block")) for one in _summands(latex))
+    return "".join(["<span>", first, *(one.replace("<mo>", '<mo form="infix">', 1) for one in rest), "</span>"])
+
+
+def _summands(latex: str) -> list[str]:
+    """Cut a line of LaTeX before the signs, and the words after a comma, that stand in no bracket."""
+    parts, depth = [""], 0
+    for place, part in enumerate(
+        re.split(r"((?<!=) (?=[+-]|\\class)|(?=\\text\{, )|\\left.|\\right.|\\.|[{}()])", latex)
+    ):
+        depth += part in ("{", "(") or part.startswith(r"\left")
+        depth -= part in ("}", ")") or part.startswith(r"\right")
+        if place % 2 and part in ("", " ") and not depth:
+            parts.append("")
+        parts[-1] += part
+    return parts
