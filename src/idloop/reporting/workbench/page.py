@@ -120,6 +120,7 @@ class Page:
         self.look: dict[str, Any] = {"theme": theme, "error": "", "variable": "", "seen": False, "near": []}
         self._doc = doc
         self._drawn: dict[str, tuple[Any, Any]] = {}
+        self._making = False
         self.choice = ColumnDataSource(name="look", data={"json": [json.dumps(self.look)]})
         self.choice.on_change("data", self._chosen)
         self.roots = {name: column(name=name, sizing_mode="stretch_width") for name in FIGURES}
@@ -162,11 +163,16 @@ class Page:
         costs nothing.
         """
         snapshot = self.source.state.snapshot
-        new = self._new_finding(snapshot) if self.look["seen"] else None
+        # One after the other: of two that are made at once, the older may be ready last.
+        new = self._new_finding(snapshot) if self.look["seen"] and not self._making else None
         if new is None:
             return
         name, make, anew = new
-        figures, wanted = await asyncio.to_thread(_made, make, snapshot)
+        self._making = True
+        try:
+            figures, wanted = await asyncio.to_thread(_made, make, snapshot)
+        finally:
+            self._making = False
         self._doc.hold("combine")
         try:
             self._canvases[name].show(figures, wanted, anew=anew)
