@@ -904,6 +904,25 @@ def test_nothing_of_another_width_stays_beside_a_figure_and_paper_unfolds(record
     page.goto("about:blank")
 
 
+@pytest.mark.parametrize(("cost", "least", "most"), [(13.0, 29.5, 30.5), (40.0, 12.0, 12.6)])
+def test_a_late_picture_is_caught_up_with_and_drawing_takes_half_of_the_time_at_most(site, visit, cost, least, most):
+    """A picture that missed its frame was lost: 28.5 a second. Of sixty frames, every tenth picture is late."""
+    found = visit(site.address).page.evaluate(
+        """cost => {
+          let rest = 0, pictures = 0, free = 0;
+          for (let now = 0; now < 60000; now += 1000 / 60) {
+            if (now < free || now < rest - 5 + (pictures % 10 === 9 ? 17 : 0)) continue;
+            pictures += 1;
+            rest = Strips.due(rest, now, now + cost);
+            free = now + cost;
+          }
+          return pictures / 60;
+        }""",
+        cost,
+    )
+    assert least <= found <= most
+
+
 @pytest.mark.slow
 def test_paper_is_light_and_its_figures_are_pictures_of_its_width(recording, visit):
     """In the dark the figures stayed dark, and those of the narrow column half as wide as the paper."""

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from idloop.physics import load_model
+from idloop.reporting.workbench.ring import SPARE
 from idloop.reporting.workbench.signals import STREAMS, Signals
 
 MS = 1_000_000
@@ -34,6 +35,17 @@ def test_memory_is_bounded_however_long_it_runs(signals):
     view = signals.view(start, stop, 100)
     assert set(view.points) == set(STREAMS)
     assert all(len(time) <= 2 * 104 for time, _ in view.points.values())
+
+
+def test_what_is_only_drawn_takes_half_the_memory_and_a_record_is_exact(signals):
+    stamps, measured, drawn = 7 * 8, 2 * 8 + 8, (4 * 2 + 1) * 4
+    assert signals.nbytes == (5000 + 5000 // SPARE) * (stamps + measured + drawn)
+    model, fine = load_model("dc_motor"), np.full((10, 2), 100.0 + 1e-9)
+    signals.extend("command", 10**9 + MS * np.arange(10), fine[:, :1])
+    signals.extend("measured", 10**9 + MS * np.arange(10), fine)
+    record = signals.record(model, 10**9, 2 * 10**9)
+    assert np.array_equal(record.output, fine)
+    assert np.array_equal(record.input, fine[:, 0])
 
 
 def test_a_view_keeps_the_command_to_the_newest_measurement(signals):

@@ -28,6 +28,7 @@ BAND = NORMAL_95  # standard deviations of the band around a residual of zero, a
 ENOUGH = 5000  # samples of a residual that say how wide its bulk is
 JUMP = SECOND  # a stamp that goes back by more means that a new run has begun
 STREAMS = ("measured", "predicted", "residual", "free_run", "free_error", "command", "reference")
+RECORDED = ("measured", "command")  # what a record is made of; the others are drawn and no more
 SCALARS = ("command", "reference")  # one column; the others have one for each output
 
 
@@ -58,7 +59,10 @@ class Signals:
         self.noise = np.array([np.nan if o.noise is None else float(o.noise) for o in model.outputs])
         # The reference is drawn beside what it commands: the position of the driven joint.
         self.followed = next((i for i, o in enumerate(model.outputs) if o.field == "position"), None)
-        self._rings = {name: Ring(1 if name in SCALARS else len(self.names), capacity) for name in STREAMS}
+        self._rings = {
+            name: Ring(1 if name in SCALARS else len(self.names), capacity, drawn=name not in RECORDED)
+            for name in STREAMS
+        }
         self._lock = threading.Lock()
         self.origin: int | None = None
         self.runs = 0

@@ -225,6 +225,11 @@ const Strips = (() => {
       if (this.wire.ask(this.question())) this.asked = performance.now();
     }
 
+    // When the next picture is due, of one that was due at `rest` and drawn from `drawing` to `now`. On a small computer the
+    // control loop needs the processor too: at most half of the time is spent on drawing, a picture that came late and the
+    // one that catches up with it taken together.
+    static due(rest, drawing, now) { return Math.max(rest + Math.max(PERIOD, 2 * (now - drawing)), drawing - BEHIND); }
+
     // Drawn with a frame of the browser; a page in the background gets none and asks for nothing until it can be seen.
     answered(data) {
       requestAnimationFrame(() => {
@@ -242,12 +247,11 @@ const Strips = (() => {
         this.pictures += 1;
         if (this.pictures === 1) performance.mark("idloop-first-picture");
       }
-      // On a small computer the control loop needs the processor too: at most half of the time is spent on drawing. The next
-      // question is sent long before, so that a server that is busy for some milliseconds delays nothing.
+      // The next question is sent long before, so that a server that is busy for some milliseconds delays nothing.
       setTimeout(() => {
         if (this.asked !== null) return;
         const now = performance.now();
-        this.rest = Math.max(this.rest + PERIOD, drawing - BEHIND, drawing + 2 * (now - drawing));
+        this.rest = Strips.due(this.rest, drawing, now);
         clearTimeout(this.due);
         this.due = setTimeout(() => this.pull(), this.look.follow ? Math.max(this.rest - AHEAD - now, 0) : IDLE);
       });
