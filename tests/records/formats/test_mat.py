@@ -59,9 +59,13 @@ def test_signals_of_simulink_by_their_labels(tmp_path):
         "blockName": "motor/Scope",
     }  # fmt: skip
     alone = {"time": T[:20], "signals": {"values": U[:20], "label": "", "dimensions": 1.0}}
-    savemat(tmp_path / "log.mat", {"scope": scope, "out": alone})
+    told = alone | {"blockName": "motor/Speed"}  # the variable may be called otherwise
+    savemat(tmp_path / "log.mat", {"scope": scope, "out": alone, "Position": told})
     table = read_table(tmp_path / "log.mat")
-    assert set(table.columns) == {"scope.time", "scope.speed", "scope.u[0]", "scope.u[1]", "out.time", "out.signals"}
+    assert set(table.columns) == {
+        "scope.time", "scope.speed", "scope.u[0]", "scope.u[1]", "out.time", "out.signals", "Position.time",
+        "Position.Speed",
+    }  # fmt: skip
     assert table.clocks["scope.u[1]"] == "scope.time"
     assert table.clocks["out.signals"] == "out.time"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import h5py
 import numpy as np
 import pytest
 from tests.records.formats.writers import Ref, mat_objects, mat_objects_hdf5
@@ -56,6 +57,41 @@ def test_objects(tmp_path, write):
     assert table.attributes["note"] == "motor speed"
     assert table.attributes["bench.Kp"] == 2.5
     np.testing.assert_array_equal(table.numbers("plain"), [0.0, 1.0, 2.0])
+
+
+def _logged(*values):
+    """Signals of Simulink, of which only the paths of their blocks say what they are."""
+    blocks = ("model/bench//axis/Drive Command", "model/rad//s")
+    elements = [{"Name": "", "BlockPath": [block], "Values": one} for block, one in zip(blocks, values, strict=True)]
+    storage = ("MatFileDatasetStorage", {"any": {"Elements": elements}}, True)
+    return [("Dataset", {"any": {"Name": "data", "Storage": Ref(2)}}, True), storage]
+
+
+@pytest.mark.parametrize("write", WRITERS)
+def test_signals_that_simulink_has_logged(tmp_path, write):
+    write(tmp_path / "log.mat", {"data": 1}, _logged({"Time": T, "Data": U}, {"Time": T, "Data": 2.0 * U}))
+    table = read_table(tmp_path / "log.mat")
+    names = ("data.Drive Command", "data.[rad/s]")
+    assert table.clocks == {f"{name}.Data": f"{name}.Time" for name in names}
+    np.testing.assert_array_equal(table.numbers("data.[rad/s].Data"), 2.0 * U.ravel())
+
+
+def test_signals_that_simulink_has_logged_into_a_file(tmp_path):
+    """Their values lie apart, as bytes; even stamps are a first one, a step and a number."""
+    stamps, kinds = np.array([1.0, 0.5, 5.0]), ("double", "single")
+    apart = [
+        {"CompressedTime": stamps, "DataR2": np.array([[float(k)]]), "SignalAttributes": {"ClassName": kind}}
+        for k, kind in enumerate(kinds)
+    ]
+    mat_objects_hdf5(tmp_path / "log.mat", {"data": 1}, _logged(*apart))
+    with h5py.File(tmp_path / "log.mat", "a") as file:
+        for place, (kind, values) in enumerate(zip(kinds, (U, np.hstack([U, -U])), strict=True)):
+            raw = np.frombuffer(values.astype(kind).tobytes(), dtype=np.uint8)
+            file.create_dataset(f"#sigstream#/{place}/#data#", data=raw)
+    table = read_table(tmp_path / "log.mat")
+    np.testing.assert_array_equal(table.numbers("data.Drive Command.Data"), U.ravel())
+    np.testing.assert_array_equal(table.numbers("data.[rad/s].Data[1]"), -U.ravel())
+    np.testing.assert_array_equal(table.numbers("data.[rad/s].Time"), 1.0 + 0.5 * np.arange(5.0))
 
 
 @pytest.mark.parametrize("write", WRITERS)

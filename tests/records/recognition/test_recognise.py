@@ -854,3 +854,24 @@ def test_the_unit_of_a_position_is_said_by_the_velocity_and_not_by_its_own_slope
     found = _roles({"t": T, "u": U, "pos": ANGLE, "vel": SPEED})[1]
     assert found.of("position").reason == "by its name (pos); rad by the velocity in rad/s"
     assert "it is the slope of the position" in found.of("velocity").reason
+
+
+STAIRS = 12.0 * np.sign(np.sin(3.0 * T)) * (1.0 + (T % 5.0 > 2.5))
+
+
+@pytest.mark.parametrize("name", ["rad", "position [rad]", "theta_rad"])
+@pytest.mark.parametrize("command", ["torque", "level"])
+def test_an_angle_that_follows_the_command_over_turns_is_a_velocity(name, command):
+    roles, found = _roles({"t": T, command: STAIRS, name: 12.0 * SPEED})
+    assert roles["velocity"] == (name, "rad/s")
+    assert f"{name!r} may be a position or a velocity" in " ".join(found.all_doubts())
+
+
+def test_a_position_under_a_ramp_or_on_a_spring_stays_one():
+    """The speed runs with a ramp better than its position; a pendulum under a slow torque stays within a turn."""
+    ramp = T * 2.0
+    roles, _ = _roles({"t": T, "torque": ramp, "position [rad]": 10.0 * T**2})
+    assert roles["position"] == ("position [rad]", "rad")
+    roles, found = _roles({"t": T, "torque": STAIRS, "angle": 10.0 * SPEED})
+    assert roles["position"][0] == "angle"
+    assert "is large where the command is" in " ".join(found.all_doubts())

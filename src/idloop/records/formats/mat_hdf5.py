@@ -88,7 +88,24 @@ class _Reader:
         if arrays and len(arrays) == len(fields) and len(lengths) == 1:
             (count,) = lengths
             return [{key: fields[key][place] for key in arrays} for place in range(count)]
-        return fields
+        return self._streamed(fields) or fields
+
+    def _streamed(self, fields: dict[str, Any]) -> dict[str, Any]:
+        """Stamps and values of a signal of Simulink that lie apart, as a first stamp with a step and a row of bytes."""
+        stamps, number, kind = (fields.get(key) for key in ("CompressedTime", "DataR2", "SignalAttributes"))
+        if not (isinstance(stamps, np.ndarray) and stamps.shape == (3,) and isinstance(number, np.floating)):
+            return {}
+        item = self._file.get(f"#sigstream#/{number:.0f}/#data#")
+        stream = self.data.values(item) if item is not None else None
+        name = str(kind.get("ClassName")) if isinstance(kind, dict) else ""
+        if not isinstance(stream, np.ndarray) or name not in _NUMBERS:
+            return {}
+        begin, step, count = stamps.tolist()
+        values = np.frombuffer(stream.tobytes(), dtype="bool" if name == "logical" else name)
+        if not 0 < count <= values.size or values.size % int(count):
+            return {}
+        values = np.squeeze(values.reshape(int(count), -1))
+        return {"Time": begin + step * np.arange(int(count)), "Data": values}
 
     def _referred(self, item: Any, name: str, depth: int) -> list[Any]:
         import h5py

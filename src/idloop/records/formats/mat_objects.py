@@ -1,4 +1,4 @@
-"""Objects in MATLAB files: timetable, table, timeseries, duration, datetime, string, and the properties of others.
+"""Objects in MATLAB files: timetable, table, timeseries, data sets of Simulink, and the properties of others.
 
 A variable that is an object holds numbers of objects. Their classes and properties lie in one array of cells, the
 subsystem: the first cell has tables of names, classes, objects and properties, the others the values. MathWorks does
@@ -16,6 +16,7 @@ import numpy as np
 
 from idloop.arrays import Integers
 from idloop.documents import MOST_DEPTH, MOST_TABLE
+from idloop.records.formats.tree import last_block
 
 _SIGN = 0xDD000000
 _HEAD = 40  # bytes: version, number of names, eight places of tables
@@ -205,6 +206,30 @@ def _timeseries(found: dict[str, Any]) -> Any:
     return {"Time": time, "Data": data} | ({"DataInfo": units} if isinstance(units, Mapping) else {})
 
 
+def _dataset(found: dict[str, Any]) -> Any:
+    """Signals that Simulink has logged, by their names, or by the last block of the path to each."""
+    elements: Any = found
+    for key in ("any", "Storage", "any", "Elements"):
+        elements = elements.get(key) if isinstance(elements, Mapping) else None
+    several = [one for one in listed_cells(elements) if isinstance(one, Mapping)]
+    several = [one for one in several if isinstance(one.get("Values"), Mapping)]
+    names = [_signal_name(one) for one in several]
+    distinct = len(set(names)) == len(names)
+    return {
+        name if name and distinct else f"signals[{place}]": one["Values"]
+        for place, (name, one) in enumerate(zip(names, several, strict=True))
+    } or found
+
+
+def _signal_name(element: Mapping[str, Any]) -> str:
+    if isinstance(name := element.get("Name"), str) and name:
+        return name
+    path = element.get("BlockPath")
+    path = path.get("path") if isinstance(path, Mapping) else path
+    path = path[-1] if isinstance(path, list) and path else path
+    return last_block(path) if isinstance(path, str) else ""
+
+
 def _duration(found: dict[str, Any]) -> Any:
     values = found.get("millis")
     return np.real(np.asarray(values, dtype=complex)) / 1000.0 if values is not None else None
@@ -247,5 +272,5 @@ def _categorical(found: dict[str, Any]) -> Any:
 
 _CLASSES: dict[str, Callable[[dict[str, Any]], Any]] = {
     "timetable": _timetable, "table": _table, "timeseries": _timeseries, "duration": _duration, "datetime": _datetime,
-    "string": _string, "categorical": _categorical,
+    "string": _string, "categorical": _categorical, "Dataset": _dataset,
 }  # fmt: skip

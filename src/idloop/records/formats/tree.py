@@ -12,6 +12,9 @@ import numpy as np
 from idloop.documents import MOST_COLUMNS, MOST_DEPTH
 from idloop.errors import InputError
 from idloop.records.formats.clock_names import TIME_WORDS, clock_unit, known_clock_unit
+from idloop.records.recognition.column_name import parse_column_name
+from idloop.records.recognition.roles import role_by_name
+from idloop.records.tables.base_units import known_unit
 from idloop.records.tables.table import Table
 from idloop.records.tables.unit_words import is_unit_key
 
@@ -19,6 +22,7 @@ from idloop.records.tables.unit_words import is_unit_key
 _MOST_PARTS = 256
 # What a series with gaps holds.
 _CELL = (int, float, type(None))
+_LAST_BLOCK = re.compile(r"(?:[^/]|//)*$")
 
 
 def table_of_tree(path: Path, tree: Mapping[str, Any], *, separator: str = ".", clocks: bool = False) -> Table:
@@ -157,9 +161,18 @@ def _named(tree: Mapping[str, Any]) -> Mapping[str, Any]:
                 for place, (label, one) in enumerate(zip(labels, several, strict=True))
             }
             if len(several) == 1 and "signals[0]" in found:
-                found = {"signals": found["signals[0]"]}
+                # Without a label the block that gave a signal may say what it is: axis/Speed, but not axis/Scope.
+                block = last_block(str(tree.get("blockName", "")))
+                named = role_by_name(parse_column_name(block)).role not in ("", "other")
+                found = {block if named else "signals": found["signals[0]"]}
             return {"time": tree["time"], **found, **{k: v for k, v in tree.items() if k not in ("time", "signals")}}
     return _with_names({key: _by_name(value) for key, value in tree.items()})
+
+
+def last_block(path: str) -> str:
+    """Return the name of the last block on a path of Simulink, which writes a stroke in a name twice."""
+    block = _LAST_BLOCK.findall(path)[0].replace("//", "/")
+    return f"[{block}]" if known_unit(block) else block.replace("/", " ").replace("\n", " ")
 
 
 def _with_names(tree: Mapping[str, Any]) -> Mapping[str, Any]:

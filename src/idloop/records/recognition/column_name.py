@@ -39,6 +39,7 @@ _COUNTERS = frozenset({
 })  # fmt: skip
 # What a device says of itself; a structure around it does not change that.
 FLAGS = frozenset({"state", "status", "flag", "flags", "mode", "fault"})
+_VALUES = ("data", "value", "values")  # last part of a path that says only what stands there
 _COMPONENTS = ("x", "y", "z", "w")
 _NO_COUNTERS = frozenset({"data", "number", "no"})  # by themselves
 # A German compound: its last noun is the quantity, set-point or measured are said before or behind it.
@@ -101,6 +102,7 @@ def parse_column_name(name: str, unit: str = "") -> ColumnName:
         found, text = known_unit(behind[1]), text[: behind.start()]
     # The last words of a topic's path or of a structure name the signal; what counts the rows does so in any of them.
     path = re.split(r"[/.]", text.strip("/. "))
+    path = path[:-1] if len(path) > 1 and path[-1].strip().lower() in _VALUES else path
     # A state with an index is one of several, as of the joints.
     alone = _counts(path[-1]) or (path[-1].strip().lower() in FLAGS and not index)
     # Of a vector the last word is the component: wrench.force.x. Data to identify with are called id, and no current.
@@ -168,6 +170,7 @@ def _unit_of_last_words(words: list[str]) -> tuple[str, float, list[str]]:
             unit, factor = read_unit(joint.join(last) if count > 1 else last[0])
             # A single letter is a unit in its own case only, and only behind a name.
             written = len("".join(last)) > 1 or (len(words) > 1 and last[0] in (unit, "°"))
+            written = written and last[0].lower() != "pulse"  # a command; an encoder counts pulses
             # Behind a name rated and nominal say which, and are no unit.
             if unit not in ("", "-") and written and is_unit_behind(unit, map(str.lower, words[:-count])):
                 return unit, factor, words[:-count] or list(last)

@@ -52,6 +52,7 @@ from idloop.records.recognition.roles import (
 from idloop.records.recognition.table_column import TableColumn, numbers_of, runs_of
 from idloop.records.recognition.time_base import TimeBase, base_of_clock, doubt_of_decimation, find_time_base
 from idloop.records.recognition.unnamed_columns import fill_by_values, find_set_point, follows, longest_way
+from idloop.records.tables.base_units import COUNTS, base_unit
 from idloop.records.tables.csv_layout import is_number
 from idloop.records.tables.expression import Expression
 from idloop.records.tables.mapping import Time
@@ -62,6 +63,8 @@ from idloop.spelling import listed
 _NUMBER_IN_NAME = re.compile(r"(?P<before>[A-Za-z]*)[_\- ]?(?P<number>-?\d+(?:[.,]\d+)?)(?P<unit>[A-Za-z%]*)")
 _DESIRED = re.compile(r"(.+)_d(\W?\d*\W?)")
 _KNOWN_RANK = 10.0  # a known drive says more than a name
+# Turns within which a position on a spring, or a weight that hangs, stays.
+_TURNS_ON_A_SPRING = 2.0
 _COMMAND_WORDS = {"V", "mV", "A", "mA", "%"}
 
 
@@ -147,6 +150,7 @@ def recognise_table(
         fill_by_values(base, columns, chosen, given)
     else:
         chosen = {role: guess for role, guess in shown.items() if guess.column in columns} | chosen
+    _output(columns, chosen, given)
     find_set_point(columns, chosen, given)
     _command_without_column(table, chosen, given, doubts)
     if not any(role in chosen for role in MOTION):
@@ -252,7 +256,6 @@ def _by_names(
         if guess is not None:
             chosen[role] = guess
             columns |= _columns_of(guess, columns, numbers, base)
-    _output(columns, chosen, given)
     _load(every, columns, chosen, given)
     return columns, chosen, joints_with_command(every)
 
@@ -481,26 +484,36 @@ def _slack_between(place: TableColumn, other: TableColumn) -> bool:
 
 def _output(columns: dict[str, TableColumn], chosen: dict[str, Guess], given: Map[str, Given]) -> None:
     """Decide whether an output ``y`` is a position or a velocity, and doubt a position that runs as a velocity."""
-    place, command = chosen.get("position"), chosen.get("command")
+    place, command = chosen.get("position"), chosen.get("command") or chosen.get("effort")
     named = given.keys() & set(MOTION) or "velocity" in chosen
-    if place is None or command is None or named or place.unit:
+    if place is None or command is None or named or place.unit in LINEAR_UNITS:
         return
-    driven = columns.get(command.column)
-    column = columns[place.column]
-    runs_so = driven is not None and follows(column.value, driven.value) and not column.is_angle
-    if parse_column_name(place.column).words not in (("y",), *IN_OR_OUT):
-        if runs_so:
-            chosen["position"] = place.with_doubt(
-                f"{place.column!r} is large where the command is, as a velocity is, and a position on a spring: if it"
-                f" is one, --velocity {shlex.quote(place.column)}"
-            )
-        return
-    if runs_so:
+    driven, column = columns.get(command.column), columns[place.column]
+    runs_so = driven is not None and not column.is_angle and follows(column.value, driven.value, column.runs)
+    output = not place.unit and parse_column_name(place.column).words in (("y",), *IN_OR_OUT)
+    turns = runs_so and _most_turns(column) > _TURNS_ON_A_SPRING
+    if turns or (output and runs_so):
         del chosen["position"]
-        chosen["velocity"] = replace(place, role="velocity", reason="an output that is large where the command is")
-    doubt = f"{place.column!r} may be a position or a velocity: --position {place.column} or --velocity {place.column}"
-    role = "velocity" if "velocity" in chosen else "position"
-    chosen[role] = chosen[role].with_doubt(doubt)
+        kind = "a motion" if turns else "an output"
+        reason = f"{kind} that is large where the command is{', over many turns' if turns else ''}"
+        chosen["velocity"] = column.as_guess("velocity", reason)
+    if turns or output:
+        role = "velocity" if "velocity" in chosen else "position"
+        either = " or ".join(f"--{one} {shlex.quote(place.column)}" for one in MOTION)
+        chosen[role] = chosen[role].with_doubt(f"{place.column!r} may be a position or a velocity: {either}")
+    elif runs_so and not place.unit:
+        chosen["position"] = place.with_doubt(
+            f"{place.column!r} is large where the command is, as a velocity is, and a position on a spring: if it"
+            f" is one, --velocity {shlex.quote(place.column)}"
+        )
+
+
+def _most_turns(column: TableColumn) -> float:
+    """Turns that a column goes through if it is an angle; in degrees without a unit, which are the fewest."""
+    if column.parsed.unit in COUNTS:
+        return 0.0
+    turn = base_unit(column.parsed.unit or "deg", "position", column.name)[1] / base_unit("rev", "position", "")[1]
+    return turn * float(np.nanmax(column.value) - np.nanmin(column.value))
 
 
 def _command_without_column(table: Table, chosen: dict[str, Guess], given: Map[str, Given], doubts: list[str]) -> None:

@@ -19,6 +19,7 @@ _MOST_BY_LOOKS = 3  # columns without a name that are recognised by their values
 _MOST_PAIRED = 6  # ... of which two are a position and its slope
 _MOST_COMPARED = 20  # columns without a name that are held against the slope of the position
 _FOLLOWS = 0.6  # correlation of a velocity with the command
+_BLOCKS = 200  # means along which the slope of a motion is taken
 
 
 def fill_by_values(
@@ -152,14 +153,34 @@ def _same(one: Array, other: Array) -> bool:
     return bool(known.any()) and float(np.std((one - other)[known])) < 0.1 * float(np.std(one[known]))
 
 
-def follows(motion: Array, command: Array) -> bool:
-    """Whether a motion is large where the command is, as a velocity is, and a position is not."""
+def follows(motion: Array, command: Array, runs: Iterable[slice] = (slice(None),)) -> bool:
+    """Whether a motion is large where the command is, as a velocity is; the slope of a position is rather so."""
     if motion.size != command.size:
         return False
     known = np.isfinite(motion) & np.isfinite(command)
     if known.sum() < 3 or not (np.ptp(motion[known]) and np.ptp(command[known])):
         return False
-    return abs(float(np.corrcoef(motion[known], command[known])[0, 1])) > _FOLLOWS
+    together = abs(float(np.corrcoef(motion[known], command[known])[0, 1]))
+    return together > _FOLLOWS and together > _by_slope(motion, command, runs)
+
+
+def _by_slope(motion: Array, command: Array, runs: Iterable[slice]) -> float:
+    """Correlation of a command with the slope of a motion, of means over blocks, which leave out its noise."""
+    slopes, forces = [], []
+    for run in runs:
+        length = max(1, motion[run].size // _BLOCKS)
+        count = motion[run].size // length
+        if count > 2:
+            means = [one[run][: count * length].reshape(count, length).mean(axis=1) for one in (motion, command)]
+            slopes.append((means[0][2:] - means[0][:-2]) / length)
+            forces.append(means[1][1:-1])
+    if not slopes:
+        return 0.0
+    slope, force = np.concatenate(slopes), np.concatenate(forces)
+    known = np.isfinite(slope) & np.isfinite(force)
+    if known.sum() < 3 or not (np.ptp(slope[known]) and np.ptp(force[known])):
+        return 0.0
+    return abs(float(np.corrcoef(slope[known], force[known])[0, 1]))
 
 
 def longest_way(position: Array, runs: Iterable[slice]) -> slice:
