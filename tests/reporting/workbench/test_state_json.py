@@ -243,7 +243,7 @@ def test_an_experiment_says_what_it_sends_in():
 def test_the_evidence_and_what_may_be_trusted_is_said_in_words_and_numbers():
     known = Evidence(
         "decided: dead_zone@input", (), (5.0, 10.0),
-        {"cogging@motor": (float("nan"), -2.04), "dead_zone@input": (6.0, 18.37)}, 7.9,
+        {"cogging@motor": (float("nan"), -2.04), "dead_zone@input": (6.0, 18.37), "slip@motor": (1.0, -0.04)}, 7.9,
         {"dead_zone@input": Decided(10.0, 1000, 18.37)},
         (TrustedEstimate("drive.gain", "8.0 N·m/V", False, "missing from the model: dead_zone@input"),),
         "decided: dead_zone@input",
@@ -252,6 +252,7 @@ def test_the_evidence_and_what_may_be_trusted_is_said_in_words_and_numbers():
     assert found["current"]
     assert [(one["log_e"], one["decided"]) for one in found["effects"]] == [
         ("18.4", "10 s, 1000 samples"),
+        ("0.0", "open"),
         ("−2.0", "open"),
     ]
     recorded = replace(known, recorded=True, decided={"dead_zone@input": Decided(0.5667, 7, 18.37)})
@@ -319,6 +320,11 @@ def test_head_and_ladder_name_the_error_that_decides():
     texts = [[one["text"] for one in row["scores"]] for row in shown["steps"]]
     assert texts == [["80 %", "–"], ["80 %", "20 %"]]
     assert shown["data"].endswith("errors. –: sensor noise may be all of the error of the drive force.")
+    # A live graph judges newer samples all the time.
+    live = state_json._ladder(Ladder((step,), criterion="force"), (), live=True)
+    assert live["data"].startswith(
+        "Errors of the unseen data of the stretch that was searched; above are those of newer"
+    )
     # Behind a spring, where nobody measures, it is not noise that hides the force.
     split = Candidate("compliance", "motor", "yes", "", "")
     shown = state_json._ladder(Ladder((step, replace(hidden, added=split)), criterion="prediction"), ())

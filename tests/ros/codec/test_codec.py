@@ -309,16 +309,16 @@ def test_the_evidence_is_for_people():
     slip, gap = EffectEvidence("slip@motor", 9.31, 5 * 10**9, 500), EffectEvidence("dead_zone@input", 2.0)
     summary = EvidenceSummary("m", threshold=7.9, looks=2, samples=1000, seconds=10.0, candidates=(slip, gap))
     head, *effects = evidence_to_statuses("estimator", summary)
-    assert head.message == "decided: slip@motor, after 10 s of new samples"
+    assert head.message == "decided: slip@motor; 10 s of new samples so far"
     assert [one.name for one in effects] == ["estimator: slip@motor", "estimator: dead_zone@input"]
     assert [one.level for one in (head, *effects)] == [Level.WARN, Level.WARN, Level.OK]
     assert effects[0].values["decided_samples"] == "500"
     assert effects[1].values["decided"] == "false"
     undecided = EvidenceSummary("m", threshold=7.9, looks=2, seconds=10.0, candidates=(gap,))
-    assert undecided.line == "nothing decided; most for dead_zone@input, log E 2.0 of 7.9, after 10 s of new samples"
+    assert undecided.line == "nothing decided; most for dead_zone@input, log E 2.0 of 7.9; 10 s of new samples so far"
     early = EffectEvidence("dead_zone@input", 49.3, pending="a second stretch of samples must confirm it")
     line = EvidenceSummary("m", threshold=8.9, looks=1, seconds=5.0, candidates=(early,)).line
-    assert "log E 49.3 of 8.9, but a second stretch of samples must confirm it, after 5 s" in line
+    assert "log E 49.3 of 8.9, but a second stretch of samples must confirm it; 5 s" in line
 
 
 DEAD_ZONE = EffectSummary(

@@ -61,6 +61,8 @@ TROUBLE = (
 _AS_THEY_ARE = ("commands", "equations", "outputs", "input")
 LEVEL = 0.01  # family-wise error rate of a diagnosis, where no ladder has another one
 _UNKNOWN_FORCE = {**Score(FORCE, DRIVE_FORCE, None).to_dict(), "about": "Not known."}
+# A live graph fits and judges newer samples all the time.
+_SEARCHED = " of the stretch that was searched; above are those of newer samples"
 WORSE_BY = 1.1  # error of a free run, as a part of that before, that is worth a word
 ONE_SIGN = 0.6  # share of its root mean square from which on the mean of an error is worth a word
 
@@ -113,7 +115,9 @@ def page_state(snapshot: Snapshot, signals: Signals) -> dict[str, Any]:
         "looks": snapshot.looks,
         "recordings": list(snapshot.recordings),
         "shown": snapshot.shown,
-        "ladder": None if snapshot.ladder is None else _ladder(snapshot.ladder, snapshot.recordings, snapshot.given),
+        "ladder": None
+        if snapshot.ladder is None
+        else _ladder(snapshot.ladder, snapshot.recordings, snapshot.given, live=snapshot.live),
         "suggested": None if snapshot.suggested is None else _suggested(snapshot.suggested),
         "limits": [{"name": name, "value": value} for name, value in snapshot.limits],
         "activity": None
@@ -265,7 +269,7 @@ def _evidence(found: Evidence, effects: Sequence[str]) -> dict[str, Any]:
             "name": name,
             "words": effect_words(name),
             "line": keys.get(name),
-            "log_e": f"{newest[name]:.1f}".replace("-", "−"),
+            "log_e": f"{round(newest[name], 1) + 0.0:.1f}".replace("-", "−"),
             "decided": decided.get(name, "not added" if found.recorded and newest[name] >= found.threshold else "open"),
         }
         for name in sorted(newest, key=lambda name: -newest[name])
@@ -345,7 +349,9 @@ def _candidate(
 ) -> dict[str, Any]:
     significant = one.name in found.set or one.name in found.pair
     picture = None if pictures is None else pictures.get(one.name)
-    why = "" if picture is not None else "it is being drawn" if pictures is None else no_picture(one.name, one.model)
+    why = "The picture is being drawn."
+    if pictures is not None:
+        why = "" if picture is not None else f"No picture: {no_picture(one.name, one.model)}."
     return {
         "name": one.name,
         "words": effect_words(one.name),
@@ -396,7 +402,9 @@ def _points(x: Any, y: Any) -> list[list[float]]:
     return [[float(f"{a:.5g}"), float(f"{b:.5g}")] for a, b in zip(x, y, strict=True) if math.isfinite(a + b)]
 
 
-def _ladder(ladder: Ladder, recordings: Sequence[str], given: Step | None = None) -> dict[str, Any]:
+def _ladder(
+    ladder: Ladder, recordings: Sequence[str], given: Step | None = None, *, live: bool = False
+) -> dict[str, Any]:
     kind = judging(ladder)
     count = _count(recordings, DATA_USE[kind])
     together = f" ({count} recordings together)" if count > 1 else ""
@@ -419,7 +427,10 @@ def _ladder(ladder: Ladder, recordings: Sequence[str], given: Step | None = None
         ],
         "verdict": ladder.verdict,
         "data": " ".join(
-            [f"Errors of the {DATA_USE[kind]} data{together}.", _judged_by(ladder, force_known=any(known))]
+            [
+                f"Errors of the {DATA_USE[kind]} data{together}{_SEARCHED if live else ''}.",
+                _judged_by(ladder, force_known=any(known)),
+            ]
             + [why for why in [unknown_force(every, kind)] if why]
         ),
         "beware": [

@@ -71,7 +71,7 @@ class EvidenceSummary:
             found += f", but {best.pending}" if best.pending else ""
         else:
             found = "no candidate effect"
-        return f"{found}, after {self.seconds:.4g} s of new samples"
+        return f"{found}; {self.seconds:.4g} s of new samples so far"
 
 
 def evidence_to_statuses(node: str, summary: EvidenceSummary) -> list[Status]:

@@ -411,7 +411,7 @@
     const shared = tied > 1 && !m.pair.length ? same(m.candidates.filter((one) => one.significant)).join() : "";
     const own = [c.p, `explains ${c.share}`].filter((text) => !shared.includes(text));
     return make("div", { class: `card ${c.significant ? "significant" : "weak"} ${picture || c.fitted ? "" : "plain"}`, "data-candidate": c.name },
-      picture ?? (c.fitted ? make("p", { class: "none" }, `No picture: ${c.no_picture}.`) : null),
+      picture ?? (c.fitted ? make("p", { class: "none" }, c.no_picture) : null),
       make("div", {}, make("h3", {}, c.words),
         make("div", { class: "numbers" }, ...[...own, ...c.parameters].filter(Boolean).flatMap((text, i) => [i ? " · " : "", make("span", {}, text)])),
         make("div", { class: "share" }, make("i", { style: `width:${Math.max(0, Math.min(100, 100 * c.explains))}%` }))),
