@@ -34,3 +34,13 @@ def test_a_force_that_is_left_is_reported_beside_adequate_predictions(
 ) -> None:
     ladder = Ladder((Step(None, load_model("axis"), train={"force": left}),), verdict, criterion=criterion)
     assert ("23 % of the drive force" in force_finding(ladder)) is reported
+
+
+@pytest.mark.parametrize(("noise", "reported"), [(None, True), (0.02, True), (0.137, False), (0.2, False)])
+def test_a_force_that_sensor_noise_leaves_is_nothing_missing(noise, reported) -> None:
+    """A motor with its cogging in the model: 13.8 % of the force, all of it noise of the tachometer."""
+    model = load_model("axis")
+    ladder = Ladder(
+        (Step(None, model, train={"force": 0.138, "force_noise": noise}),), verdict="adequate", criterion="prediction"
+    )
+    assert bool(force_finding(ladder)) is reported

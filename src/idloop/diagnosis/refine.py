@@ -134,10 +134,13 @@ def free_run_finding(ladder: Ladder) -> str:
 
 
 def force_finding(ladder: Ladder) -> str:
-    """Say that a model is adequate by its errors and leaves much of the force; empty where it does not."""
+    """Say that a model is adequate by its errors and leaves much of the force that is no noise; empty otherwise."""
     last = ladder.steps[-1]
-    left = (last.validation or last.train).get("force")
-    if ladder.verdict != ADEQUATE or ladder.criterion == FORCE or left is None or left < ADEQUATE_FORCE:
+    errors = last.validation or last.train
+    left, noise = errors.get("force"), errors.get("force_noise") or 0.0
+    if ladder.verdict != ADEQUATE or ladder.criterion == FORCE or left is None:
+        return ""
+    if math.sqrt(max(left**2 - noise**2, 0.0)) < ADEQUATE_FORCE:
         return ""
     return (
         f"adequate by {ladder.criterion}, yet {100.0 * left:.3g} % of the drive force stays unexplained: something is"
