@@ -9,15 +9,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 import idloop
 from idloop.api.first_fit import FirstFit, judged
-from idloop.api.log import Log, recognise
+from idloop.api.log import Log, _are_signals, recognise
 from idloop.api.start import begin, forwards_beside_position, more_than_one_axis, with_causes
 from idloop.errors import InputError
 from idloop.records import Finding, make_stream, write_bag
 from idloop.records.tables.importing import import_bag
 from idloop.records.tables.mapping import load_mapping
+from idloop.records.tables.table_files import read_table
 
 
 @pytest.fixture(scope="module")
@@ -107,6 +109,22 @@ def test_files_without_a_header_whose_names_are_those_of_signals_are_one_record(
     ]  # fmt: skip
     other = recognise(logs, {"time": "=ms"}).recognition
     assert [other.base.time.unit, *(one.unit for one in other.clocks.values())] == ["ms", "ms"]
+
+
+def test_a_variable_of_one_name_in_each_file_is_the_signal_that_the_file_is_called(record, tmp_path):
+    """As MATLAB saves one series after another: two of them may be commands."""
+    c = _columns(record)
+    files = {"speed": np.gradient(c["q"], c["t"]), "voltage": c["u"], "current": 0.5 * c["u"]}
+    for name, values in files.items():
+        savemat(tmp_path / f"{name}.mat", {"data": {"Time": c["t"], "Data": values}})
+    found = recognise([tmp_path / f"{name}.mat" for name in files])
+    assert found.joined
+    assert [(one.role, one.column) for one in found.recognition.guesses] == [
+        ("command", "voltage.data.Data"), ("velocity", "speed.data.Data")
+    ]  # fmt: skip
+    for k in (1, 2):
+        savemat(tmp_path / f"speed{k}.mat", {"data": {"Time": c["t"], "Data": c["u"]}})
+    assert not _are_signals([read_table(tmp_path / f"speed{k}.mat") for k in (1, 2)])
 
 
 def test_runs_in_one_file_become_records_and_text_between_is_left_out(record, tmp_path):

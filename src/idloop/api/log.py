@@ -401,7 +401,8 @@ def _joined(paths: tuple[Path, ...], tables: list[Columns], said: dict[str, Give
 def _are_signals(tables: list[Columns]) -> bool:
     """Whether files with the same columns are the signals of one record: a time and a value that only the file names.
 
-    The names of the files must be those of a command and a motion, as in ``torque.t`` and ``position.t``.
+    The names of the files must be those of a command and a motion, as in ``torque.t`` and ``position.t``, and differ by
+    more than a number.
     """
     from idloop.records.recognition.column_name import parse_column_name
     from idloop.records.recognition.guess import MOTION
@@ -410,9 +411,10 @@ def _are_signals(tables: list[Columns]) -> bool:
     if len(tables) < 2 or any(len(table.columns) != 2 for table in tables):
         return False
     inside = {role_by_name(parse_column_name(name)).role for name in tables[0].columns}
-    roles = [role_by_name(parse_column_name(table.path.stem)).role for table in tables]
-    named = bool({"command", "effort"} & set(roles) and set(roles) & set(MOTION)) and len(set(roles)) == len(roles)
-    return named and not inside & {"command", "effort", *MOTION}
+    names = [parse_column_name(table.path.stem) for table in tables]
+    roles = {role_by_name(name).role for name in names}
+    named = {"command", "effort"} & roles and roles & set(MOTION) and len({name.words for name in names}) == len(names)
+    return bool(named) and not inside & {"command", "effort", *MOTION}
 
 
 def _complete(tables: list[Columns]) -> list[str]:

@@ -875,3 +875,11 @@ def test_a_position_under_a_ramp_or_on_a_spring_stays_one():
     roles, found = _roles({"t": T, "torque": STAIRS, "angle": 10.0 * SPEED})
     assert roles["position"][0] == "angle"
     assert "is large where the command is" in " ".join(found.all_doubts())
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_of_two_speeds_the_one_of_a_few_levels_was_asked_for(first):
+    speeds = {"input_speed": 20.0 * np.sign(U), "output_speed": SPEED}
+    names = list(speeds) if first else list(speeds)[::-1]
+    roles, _ = _roles({"t": T, "torque": U, **{name: speeds[name] for name in names}})
+    assert roles["velocity"][0] == "output_speed"

@@ -316,3 +316,14 @@ def test_a_matrix_in_brackets_below_names_of_several_words(tmp_path, end):
     np.testing.assert_array_equal(table.columns["Sample"], range(4))
     np.testing.assert_array_equal(table.columns["Control Effort"], [0, -0.5, -1, -1.5])
     assert not table.notes
+
+
+def test_a_cell_in_quotes_may_go_over_lines_and_a_sign_for_inches_may_not(tmp_path):
+    rows = [f'{k},"+1.5E-0{k}\r\n",{2 * k}' for k in range(1, 6)]
+    (tmp_path / "a.csv").write_bytes("\r\n".join(["t,voltage,speed", *rows, ""]).encode())
+    table = read_csv(tmp_path / "a.csv", {})
+    np.testing.assert_allclose(table.columns["voltage"], 1.5 * 10.0 ** -np.arange(1, 6))
+    np.testing.assert_array_equal(table.columns["speed"], 2 * np.arange(1, 6))
+    rows = [f"{k},{2 * k}" for k in range(20)]
+    (tmp_path / "b.csv").write_text("\n".join(['# a 3" arm', 'a 5" wheel', "t,speed", *rows]))
+    assert len(read_csv(tmp_path / "b.csv", {"skip_text": True}).columns["t"]) == 20

@@ -425,7 +425,8 @@ def _by_name(
         free = moving or [one for one in free if np.nan_to_num(one.value).any()]
     if not free:
         return None
-    best = max(moving or free, key=lambda one: one.by_name.rank)
+    # Of motions whose names say as much, what has far fewer values is held or coarse, such as a set-point.
+    best = max(moving or free, key=lambda one: (one.by_name.rank, one.decades if role in MOTION else 0))
     guess = best.as_guess(role)
     also = [one.name for one in moving if one is not best and one.by_name.rank > best.by_name.rank - 1.0]
     if role == "position":

@@ -99,6 +99,11 @@ class TableColumn:
         return bool(known.size > 1 and float(np.ptp(known)) > 0.0)
 
     @property
+    def decades(self) -> int:
+        """How many different values it has, as a power of ten below that."""
+        return len(str(np.unique(self.value[np.isfinite(self.value)]).size))
+
+    @property
     def whole_numbers(self) -> int:
         """How many different whole numbers it holds; 0 where it holds others."""
         known = self.value[np.isfinite(self.value)]

@@ -59,6 +59,10 @@ SKIPPED = (BETWEEN, CUT, ENDS)
 _TEXT_CELL = 64
 
 
+_LINES_OF_CELL = 3  # that a cell in quotes goes over at most
+_LINE_ENDS, _LINE_END = "\r\n", r"[\r\n]+"
+
+
 @dataclass
 class CsvTable:
     """What a text file holds."""
@@ -337,7 +341,7 @@ def _only_data(rows: Iterable[Row], width: int, found: CsvTable) -> Iterator[Row
 def _data_lines(stream: Iterable[str], comment: list[str]) -> Iterator[str]:
     """Yield the lines with data, and collect the comment lines above the first of them."""
     begun = False
-    for line in stream:
+    for line in _with_whole_cells(stream):
         if line.lstrip().startswith(_COMMENT):
             comment.extend([] if begun else [line])
         elif line.strip():
@@ -345,6 +349,19 @@ def _data_lines(stream: Iterable[str], comment: list[str]) -> Iterator[str]:
             # A list, as Python prints it, or the first or last row of a matrix in brackets.
             inside = _LIST.fullmatch(line) or _in_matrix(line)
             yield f"{inside[inside.lastindex or 1]}\n" if inside else line
+
+
+def _with_whole_cells(lines: Iterable[str]) -> Iterator[str]:
+    """Join lines between which a cell in quotes goes on, as the answer of an instrument with its end of line."""
+    lines = iter(lines)
+    for line in lines:
+        several = [line]
+        while "".join(several).count('"') % 2 and len(several) < _LINES_OF_CELL and (more := next(lines, None)):
+            several.append(more)
+        whole = "".join(several)
+        # What no quote closes is a sign for inches.
+        apart = len(several) == 1 or whole.count('"') % 2
+        yield from several if apart else [f"{re.sub(_LINE_END, ' ', whole.rstrip(_LINE_ENDS))}\n"]
 
 
 def _in_matrix(line: str) -> re.Match[str] | None:
