@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ import pytest
 from idloop.diagnosis import diagnose, refine
 from idloop.diagnosis.design.effect_question import effect_rivals, suggest_effect
 from idloop.diagnosis.design.experiment import Experiment
+from idloop.diagnosis.design.expected_outcome import describe
 from idloop.diagnosis.design.innovation_errors import transfer
 from idloop.diagnosis.design.limits import motion
 from idloop.diagnosis.design.next_experiment import suggest_next
@@ -302,3 +305,13 @@ def test_where_model_error_is_all_that_is_left_forces_are_compared():
     assert strong[1, 0] > max(10.0, by_force[1, 0])
     found = suggest(shifted, [record], criterion="force", duration=4.0)
     assert found.outcomes[1].errors["coulomb_friction@axis"]["force[axis]"]["unit"] == "N"
+
+
+def test_the_pairs_that_an_experiment_separates_are_of_the_rivals_that_it_names() -> None:
+    """It named six effects, and six pairs of the four for which it was designed."""
+    rivals: Any = [SimpleNamespace(label=name, model=load_model("axis")) for name in ("play", "lag", "drag")]
+    gains = np.array([[0.0, 50.0, 50.0], [50.0, 0.0, 0.0], [50.0, 0.0, 0.0]])
+    experiment: Any = SimpleNamespace(duration=6.0)
+    said = describe(rivals, experiment, Limits(command=1.0, position=(-0.000564, 77.04)), 0.0, gains)
+    assert said.startswith("expected to tell 2 of the 3 pairs of play, lag and drag apart; no experiment of 6 s within")
+    assert "position −0.000564 to 77 rad" in said

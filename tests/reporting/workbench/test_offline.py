@@ -92,6 +92,7 @@ def test_a_ladder_of_the_page_ends_as_its_diagnosis_does(monkeypatch):
     [
         ((FRICTION,), (), {FRICTION, ZONE}, "Coulomb friction @ motor is decided"),
         ((FRICTION,), (ZONE,), {FRICTION}, "Coulomb friction @ motor is decided"),
+        ((FRICTION, ZONE), (), {FRICTION, ZONE}, "one of the 2 effects that tie is decided"),
         ((), (FRICTION,), set(), "no effect is decided in 1.99 s; the threshold is reached by 2 that are not added"),
     ],
 )

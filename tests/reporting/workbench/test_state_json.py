@@ -229,6 +229,14 @@ def test_a_tie_that_no_experiment_can_end_says_what_to_do_by_hand():
     assert state_json._missing(Missing("missing", set=twins), {}, None)["separable"]
 
 
+def test_what_the_data_cannot_show_beside_a_tie_names_none_of_it():
+    tied = ("dead_zone@input", "coulomb_friction@motor")
+    ladder = Ladder((Step(None, load_model("dc_motor")),), verdict="missing", criterion="force")
+    one, both = (state_json._missing(Missing("missing", set=tied[:n]), {}, ladder)["basis"] for n in (1, 2))
+    assert one == "As long as dead zone @ input is not in the model, this data cannot show"
+    assert both == "As long as what is missing is not in the model, this data cannot show"
+
+
 def test_an_experiment_says_what_it_sends_in():
     signal = {"name": "sine", "duration": 11.0, "amplitude": 0.4, "offset": 0.4, "sample_time": 0.01}
     told = state_json._suggested({"signal": signal, "adds_to": "command", "text": "tells dead_zone@input apart"})

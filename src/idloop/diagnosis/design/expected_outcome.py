@@ -11,6 +11,7 @@ import numpy as np
 
 from idloop.diagnosis.design.rival_set import nested
 from idloop.spelling import joined_names
+from idloop.validation.words import short
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -107,7 +108,7 @@ def describe(
         bounds.append(f"command up to {limits.command:.3g} {model.input.unit}")
     unit = model.units.position
     if limits.position is not None:
-        bounds.append(f"position {limits.position[0]:.3g} .. {limits.position[1]:.3g} {unit}")
+        bounds.append(f"position {short(limits.position[0])} to {short(limits.position[1])} {unit}")
     if limits.velocity is not None:
         bounds.append(f"velocity up to {limits.velocity:.3g} {unit}/s")
     none = (
@@ -117,9 +118,8 @@ def describe(
     pairs = list(itertools.combinations(range(len(rivals)), 2))
     separated = sum(min(gains[i, j], gains[j, i]) >= DECISIVE for i, j in pairs)
     if separated:
-        return (
-            f"expected to tell {separated} of the {len(pairs)} pairs of these apart; {none} to tell all of them {best}"
-        )
+        these = joined_names([rival.label for rival in rivals])
+        return f"expected to tell {separated} of the {len(pairs)} pairs of {these} apart; {none} to tell all {best}"
     return f"{none} to tell {names} apart {best}: widen them"
 
 

@@ -44,7 +44,9 @@ def recorded_evidence(found: Diagnosis, records: Sequence[Record]) -> Evidence |
     above = sum(place is not None for place in reached.values())
     line = f"no effect is decided in {duration:.3g} s"
     if first is not None:
-        line = f"{effect_words(first)} is decided after {decided[first].seconds:.3g} of {duration:.3g} s"
+        tied = len(found.set) > 1 and not found.pair
+        what = f"one of the {len(found.set)} effects that tie" if tied else effect_words(first)
+        line = f"{what} is decided after {decided[first].seconds:.3g} of {duration:.3g} s"
     elif above:
         line += f"; the threshold is reached by {above} that {'is' if above < 2 else 'are'} not added"
     lines = {name: course.log_e for name, course in courses.items()}

@@ -227,7 +227,8 @@ def _missing(
     ladder: Ladder | None,
     left: Sequence[ResidualFinding] = (),
 ) -> dict[str, Any]:
-    lacking = [effect_words(name) for name in found.pair or found.set[:1]] if found.verdict == "missing" else []
+    lacking = [effect_words(name) for name in found.pair or found.set] if found.verdict == "missing" else []
+    lacking = ["what is missing"] if len(found.set) > 1 and not found.pair else lacking
     level = LEVEL if ladder is None else ladder.level
     twins = () if ladder is None else find_equivalent_effects(ladder.model, found.set)
     twins += same_forces(found.candidates, without_equivalents(found.set, twins))
