@@ -12,8 +12,8 @@ import pytest
 
 from idloop.diagnosis import diagnose, refine
 from idloop.diagnosis.design.effect_question import effect_rivals, suggest_effect
-from idloop.diagnosis.design.experiment import Experiment
 from idloop.diagnosis.design.expected_outcome import describe
+from idloop.diagnosis.design.experiment import Experiment
 from idloop.diagnosis.design.innovation_errors import transfer
 from idloop.diagnosis.design.limits import motion
 from idloop.diagnosis.design.next_experiment import suggest_next
