@@ -140,6 +140,17 @@ def test_a_dropped_log_becomes_the_workbench_of_a_fitted_model(served, log, tmp_
     assert fitted.values["axis.inertia"] == pytest.approx(0.01, rel=0.05)
 
 
+@pytest.mark.slow
+def test_on_a_phone_the_table_of_signals_is_read_without_moving_it(served, log):
+    """Its last column lay beyond the edge and made each row as high as a letter's width took."""
+    page, _ = served
+    page.set_viewport_size({"width": 390, "height": 844})
+    page.set_input_files("#files", log)
+    page.locator("#signals tbody tr").first.wait_for()
+    assert page.eval_on_selector(".scroll", "one => one.scrollWidth - one.clientWidth") <= 0
+    assert max(one.bounding_box()["height"] for one in page.locator("#signals tbody tr").all()) < 120
+
+
 @pytest.fixture(scope="module")
 def faulty(tmp_path_factory):
     """A log with a velocity that is 1.15 times too large, and one of the same motion under twice the command."""
