@@ -223,3 +223,14 @@ def test_a_headline_of_nothing_missing_carries_what_the_residual_tests_say_again
     assert headline(ladder(step(error=0.3), step(FRICTION, error=0.1)), [coloured]) == (
         "Missing from the model: Coulomb friction."
     )
+
+
+def test_a_ladder_that_adds_nothing_of_what_it_found_says_so():
+    """Seven effects tied, none was added, and the report began with "No effect was added. Stopped before the end"."""
+    rivals = tuple(
+        Candidate(name, at, "yes", "", "", gain=170.0, p_value=1e-9)
+        for name, at in (("coulomb_friction", "motor"), ("dead_zone", "input"))
+    )
+    ladder = Ladder((Step(None, load_model("dc_motor")),), verdict="missing", criterion="force", candidates=rivals)
+    assert headline(ladder) == "An effect is missing, and none was added."
+    assert verdict_text(ladder).startswith("Significant and not added: Coulomb friction @ motor and dead zone @ input.")

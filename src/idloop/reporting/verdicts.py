@@ -25,7 +25,7 @@ VERDICTS = {
     "adequate": "nothing significant is left",
     "unknown_structure": "what is left has a shape that no effect of the catalogue explains",
     "not_excited": "nothing significant is left, but this data cannot show everything",
-    "missing": "stopped before the end",
+    "missing": "stopped before the end, an effect is still missing",
 }
 MISSING = "an effect is missing"
 UNEXPLAINED = "something that no effect of the catalogue explains"

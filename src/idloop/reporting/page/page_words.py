@@ -13,7 +13,7 @@ from idloop.diagnosis.design.expected_outcome import describe_signal
 from idloop.diagnosis.equivalence.equivalent_effects import EquivalentEffects, equivalent_effects_of_ladder
 from idloop.p_values import p_text
 from idloop.reporting.breakdowns import along_text
-from idloop.reporting.detectability import detection_limits, undetectable
+from idloop.reporting.detectability import detection_limits, significant_not_added, undetectable
 from idloop.reporting.estimates import NORMAL_95, held_parameters, parameter_rows, with_interval
 from idloop.reporting.figures.candidates import UNTESTABLE, ladder_rows
 from idloop.reporting.ladder_errors import step_evidence, step_title
@@ -119,6 +119,9 @@ def page_words(contents: Contents) -> dict[str, Any]:
     }  # fmt: skip
 
 
+_NOT_ADDED = "An effect is missing, and none was added."
+
+
 def headline(ladder: Ladder, left: Sequence[ResidualFinding] = ()) -> str:
     """Say in one sentence what is missing.
 
@@ -135,11 +138,13 @@ def headline(ladder: Ladder, left: Sequence[ResidualFinding] = ()) -> str:
             "adequate": "Nothing that was looked for is missing.",
             "unknown_structure": sentence(f"{unexplained_cause(scope_text(ladder))} is missing"),
             "not_excited": "Nothing that was looked for shows, but this data cannot show everything.",
+            "missing": _NOT_ADDED,
         }.get(ladder.verdict, "No effect was added.")
     return {
         "adequate": "Nothing is missing: the model explains this data.",
         "unknown_structure": "Something is missing that no effect of the catalogue explains.",
         "not_excited": "Nothing significant is missing, but this data cannot show everything.",
+        "missing": _NOT_ADDED,
     }.get(ladder.verdict, "No effect was added.")
 
 
@@ -195,6 +200,9 @@ def _end_text(ladder: Ladder, end: str) -> str:
         return f"{'Nothing further' if ladder.added else 'Nothing'} shows, but this data cannot show {names}."
     if not ladder.added and ladder.verdict == "adequate" and not effects_looked_for(ladder):
         return "What is left is noise."
+    over = [effect_words(one.name) for one in significant_not_added(ladder)]
+    if ladder.verdict == "missing" and over:
+        return f"Significant and not added: {joined_names(over)}."
     shape = ladder.unknown
     if ladder.verdict == "unknown_structure" and shape is not None and len(shape.force):
         if shape.coefficient:
