@@ -40,15 +40,14 @@ def run(*words: str | Path) -> None:
 def picture_of_workbench(folder: Path) -> None:
     """The workbench after the missing effect was found."""
     words = ["workbench", "fitted.yaml", "bags/train", "--validate", "bags/unseen", "--no-browser", "--json"]
-    # The page shows the commands with these paths.
-    where = folder / "begun"
+    where = (folder / "begun").resolve()
     with subprocess.Popen([*PROGRAM, *words], stdout=subprocess.PIPE, text=True, cwd=where) as served:
         assert served.stdout is not None  # noqa: S101  (it is a pipe)
         try:
             text = ""
             while not text.rstrip().endswith("}"):
                 text += served.stdout.readline()
-            take_picture(json.loads(text)["address"], PICTURES / "workbench.png")
+            take_picture(json.loads(text)["address"], PICTURES / "workbench.png", folder=str(where))
         finally:
             served.terminate()
 

@@ -18,12 +18,17 @@ LONG = 900_000  # milliseconds that a diagnosis may take
 ADD = "#candidates .card.significant button.primary"
 _LOOKS = "() => document.body.dataset.looks"
 _STEPS = "() => document.querySelector('#steps').textContent"
+_BESIDE = """folder => { for (const one of document.querySelectorAll("#commands code"))
+  if (folder) one.textContent = one.textContent.replaceAll(`${folder}/`, ""); }"""
 _REFUSED = "() => document.querySelector('#note.bad:not([hidden]) span')?.textContent ?? ''"
 
 
-def take_picture(address: str, file: Path, *, add: int = 0, dark: bool = False, width: int = 1500) -> None:
+def take_picture(
+    address: str, file: Path, *, add: int = 0, dark: bool = False, width: int = 1500, folder: str = ""
+) -> None:
     """Find what is missing, add it as often as wanted, find what is missing then, and take the picture.
 
+    `folder`: of the files, without which the commands of the page name them.
     Raises IdloopError: the workbench could not do what was asked.
     """
     from playwright.sync_api import Error, sync_playwright
@@ -52,6 +57,7 @@ def take_picture(address: str, file: Path, *, add: int = 0, dark: bool = False, 
         page.wait_for_timeout(1500)  # what was found is drawn
         page.mouse.move(0, 0)
         page.evaluate("() => { scrollTo(0, 0); strips.whole(); }")
+        page.evaluate(_BESIDE, folder)
         page.screenshot(path=file, full_page=True)
         browser.close()
 
