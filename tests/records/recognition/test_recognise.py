@@ -883,3 +883,10 @@ def test_of_two_speeds_the_one_of_a_few_levels_was_asked_for(first):
     names = list(speeds) if first else list(speeds)[::-1]
     roles, _ = _roles({"t": T, "torque": U, **{name: speeds[name] for name in names}})
     assert roles["velocity"][0] == "output_speed"
+
+
+def test_numbered_states_beside_a_position_are_no_joints():
+    states = {"X1": 2.0 * SPEED, "X2": 30.0 * U, "X3": 3.0 * T * U}
+    roles, found = _roles({"t": T, **states, "motor position": ANGLE, "current": U})
+    assert (roles["position"][0], roles["command"][0]) == ("motor position", "current")
+    assert "joints" not in " ".join(found.all_doubts())

@@ -69,6 +69,10 @@ def one_joint(
     roles = [(one.by_name.role, own[one.name]) for some in by_joint.values() for one in some]
     if len(by_joint) < 2 or len(set(roles)) == len(roles):
         return columns
+    # Beside a position without a number, numbers of what stands alone are those of states: x1, x2 and x3.
+    whole = {one.by_name.role for one in columns.values() if not one.parsed.index and one.moves}
+    if all(len(some) == 1 for some in by_joint.values()) and whole & {role for role, _ in roles}:
+        return columns
     # A motion that is named says more than the command that is named beside it.
     said = [one.parsed.index for some in by_joint.values() for one in some if one.name in named]
     said += [one.parsed.index for one in columns.values() if one.name in named and one.parsed.index in by_joint]

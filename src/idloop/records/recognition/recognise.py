@@ -30,6 +30,7 @@ from idloop.records.recognition.guess import (
     quoted,
     with_unit,
 )
+from idloop.records.recognition.joint_blocks import in_blocks
 from idloop.records.recognition.joint_choice import joints_by_name, joints_with_command, one_joint
 from idloop.records.recognition.loop_in_drive import loop_beside_command
 from idloop.records.recognition.lost_rows import doubt_of_lost_rows
@@ -244,6 +245,9 @@ def _by_names(
     _of_known_drive(columns, sources)
     columns = {name: one.with_sign() for name, one in columns.items()}
     _supplies(columns)
+    blocks, doubt = in_blocks(columns)
+    columns |= blocks
+    doubts += [doubt] if doubt else []
     named = {one.column for role, one in given.items() if role != LOAD}
     every = columns
     columns = one_joint(_without_load(columns, given), named, doubts, by_path=paths is not None)

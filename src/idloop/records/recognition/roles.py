@@ -163,7 +163,10 @@ def role_by_name(name: ColumnName) -> RoleByName:
         return RoleByName("command", rank, _because(wanted | words & _FORCES, unit))
     if kind == "position":
         role: Role = "reference" if wanted else "position"
-        return RoleByName(role, 2.0 + bool(measured) + bool(unit), _because(wanted | words & _POSITIONS, unit))
+        said = words & _POSITIONS
+        # A letter may be any coordinate, or a state of a model.
+        rank = 2.0 + bool(measured) + bool(unit) - 0.5 * bool(said and said <= _COORDINATES)
+        return RoleByName(role, rank, _because(wanted | said, unit))
     if kind == "velocity":
         role = "reference velocity" if wanted else "velocity"
         return RoleByName(role, 2.0 + bool(measured) + bool(unit), _because(wanted | words & _VELOCITIES, unit))

@@ -10,6 +10,7 @@ import numpy as np
 from idloop.arrays import Array
 from idloop.records.recognition.column_name import FLAGS
 from idloop.records.recognition.guess import MOTION, NONE, Given, Guess, with_unit
+from idloop.records.recognition.joint_blocks import run_together, slopes_and_means
 from idloop.records.recognition.signal_units import motion_units, slope_of
 from idloop.records.recognition.smoothness import change_by_noise, smoothest_first
 from idloop.records.recognition.table_column import TableColumn
@@ -19,7 +20,6 @@ _MOST_BY_LOOKS = 3  # columns without a name that are recognised by their values
 _MOST_PAIRED = 6  # ... of which two are a position and its slope
 _MOST_COMPARED = 20  # columns without a name that are held against the slope of the position
 _FOLLOWS = 0.6  # correlation of a velocity with the command
-_BLOCKS = 200  # means along which the slope of a motion is taken
 
 
 def fill_by_values(
@@ -42,7 +42,7 @@ def fill_by_values(
     if not any(role in chosen for role in MOTION) and given.get("position", Given()).column != NONE and may_move:
         smoothest = may_move[0]
         free = [one for one in free if one is not smoothest]
-        if free and _same(smoothest.value, free[0].value):
+        if free and run_together(smoothest.value, free[0].value):
             # Of two that run together the one with less noise is the set-point, which is found below.
             smoothest = max(smoothest, free.pop(0), key=lambda one: change_by_noise(one.value)[0])
         taken = {one.column for one in chosen.values()}
@@ -73,7 +73,7 @@ def find_set_point(columns: dict[str, TableColumn], chosen: dict[str, Guess], gi
             one.name not in taken
             and one.moves
             and not one.by_name.role
-            and _same(columns[place.column].value, one.value)
+            and run_together(columns[place.column].value, one.value)
         ):
             chosen["reference"] = one.as_guess("reference", f"it runs with {place.column!r}").with_doubt(
                 f"{one.name!r} is taken as the set-point of {place.column!r}: --reference COLUMN"
@@ -145,14 +145,6 @@ def _in_units(base: TimeBase, unit: str, position: Array, rate: TableColumn) -> 
     return motion_units(*series, (unit, ""), base.units[:1], linear=False).agree
 
 
-def _same(one: Array, other: Array) -> bool:
-    """Whether two columns run together."""
-    if one.size != other.size:
-        return False
-    known = np.isfinite(one) & np.isfinite(other)
-    return bool(known.any()) and float(np.std((one - other)[known])) < 0.1 * float(np.std(one[known]))
-
-
 def follows(motion: Array, command: Array, runs: Iterable[slice] = (slice(None),)) -> bool:
     """Whether a motion is large where the command is, as a velocity is; the slope of a position is rather so."""
     if motion.size != command.size:
@@ -165,18 +157,9 @@ def follows(motion: Array, command: Array, runs: Iterable[slice] = (slice(None),
 
 
 def _by_slope(motion: Array, command: Array, runs: Iterable[slice]) -> float:
-    """Correlation of a command with the slope of a motion, of means over blocks, which leave out its noise."""
-    slopes, forces = [], []
-    for run in runs:
-        length = max(1, motion[run].size // _BLOCKS)
-        count = motion[run].size // length
-        if count > 2:
-            means = [one[run][: count * length].reshape(count, length).mean(axis=1) for one in (motion, command)]
-            slopes.append((means[0][2:] - means[0][:-2]) / length)
-            forces.append(means[1][1:-1])
-    if not slopes:
-        return 0.0
-    slope, force = np.concatenate(slopes), np.concatenate(forces)
+    """Correlation of a command with the slope of a motion, without its noise."""
+    slopes, means = slopes_and_means([motion, command], runs)
+    slope, force = slopes[:, 0], means[:, 1]
     known = np.isfinite(slope) & np.isfinite(force)
     if known.sum() < 3 or not (np.ptp(slope[known]) and np.ptp(force[known])):
         return 0.0
