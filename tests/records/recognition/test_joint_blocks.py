@@ -1,4 +1,4 @@
-"""Tables of an arm without names: blocks of positions, velocities and forces, in any order, are told by their slopes."""
+"""Tables of an arm without names: blocks of positions, velocities and forces are told by their slopes."""
 
 from __future__ import annotations
 

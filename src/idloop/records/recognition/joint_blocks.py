@@ -1,15 +1,16 @@
-"""Tables without names that hold the joints of an arm in blocks: all positions, then all velocities, then all forces."""
+"""Tables without names that hold the joints of an arm in blocks: all positions, all velocities, all forces."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
 from idloop.arrays import Array
 from idloop.records.recognition.guess import MOTION
-from idloop.records.recognition.roles import RoleByName
+from idloop.records.recognition.roles import RoleByName, Signal
 from idloop.records.recognition.table_column import TableColumn
 
 _BLOCKS = 200  # means along which the slope of a motion is taken
@@ -52,7 +53,8 @@ def in_blocks(columns: dict[str, TableColumn]) -> tuple[dict[str, TableColumn], 
     if count == _FEWEST_JOINTS and run_together(free[first].value, free[first + 1].value):
         return {}, ""
     forces = _forces(free, runs_with, first, count)
-    blocks = {"position": first, "velocity": first + count} | ({} if forces is None else {"command": forces})
+    blocks: dict[Signal, int] = {"position": first, "velocity": first + count}
+    blocks |= {} if forces is None else {"command": forces}
     named = {
         one.name: replace(
             one,
@@ -72,7 +74,7 @@ def _correlations(free: list[TableColumn]) -> Array:
     good = np.isfinite(slopes).all(axis=1) & np.isfinite(means).all(axis=1)
     slopes, means = (one[good] - one[good].mean(axis=0) if good.any() else one[:0] for one in (slopes, means))
     sizes = np.outer(np.sqrt((slopes**2).sum(axis=0)), np.sqrt((means**2).sum(axis=0)))
-    return np.divide(slopes.T @ means, sizes, out=np.zeros_like(sizes), where=sizes > 0.0)
+    return np.asarray(np.divide(slopes.T @ means, sizes, out=np.zeros_like(sizes), where=sizes > 0.0))
 
 
 def _pairs(runs_with: Array, travel: Array) -> Iterable[tuple[int, bool, int, int]]:
@@ -91,8 +93,8 @@ def _pairs(runs_with: Array, travel: Array) -> Iterable[tuple[int, bool, int, in
 
 def _forces(free: list[TableColumn], runs_with: Array, first: int, count: int) -> int | None:
     """Return where the block begins that is neither set-points nor accelerations; those behind the motions first."""
-    behind = [*range(first + 2 * count, len(free) - count + 1, count), *range(first - count, -1, -count)]
-    for begin in behind:
+    behind = range(first + 2 * count, len(free) - count + 1, count)
+    for begin in chain(behind, range(first - count, -1, -count)):
         shown = [k for k in range(count) if runs_with[first + k, first + count + k] > _RUNS_WITH]
         moves = [k for k in shown if free[begin + k].moves]
         # An acceleration is the slope of a velocity, a set-point runs with the position: so it is in all joints.
