@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from idloop.diagnosis import Candidate, Ladder, Step
 from idloop.json_values import to_json
 from idloop.physics import load_model
 from idloop.reporting.workbench.assessment import Assessment
+from idloop.reporting.workbench.state import Missing
 from idloop.reporting.workbench.state_json import page_state
 from idloop.validation.where import Where
 from idloop_nodes.codec import (
@@ -115,8 +117,27 @@ def test_a_free_run_that_somebody_looks_at_follows_the_data(source):
     late = stamps + 6 * second
     source.signals.extend("measured", late, np.zeros((400, 2)))
     source.work()
-    assert source._wanted == set(), "nobody looks"
+    assert not source._wanted, "nobody looks"
     source.state.look()
     source.work()
-    assert source._wanted == {"assess"}
+    assert list(source._wanted) == ["assess"]
     source._coordinator.busy = ""
+
+
+def test_pictures_are_drawn_while_the_free_run_follows_the_data(monkeypatch):
+    """On a busy machine the next free run was due before the last one had ended, and no picture was ever drawn."""
+    source, ordered = LiveSource(MODEL, 5000, lambda: 20.0), []
+    try:
+        monkeypatch.setattr(source._coordinator, "order", lambda text, job, **_: ordered.append(text))
+        stamps = 10**9 + 10**7 * np.arange(2000)
+        source.signals.extend("measured", stamps, np.zeros((2000, 2)))
+        source.signals.extend("command", stamps, np.zeros((2000, 1)))
+        source.state.change(assessment=SimpleNamespace(stamps=stamps[:1]), missing=Missing("missing"))
+        source.state.look()
+        for wanted in ("assess", "pictures"):
+            source.want(wanted)
+        for _ in range(3):
+            source.work()
+        assert ordered == ["looking where the model fails", "characteristics", "looking where the model fails"]
+    finally:
+        source.close()

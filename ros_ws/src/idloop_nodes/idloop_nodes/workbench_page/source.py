@@ -34,7 +34,7 @@ class LiveSource:
         self.requests: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()
         self._window = window
         self._coordinator = Coordinator(self.state)
-        self._wanted: set[str] = set()
+        self._wanted: dict[str, None] = {}  # what is to be worked out, what has waited longest first
 
     @property
     def model(self) -> Model:
@@ -82,34 +82,31 @@ class LiveSource:
 
     def want(self, what: str) -> None:
         """Note that ``assess`` or ``pictures`` is to be worked out as soon as there is time."""
-        self._wanted.add(what)
+        self._wanted.setdefault(what)
 
     def work(self) -> None:
         """Begin what is wanted, if nothing is under way; while somebody looks, the free run follows the data."""
         newest, found = self.signals.newest, self.state.snapshot.assessment
-        if newest is not None and found is not None and self.state.looked_at:
-            behind = newest - int(found.stamps[-1])
-            self._wanted |= {"assess"} if behind > REFRESH else set()
+        behind = 0 if newest is None or found is None else newest - int(found.stamps[-1])
+        if behind > REFRESH and self.state.looked_at:
+            self.want("assess")
         if not self._wanted or self._coordinator.busy:
             return
         record = self._record()
         if record is None:
             return
         model, missing = self.model, self.state.snapshot.missing
-        if "assess" in self._wanted:
-            self._wanted.discard("assess")
+        what = next(iter(self._wanted))
+        del self._wanted[what]
+        if what == "assess":
             self._coordinator.order("looking where the model fails", lambda: self._assess(model, record), quiet=True)
-        else:
-            self._wanted.discard("pictures")
-            if missing is not None:
-                candidates = missing.candidates
-                self._coordinator.order(
-                    "characteristics",
-                    lambda: self.state.change(
-                        pictures=self._coordinator.work(draw_characteristics, candidates, record)
-                    ),
-                    quiet=True,
-                )
+        elif missing is not None:
+            candidates = missing.candidates
+            self._coordinator.order(
+                "characteristics",
+                lambda: self.state.change(pictures=self._coordinator.work(draw_characteristics, candidates, record)),
+                quiet=True,
+            )
 
     def _assess(self, model: Model, record: Record) -> None:
         found = self._coordinator.work(assess, model, record)
