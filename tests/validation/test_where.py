@@ -62,6 +62,20 @@ def test_an_error_as_large_as_the_stated_noise_may_be_all_noise() -> None:
     assert found["motor.velocity"].why == "", "what is stated is ten times what the sensor has"
 
 
+def test_noise_that_is_large_and_not_all_of_the_force_error_is_said_by_its_size() -> None:
+    """Beside a curve over the command that made up 46 % of it, noise was said to be all of it."""
+    plain = load_model("dc_motor")
+    noisy = recorded(plain.with_effects(["coulomb_friction@motor(level=6)"]), swept())
+    noise = np.random.default_rng(6).normal(size=noisy.output.shape)
+    found = compare(plain, replace(noisy, output=noisy.output + [0.05, 0.8] * noise))
+    assert found.force is not None
+    assert not found.force.trusted
+    assert found.force.noise < found.force.relative
+    why = found.where[DRIVE_FORCE].why
+    assert why.startswith("sensor noise alone makes ")
+    assert why.endswith(" % of the commanded force")
+
+
 def test_all_variables_of_all_errors_are_there_and_their_shares_add_up(friction: Comparison) -> None:
     assert [one.name for one in friction.where.maps] == [DRIVE_FORCE, "motor.position", "motor.velocity"]
     for one in friction.where.maps:

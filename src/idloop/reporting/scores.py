@@ -134,7 +134,7 @@ def unknown_force(steps: Sequence[Step], kind: str) -> str:
     if all(known) or not any(known):
         return ""
     if known[-1]:
-        return "–: sensor noise may be all of the error of the drive force."
+        return "–: too much of the error of the drive force is sensor noise."
     added = steps[len(known) - known[::-1].index(True)].added
     what = "" if added is None else f" with {effect_words(added.name)}"
     return f"–: for a model{what}, the measurements do not determine the drive force."

@@ -179,7 +179,8 @@ def _force_map(runs: Runs) -> ErrorMap | None:
     state = operating_state(model, runs.data, model.bodies[0]).at(force.time, force.command)
     size = float(np.sqrt(np.mean(force.commanded**2)))
     # The noise that the model file states may be all of it where it is small as well.
-    why = "" if force.trusted and force.noise < force.relative else NOISE_ALONE
+    why = "" if force.trusted else f"sensor noise alone makes {force_text(force.noise, 3, ' %')} of the commanded force"
+    why = NOISE_ALONE if force.noise >= force.relative else why
     named = (DRIVE_FORCE, model.units.force, "force", "applied minus needed", why)
     return _map(named, force.applied - force.required, force.applied, state, size, runs.record.start_ns)
 

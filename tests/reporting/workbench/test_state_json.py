@@ -322,12 +322,12 @@ def test_head_and_ladder_name_the_error_that_decides():
     assert said == "Effects are judged by the drive force that the measured motion leaves unexplained."
     hidden = replace(step, validation={"fit": {"motor.position": 80.0}, "force": None})
     said = state_json._judged_by(Ladder((hidden,), criterion="force"), force_known=False)
-    assert said.endswith("unexplained; its error is not shown, sensor noise may be all of it.")
+    assert said.endswith("unexplained; its error is not shown, too much of it is sensor noise.")
     # Where one step has it, every other one says that it has none.
     shown = state_json._ladder(Ladder((hidden, step), criterion="prediction"), ())
     texts = [[one["text"] for one in row["scores"]] for row in shown["steps"]]
     assert texts == [["80 %", "–"], ["80 %", "20 %"]]
-    assert shown["data"].endswith("errors. –: sensor noise may be all of the error of the drive force.")
+    assert shown["data"].endswith("errors. –: too much of the error of the drive force is sensor noise.")
     # A live graph judges newer samples all the time.
     live = state_json._ladder(Ladder((step,), criterion="force"), (), live=True)
     assert live["data"].startswith(

@@ -39,7 +39,7 @@ from idloop.reporting.workbench.state import model_version
 from idloop.spelling import joined_names
 from idloop.validation.characteristic import no_picture
 from idloop.validation.variables import TITLES
-from idloop.validation.where import DRIVE_FORCE, NOISE_ALONE
+from idloop.validation.where import DRIVE_FORCE
 from idloop.validation.words import percent, short
 
 if TYPE_CHECKING:
@@ -458,7 +458,7 @@ def _judged_by(ladder: Ladder, *, force_known: bool) -> str:
     """Name the error that decides about effects, and say where that of the drive force is not among the numbers."""
     by = CRITERIA[ladder.criterion] if ladder.criterion != "auto" else "what the data show best"
     hidden = ladder.criterion == "force" and not force_known
-    return f"Effects are judged by {by}{f'; its error is not shown, {NOISE_ALONE}' if hidden else ''}."
+    return f"Effects are judged by {by}{'; its error is not shown, too much of it is sensor noise' if hidden else ''}."
 
 
 def _step(number: int, step: Step, ladder: Ladder) -> dict[str, Any]:
