@@ -890,3 +890,15 @@ def test_numbered_states_beside_a_position_are_no_joints():
     roles, found = _roles({"t": T, **states, "motor position": ANGLE, "current": U})
     assert (roles["position"][0], roles["command"][0]) == ("motor position", "current")
     assert "joints" not in " ".join(found.all_doubts())
+
+
+@pytest.mark.parametrize(
+    ("columns", "options"),
+    [
+        ({"1": U, "2": ANGLE, "3": 10.0 * SPEED}, {"given": {"velocity": Given("`3` / 10", "rad/s")}}),
+        ({"u": U, "channel": ANGLE, "speed [rad/s]": SPEED}, {}),
+    ],
+)
+def test_a_velocity_that_is_known_tells_its_position(columns, options):
+    roles, _ = _roles({"t": T, **columns}, **options)
+    assert roles["position"] == (list(columns)[1], "rad")

@@ -15,6 +15,7 @@ from idloop.records.recognition.signal_units import motion_units, slope_of
 from idloop.records.recognition.smoothness import change_by_noise, smoothest_first
 from idloop.records.recognition.table_column import TableColumn
 from idloop.records.recognition.time_base import TimeBase
+from idloop.records.tables.expression import Expression
 
 _MOST_BY_LOOKS = 3  # columns without a name that are recognised by their values alone
 _MOST_PAIRED = 6  # ... of which two are a position and its slope
@@ -32,6 +33,7 @@ def fill_by_values(
         chosen["command"] = _by_values("command", held[0], "it is constant in each run")
         lacks_command = False
     _velocity_by_slope(base, columns, chosen, given)
+    _position_by_slope(base, columns, chosen, given)
     free = _nameless(columns, chosen)
     # Only a few columns can be told apart by their looks.
     if not free or len(free) > _MOST_BY_LOOKS:
@@ -136,6 +138,25 @@ def _velocity_by_slope(
         f"no name says what {best.name!r} is, by the slope of the position it is taken as the velocity:"
         " --velocity COLUMN or none"
     )
+
+
+def _position_by_slope(
+    base: TimeBase, columns: dict[str, TableColumn], chosen: dict[str, Guess], given: Map[str, Given]
+) -> None:
+    """Find the position among the columns whose names say nothing: a velocity that is known runs with its slope."""
+    speed = chosen.get("velocity")
+    if speed is None or "position" in chosen or given.get("position", Given()).column == NONE:
+        return
+    rate = columns[speed.column]
+    parts = Expression(speed.column).columns if "compute" in speed.options else ()
+    found = []
+    for one in _nameless(columns, chosen)[:_MOST_COMPARED]:
+        if one.name not in parts and one.value.size == rate.value.size == base.seconds.size:
+            slope = slope_of(base.seconds, one.unwrapped(one.parsed.unit or "counts"), rate.value, one.runs)
+            found += [] if slope is None else [(slope.correlation, one)]
+    if found:
+        _, best = max(found, key=lambda one: one[0])
+        chosen["position"] = _by_values("position", best, f"{speed.column!r} runs with its slope")
 
 
 def _in_units(base: TimeBase, unit: str, position: Array, rate: TableColumn) -> bool:
