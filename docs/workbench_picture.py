@@ -54,7 +54,9 @@ def take_picture(
         climb(page, add)
         if page.is_visible("#assess"):
             _leave_alone(page)
-        page.wait_for_timeout(1500)  # what was found is drawn
+        page.wait_for_function("() => !document.querySelector('#candidates').textContent.includes('is being drawn')")
+        page.evaluate("() => scrollTo(0, document.body.scrollHeight)")  # a live graph draws the figures that came near
+        page.wait_for_timeout(3000)
         page.mouse.move(0, 0)
         page.evaluate("() => { scrollTo(0, 0); strips.whole(); }")
         page.evaluate(_BESIDE, folder)
