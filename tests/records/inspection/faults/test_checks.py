@@ -458,6 +458,16 @@ def test_a_thrust_that_grows_faster_than_a_command_of_few_levels_is_no_reading_t
     assert "clipped_reading" not in kinds(make_axis(command=levels, drive=lambda u: u * u - 0.7))
 
 
+@pytest.mark.parametrize("filter_time", [0.03, 0.06])
+def test_a_late_velocity_of_an_axis_that_stops_shows_no_stuck_sensor(filter_time):
+    time = 0.002 * np.arange(2000)
+    speed = np.where(time % 2.0 < 0.9, 3.0 * np.minimum(time % 2.0 / 0.3, 1.0), 0.0) * np.where(time % 4.0 < 2.0, 1, -1)
+    share = 0.002 / filter_time
+    late = lfilter([share], [1.0, share - 1.0], speed)
+    axis = Axis("j", time, np.round(0.002 * np.cumsum(speed), 5), late, time, np.sign(speed), "j.effort")
+    assert "stuck_sensor" not in kinds(axis)
+
+
 def test_a_noisy_velocity_of_an_axis_at_rest_shows_no_stuck_sensor(make_axis):
     axis = make_axis(command=np.concatenate([np.zeros(400), np.repeat(np.random.default_rng(2).normal(size=65), 40)]))
     position = np.where(axis.time < 2.0, 0.0, axis.position)

@@ -97,7 +97,11 @@ def _moves(signal: str, time: Array, position: Array, velocity: Array, rows: sli
         # The noise of a velocity adds up to a walk.
         walk = white_noise(velocity[np.isfinite(velocity)]) * float(np.sqrt(np.sum(interval**2)))
         least = _STEPS * _step(position) + _WALK * walk
-        return here > _MOVING * usual and float(np.max(np.abs(travel))) > least
+        gone = float(np.max(np.abs(travel)))
+        # Of an axis that stands still a late velocity shows the motion before, and the position goes on without a jump.
+        beyond = abs(float(np.sum(np.diff(position[rows.stop - 1 : rows.stop + 1]))))
+        late = _last_half(velocity[rows]) < _MOVING * usual and beyond < _HALF * gone
+        return here > _MOVING * usual and gone > least and not late
     within = time[rows]
     place = np.interp(np.linspace(within[0], within[-1], _PARTS + 1), within, position[rows])
     slope = np.diff(place) * _PARTS / (within[-1] - within[0])
@@ -106,6 +110,13 @@ def _moves(signal: str, time: Array, position: Array, velocity: Array, rows: sli
     beside = float(np.sqrt(np.mean((slope - velocity[rows][0]) ** 2)))
     moved = float(np.ptp(position[rows])) > _STEPS * _step(position)
     return moved and beside > max(_MOVING * usual, 2.0 * _step(velocity))
+
+
+def _last_half(value: Array) -> float:
+    """Size of a signal in the second half of a stretch."""
+    known = value[value.size // 2 :]
+    known = known[np.isfinite(known)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else 0.0
 
 
 def _step(value: Array) -> float:
