@@ -150,8 +150,9 @@ FORM = Form(
     (".mat",),
     "MATLAB, versions 4 to 7.3",
     "arrays; those in structures are `log.u`, in structure arrays `log[0].u` (counted from 0), the columns of a matrix"
-    " `log.y[0]`, `log.y[1]`, or what as many texts beside it say; signals of Simulink by their labels, with the `time`"
-    " of their structure; of the objects `timetable`, `table`, `timeseries` and `iddata` their columns",
+    " `log.y[0]`, `log.y[1]`, or what as many texts beside it say; signals of Simulink by their labels or blocks, with"
+    " the `time` of their structure; of the objects `timetable`, `table`, `timeseries`, `Dataset` and `iddata` their"
+    " columns; the elements of a structure array that are runs, and several `iddata`, one after the other as `u`",
     lambda head: head.startswith(b"MATLAB "),
     read_mat,
 )
