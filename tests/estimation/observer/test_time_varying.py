@@ -78,3 +78,13 @@ def test_a_position_that_no_sensor_sees_leaves_the_gains_accurate() -> None:
     last = [one.covariance[-1][velocity, velocity] for one in found]
     assert last[0] == pytest.approx(last[1], rel=1e-6)
     assert last[0] >= noise[velocity] ** 2
+
+
+def test_a_spring_seen_by_the_velocity_of_the_motor_alone_has_an_observer_at_any_disturbance() -> None:
+    model = load_model("axis").with_effects(["compliance@axis(stiffness=30.0, damping=0.01, split=0.57)"])
+    linear = Engine(model.with_values({"axis.inertia": 0.007, "axis.viscous_friction": 0.03})).linearise()
+    (velocity,) = np.flatnonzero([one.name == "axis.velocity" for one in model.outputs])
+    noise, start = np.full(len(linear.C), 0.01), np.array([200.0, 200.0, 200.0, 200.0, 1e-6])
+    for intensity, decay in ((3e-3, 4.5e-5), (1.2e-6, 0.9), (1.2e-8, 0.2)):
+        found = time_varying_observer(linear, [velocity], 0.001, intensity, noise, start, 10_000, decay)
+        assert np.all(np.isfinite(found.gains))

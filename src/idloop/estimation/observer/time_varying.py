@@ -101,7 +101,7 @@ def time_varying_observer(
         Factor of the disturbance force from sample to sample: 1 for a random walk, 0 for white noise.
     """
     # Imported on first use, for a quick start of the command line.
-    from scipy.linalg import expm
+    from scipy.linalg import expm, null_space
 
     m, p = len(linear.A), len(linear.C)
     noise = output_noise[measured]
@@ -113,15 +113,21 @@ def time_varying_observer(
     transition = expm(augmented * sample_time)
     transition[m, m], process[m, m] = decay, sample_time
     output = np.hstack([linear.C[measured] / noise[:, None], np.zeros((len(measured), 1))])
-    prior = np.square(start)
-    prior[m] /= force**2
+    prior = np.diag(np.square(start))
+    prior[m, m] /= force**2
+    bodies = m // 2
+    if not np.any(linear.C[measured][:, :bodies]):
+        # Where the axis stands makes no difference, and as an unknown it would cost the other states their digits.
+        free = null_space(linear.A[:, :bodies])
+        seen = np.eye(bodies) - free @ free.T
+        prior[:bodies, :bodies] = seen @ prior[:bodies, :bodies] @ seen
     most = max(min(samples, _MOST), 1)
     room = min(most, _room(most))
     gains = np.empty((room, m + 1, len(measured)))
     covariances = np.empty((room, len(measured), len(measured)))
     place = np.empty(most, dtype=np.int64)
     count = _recursion(
-        np.ascontiguousarray(transition), np.ascontiguousarray(output), process, np.diag(prior), samples, gains,
+        np.ascontiguousarray(transition), np.ascontiguousarray(output), process, prior, samples, gains,
         covariances, place,
     )  # fmt: skip
     different = int(place[count - 1]) + 1
