@@ -240,7 +240,7 @@ class _Refinement:
         # Predictions would take for noise what the balance leaves beyond its noise: they evaluate only what the balance
         # cannot show. Where they need no whitening they are the more sensitive view.
         balanced = last.reliable and any(fit.problem.orders)
-        view = view.beside(ladder.model, last.model if balanced else None)
+        view = view.beside(ladder.model, balanced=balanced)
         if view.choices(ladder.model) == []:
             return ladder
         more, _ = replace(self._climb(view, PREDICTION), reduces=True)(fit, ladder)

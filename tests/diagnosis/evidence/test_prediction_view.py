@@ -99,10 +99,21 @@ def test_beside_a_balance_the_motion_follows_the_command(monkeypatch: pytest.Mon
     monkeypatch.setattr(non_local_search, "_restarted_near_nominal", lambda *_: [])
     parent = refit(estimation, model)
     alone = view.evaluate(parent)
-    balanced = view.beside(model, model).evaluate(parent)
+    balanced = view.beside(model, balanced=True).evaluate(parent)
     assert alone.response is not CommandResponse.FOLLOWS
     assert balanced.response is CommandResponse.FOLLOWS
     assert balanced.verdict() == (ADEQUATE, ())
+
+
+def test_a_balance_decides_until_a_body_is_split() -> None:
+    model = load_model("axis")
+    estimation = prepare_estimation(model, [record_of(model, 5)], "prediction")
+    view = PredictionView(estimation, model, Options()).beside(model, balanced=True)
+    split = model.with_effects(["compliance@axis(stiffness=50.0, damping=0.1)"])
+    choices = view.choices(model)
+    assert choices is not None
+    assert "coulomb_friction@axis" not in choices
+    assert view.choices(split) is None  # the whole catalogue
 
 
 @pytest.mark.parametrize(("level", "samples"), [(0.1, 5_000), (0.0, 8_000)])

@@ -367,20 +367,14 @@ def _balances(proposal: Proposal) -> bool:
     return proposal.effect.site != OUTPUT and not proposal.effect.splits
 
 
-def unbalanced(
-    model: Model, effects: Sequence[str] | None, conditions: Mapping[str, str], balanced: Model
-) -> list[str]:
-    """Names of the effects that could be added to a model and that the force balance of another one does not show.
-
-    The other one, `balanced`, lacks the bodies and couplings that the model has gained since.
-    """
+def unbalanced(model: Model, effects: Sequence[str] | None, conditions: Mapping[str, str]) -> list[str]:
+    """Names of the effects that could be added to a model and that its force balance does not show."""
     return [
         one.name
         for one in proposals(model, effects, conditions)
         if not _balances(one)
         # A force balance estimates the time at which commands act, and shows little of their quick changes.
         or (one.effect.site == INPUT and one.effect.lags)
-        or one.at not in balanced.sites(one.effect.site)
     ]
 
 

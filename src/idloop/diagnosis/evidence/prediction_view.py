@@ -155,27 +155,30 @@ class PredictionStep(SearchStep[Refit]):
 class PredictionView(View[Refit]):
     """Evaluates effects by one-step errors, or those of the free run; on held-out records they must do no harm.
 
-    What the force balance of `force_model` has evaluated is not evaluated again.
+    `balanced`: what the force balance of the model at the start has evaluated is not evaluated again.
     """
 
     estimation: EstimationProblem
     start: Model  # as the user gave it
     options: Options
     held_out: EstimationProblem | None = None
-    force_model: Model | None = None
+    balanced: bool = False
     timed: bool = False  # whether the stamps of the command are corrected
     promised: float = 0.0  # part of the power of the errors that an effect's trace must promise for it to be fitted
     support: EstimationProblem | None = None  # in which an effect that is named must gain likelihood as well
 
-    def beside(self, model: Model, balanced: Model | None) -> PredictionView:
-        """The same view from another model on; `balanced`: what the force balance has reached, see the class."""
-        return replace(self, start=model, force_model=balanced)
+    def beside(self, model: Model, *, balanced: bool) -> PredictionView:
+        """The same view from another model on; `balanced` as of the class."""
+        return replace(self, start=model, balanced=balanced)
+
+    def balances(self, model: Model) -> bool:
+        """Whether a force balance has decided; once a body is split, that along its measured motion is void."""
+        return self.balanced and not model.inner_couplings
 
     def choices(self, model: Model) -> Sequence[str] | None:
         """Effects to choose from beside a model; None for the whole catalogue."""
-        if self.force_model is None:
-            return self.options.effects
-        return unbalanced(model, self.options.effects, self.estimation.conditions, self.force_model)
+        effects = self.options.effects
+        return unbalanced(model, effects, self.estimation.conditions) if self.balances(model) else effects
 
     def evaluate(self, parent: Refit) -> SearchStep[Refit]:
         """Evaluate the effects of the catalogue that a score test finds promising, and pairs of them.
@@ -208,7 +211,7 @@ class PredictionView(View[Refit]):
         bar = 2.0 * math.log(max(len(proposed), 1) / options.level)
         confirmed = self._confirmed(parent, screened, bar)
         # A force balance shows that the motion follows the command, whatever the noise model has absorbed.
-        responds = self.force_model is not None or responds_to_command(self.estimation, parent)
+        responds = self.balances(parent.model) or responds_to_command(self.estimation, parent)
         confirmed += non_local_searches(
             self.estimation, parent, self.start, effects, self.options.seed, responds=responds
         )
@@ -225,7 +228,7 @@ class PredictionView(View[Refit]):
             return step
         left = fitted_curves(screen, options.level)
         step = replace(step, residual_curves=tuple(PredictionCurve.evaluated(screen, left, evaluator.innovations)))
-        if self.promised == 0.0 and self.force_model is None and not step.tied and not step.confounded:
+        if self.promised == 0.0 and not self.balances(parent.model) and not step.tied and not step.confounded:
             pairs = evaluator(self._pairs(screen, screened, confirmed, bar))
             step = self._with_first(
                 self._judged(replace(step, evaluated=(*step.evaluated, *pairs)), responds), evaluator
@@ -245,7 +248,7 @@ class PredictionView(View[Refit]):
     def _confirmed(self, parent: Refit, screened: list[Screened], bar: float) -> list[Confirmed]:
         """Refits of what the score test does not rule out."""
         # What a force balance has left is known to colour the noise.
-        absorbed = self.force_model is None and _absorbed_by_noise(parent)
+        absorbed = not self.balances(parent.model) and _absorbed_by_noise(parent)
         # A score test does not show what the noise model has absorbed.
         chance = 2.0 * math.log(max(len(screened), 1))
         chosen = promising(screened, chance) if absorbed else promising(screened, bar, fewest=0)
@@ -375,9 +378,7 @@ class PredictionView(View[Refit]):
         """The model without one of its effects, where its evidence is no less; else None."""
         if is_none(fit.model, name):
             return refit_or_none(self.estimation, fit.model.without_effect(name), None, fit)
-        # Once a body is split, the force balance along its measured motion is void.
-        balanced = self.force_model is not None and not fit.model.inner_couplings
-        if self.estimation.kind != PREDICTION or balanced:
+        if self.estimation.kind != PREDICTION or self.balances(fit.model):
             # Where model error remains, a step that helped stays in the ladder.
             return None
         smaller, scores = fit.model.without_effect(name), InnovationScores(fit).scores()
