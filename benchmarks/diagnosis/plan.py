@@ -99,6 +99,7 @@ _SITES: tuple[tuple[str, tuple[tuple[str, ...], tuple[str, ...]], tuple[tuple[st
         TURNS,
         (("axis", "axis"), ("dc_motor", "motor"), ("torsion", "motor")),
     ),
+    ("periodic_force", TURNS, (("axis", "axis"), ("dc_motor", "motor"))),
     (
         "cable_spring",
         STATIC,

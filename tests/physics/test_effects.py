@@ -83,6 +83,7 @@ STRONG = {
     "imbalance": {"amplitude": 0.02},
     "gravity": {"moment": 0.02},
     "cogging": {"amplitude": 0.02, "harmonic": 4},
+    "periodic_force": {"amplitude": 0.02, "period": 1.3},
     "cable_spring": {"stiffness": 0.05},
     "load_torque": {"torque": 0.02},
     "load_dependent_friction": {"ratio": 0.3},

@@ -48,6 +48,8 @@ class Scales:
     turns: float  # range of the positions in turns; 0 for a linear axis
     # Strongest harmonics of a turn in an unexplained force; empty where none shows or none was looked for
     harmonics: tuple[int, ...] = ()
+    # Strongest period over the position in it that is no part of a turn; empty as above
+    periods: tuple[float, ...] = ()
     # Mean of each measured condition at the site, such as ``temperature``
     conditions: Mapping[str, float] = field(default_factory=dict)
 
@@ -85,12 +87,20 @@ def alternatives(name: str, values: Sequence[float], **others: float) -> list[li
     return [[{name: value, **others}] for value in values]
 
 
-def waves(amplitude: float, harmonics: Sequence[int] | None = None, name: str = "amplitude") -> list[list[Trial]]:
+def waves(amplitude: float, harmonics: Sequence[int] | None = None) -> list[list[Trial]]:
     """Sine and cosine over a turn, or over each of several harmonics of it."""
-    phases = (0.0, 1.5707963267948966)
     if harmonics is None:
-        return [[{name: amplitude, "phase": phase} for phase in phases]]
-    return [[{name: amplitude, "harmonic": float(n), "phase": phase} for phase in phases] for n in harmonics]
+        return [_sine_and_cosine(amplitude=amplitude)]
+    return [_sine_and_cosine(amplitude=amplitude, harmonic=float(n)) for n in harmonics]
+
+
+def repetitions(amplitude: float, periods: Sequence[float]) -> list[list[Trial]]:
+    """Sine and cosine over the position, of each of several periods."""
+    return [_sine_and_cosine(amplitude=amplitude, period=period) for period in periods]
+
+
+def _sine_and_cosine(**values: float) -> list[Trial]:
+    return [{**values, "phase": phase} for phase in (0.0, 1.5707963267948966)]
 
 
 def time_constants(scales: Scales) -> list[float]:

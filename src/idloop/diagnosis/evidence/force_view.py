@@ -16,7 +16,7 @@ from idloop.diagnosis.evidence.undetermined_strength import undetermined_with
 from idloop.diagnosis.identifiability import NOT_REPEATED, OWN_PART, Gate, excitation_findings
 from idloop.diagnosis.options import FORCE, Options
 from idloop.diagnosis.residual_curves.force_curves import ForceCurve, force_curves
-from idloop.diagnosis.residual_curves.periods import harmonics
+from idloop.diagnosis.residual_curves.periods import harmonics, unexplained_period
 from idloop.diagnosis.screening.proposals import Proposal, proposals
 from idloop.diagnosis.screening.typical_sizes import Sizes
 from idloop.diagnosis.search.step import (
@@ -419,12 +419,16 @@ class _Screen:
         self.errors = self.errors - self.basis @ (self.basis.T @ self.errors)
         found = {body: harmonics(whole, index) for index, body in enumerate(model.bodies)}
         self._harmonics = {body: several for body, (several, _) in found.items()}
-        self.waves = sum(tried for _, tried in found.values())
+        linear = model.units.position != "rad"
+        repeated = {body: unexplained_period(whole, i, parts_of_turn=linear) for i, body in enumerate(model.bodies)}
+        self._periods = {body: one for body, one in repeated.items() if one is not None}
+        self.waves = sum(tried for _, tried in (*found.values(), *self._periods.values()))
 
     def __call__(self, proposal: Proposal) -> _Promising:
         """What an effect promises; without starts where it promises nothing."""
         scales = self.sizes.at(proposal.effect.site, proposal.at)
-        scales = replace(scales, harmonics=self._harmonics.get(proposal.at, ()))
+        periods = self._periods.get(proposal.at, ())[:1]
+        scales = replace(scales, harmonics=self._harmonics.get(proposal.at, ()), periods=periods)
         found, typical, part = [], 0.0, 0.0
         alternatives = proposal.alternatives(scales)
         for trials in alternatives:

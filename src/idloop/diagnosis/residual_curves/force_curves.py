@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.diagnosis.evidence.predictive import Evidence, Scores, deal, others
-from idloop.diagnosis.residual_curves.periods import strongest_period
+from idloop.diagnosis.residual_curves.periods import unexplained_period
 from idloop.diagnosis.residual_curves.unknown_structure import (
     COEFFICIENT_KNOTS,
     KNOTS,
@@ -27,7 +27,7 @@ from idloop.diagnosis.residual_curves.unknown_structure import (
 from idloop.diagnosis.search.step import EvaluatedModel
 from idloop.estimation.force_balance.weak_fit import WeakFit
 from idloop.estimation.force_balance.weak_form import BLOCKS
-from idloop.estimation.statistics.student import log_density, scale_of, weights
+from idloop.estimation.statistics.student import log_density, scale_of
 from idloop.estimation.statistics.truncated import directions
 
 Array = NDArray[np.float64]
@@ -145,10 +145,7 @@ def force_curves(fit: WeakFit) -> list[ForceCurve]:
     add("force", units.force, "position", KNOTS)
     if turning:
         add("force", units.force, "position", KNOTS, turn=True)
-    residual = fit.residual[:, 0] * weights(fit.residual[:, 0] / fit.scale[0])
-    # Of one and a half windows at typical speed at least.
-    window = form.width * form.sample_time * float(np.sqrt(np.mean(speed**2)))
-    if (repeated := strongest_period([(signals["position"], residual)], 1.5 * window)) is not None:
+    if (repeated := unexplained_period(fit, 0)) is not None:
         add("force", units.force, "position", KNOTS, period=repeated[0])
     factors = {
         "inertia": -form.inertial[:, 0],
