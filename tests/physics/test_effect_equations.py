@@ -76,7 +76,8 @@ def test_the_equation_is_what_is_computed(effect: Effect) -> None:
     for _ in range(200):
         parameters = numbers_for(effect, chance)
         q, v, u, y, k, c = (float(number) for number in chance.uniform(-3.0, 3.0, 6))
-        known = {"@q": q, "@v": v, "@u": u, "@y": y, r"\Delta @q": q, r"\Delta @v": v, "k_{@s}": k, "c_{@s}": c}
+        known = {"@q": q, "@v": v, "@u": u, "@y": y, r"\Delta @q": q, r"\Delta @v": v, "k_{@s}": k, "c_{@s}": c,
+                 r"\pi": math.pi}  # fmt: skip
         known |= dict(zip(effect.equation.symbols.values(), parameters, strict=True))
         arriving = abs(u)
         # Of an effect that depends on a measured condition, the first state is how far that is from its reference.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import math
 import textwrap
 from collections.abc import Mapping
 from typing import Any
@@ -100,6 +101,8 @@ class _Writer:
     def _of(self, node: ast.expr) -> str:
         if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
             return repr(float(node.value))
+        if isinstance(node, ast.Attribute) and ast.unparse(node) == "math.pi":
+            return repr(math.pi)
         if isinstance(node, ast.Name):
             return self._name(node.id)
         if isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Constant):
