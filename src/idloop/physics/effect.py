@@ -170,6 +170,9 @@ class Effect:
     rate, spatial_rate : callable
         ``(values, inertia, stiffness)`` to the fastest rate that the effect adds, in rad/s and
         in rad per unit of position, for the integration step. At the input the inertia is divided by the drive's gain.
+    relaxes : bool
+        The change along the position is that of a memory in closed form: it is over where it would be far faster than
+        `rate`, and needs no steps there.
     delay : str
         Parameter that is a pure delay of the input or output, implemented by the simulator.
     splits : bool
@@ -263,6 +266,7 @@ class Effect:
     proportional: bool = False
     rate: Callable[[Mapping[str, float], float, float], float] = field(default=_no_rate)
     spatial_rate: Callable[[Mapping[str, float], float, float], float] = field(default=_no_rate)
+    relaxes: bool = False
     delay: str = ""
     splits: bool = False
     trials: Trials | None = None

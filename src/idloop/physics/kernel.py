@@ -77,7 +77,8 @@ class Axis(NamedTuple):
     constants: (
         Any  # gain, input delay [s], steps per second that the model needs, at most, and without its chain; below
     )
-    spatial_rate: Any  # (n,) fastest change along the position [1/position unit]
+    spatial_rate: Any  # (n, 3) fastest change along the position [1/position unit]; the same of memories that relax
+    # over a distance, and up to which rate these need steps [1/s]
     parameters: Any  # (k,) of all active equations
     input_hooks: Any  # (i, 7)
     body_hooks: Any
@@ -129,7 +130,7 @@ def _arrays(number: Any, *dimensions: int) -> list[Any]:
 
 _AXIS = types.NamedTuple(
     [
-        *_arrays(types.float64, 1, 1, 1, 1, 2, 1, 1, 1), *_arrays(types.int64, 2, 2, 2, 2, 2, 2),
+        *_arrays(types.float64, 1, 1, 1, 1, 2, 1, 2, 1), *_arrays(types.int64, 2, 2, 2, 2, 2, 2),
         *_arrays(types.float64, 1, 1), *_arrays(types.int64, 1, 2), *_arrays(types.float64, 1, 2),
     ],
     Axis,
@@ -907,7 +908,7 @@ def advance_exactly(machine: Machine, command: float, duration: float, gaps: boo
     n = axis.inertia.shape[0]
     rate = axis.constants[BEYOND]
     for i in range(n):
-        rate = max(rate, axis.spatial_rate[i] * abs(state[FIRST + n + i]))
+        rate = max(rate, rate_along(axis.spatial_rate[i], abs(state[FIRST + n + i])))
     level, step = 0, longest
     while level < levels and rate * step > 1.0:
         level += 1
@@ -939,10 +940,16 @@ def advance_exactly(machine: Machine, command: float, duration: float, gaps: boo
 
 
 @inner
+def rate_along(rates: Any, speed: float) -> float:
+    """Steps per second for what changes along the position."""
+    return max(rates[0] * speed, min(rates[1] * speed, rates[2]))
+
+
+@inner
 def advance_single_body(axis: Axis, command: float, duration: float, state: Any) -> bool:
     """One step of a single body without an event; False, without a change, where there may be one."""
     velocity = state[FIRST + 1]
-    if not max(axis.constants[RATE], axis.spatial_rate[0] * abs(velocity)) * duration <= 1.0:
+    if not max(axis.constants[RATE], rate_along(axis.spatial_rate[0], abs(velocity))) * duration <= 1.0:
         return False
     mode = 0.0
     if axis.has_friction[0]:
@@ -976,7 +983,7 @@ def advance(machine: Machine, command: float, duration: float) -> None:
     while remaining > 0.0:
         rate = axis.constants[RATE]
         for i in range(n):
-            rate = max(rate, axis.spatial_rate[i] * abs(state[FIRST + n + i]))
+            rate = max(rate, rate_along(axis.spatial_rate[i], abs(state[FIRST + n + i])))
         if not rate < np.inf:  # the motion has diverged: the outputs are NaN
             for i in range(n):
                 state[FIRST + i] = np.nan

@@ -20,6 +20,8 @@ from idloop.physics.model import ActiveEffect, Model, values_of
 STEP_ANGLE = 0.2
 # Most integration steps per second, whatever the parameter values.
 MOST_STEPS = 2e5
+# A memory that relaxes so much faster than the effect's other motion is in its new state within a step of that.
+_RELAXING = 2.0
 
 
 @dataclass(frozen=True)
@@ -165,7 +167,7 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None, *, final: b
     output_delay = np.zeros(len(model.outputs))
     tables: dict[str, list[list[int]]] = {kind: [] for kind in (INPUT, BODY, "friction", COUPLING, OUTPUT)}
     has_friction = np.zeros(n, dtype=np.int64)
-    spatial = np.zeros(n)
+    spatial = np.zeros((n, 3))
     conditioned: list[list[int]] = []
     wanted: list[Wanted] = []
     numbers: list[float] = []
@@ -198,9 +200,13 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None, *, final: b
             inertia, stiffness = min(chain.inertia[site : site + 2]), chain.stiffness[site]
         elif effect.site == OUTPUT:
             site = output_of[active.at]
-        beyond += effect.rate(own, inertia, stiffness)
+        own_rate = effect.rate(own, inertia, stiffness)
+        beyond += own_rate
         if effect.site == BODY:
-            spatial[site] = max(spatial[site], effect.spatial_rate(own, inertia, stiffness))
+            column = 1 if effect.relaxes else 0
+            spatial[site, column] = max(spatial[site, column], effect.spatial_rate(own, inertia, stiffness))
+            if effect.relaxes:
+                spatial[site, 2] = max(spatial[site, 2], _RELAXING * own_rate)
         settle = effect.settle.address if effect.settle is not None else 0
         edge = effect.edge.address if effect.edge is not None else 0
         if effect.condition:

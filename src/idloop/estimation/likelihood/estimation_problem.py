@@ -70,7 +70,7 @@ class BoundedRateEngine(CachingEngine):
             own = {name[len(prefix) :]: value for name, value in values.items() if name.startswith(prefix)}
             if not active.effect.valid(own):
                 raise IdloopError(f"these values make no {active.effect.name}")
-        along = self._speed * float(np.max(layout.axis.spatial_rate))
+        along = max(kernel.rate_along.py_func(rates, self._speed) for rates in layout.axis.spatial_rate)
         own_rate = float(layout.axis.constants[kernel.BEYOND])
         # Separate limits: a chain at its limit must leave room for an effect.
         chain = chain_rate(layout)

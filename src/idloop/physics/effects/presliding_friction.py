@@ -82,6 +82,7 @@ EFFECT = Effect(
         (values["stiffness"] / inertia) ** 0.5 + values["damping"] / inertia if values["level"] > 0.0 else 0.0
     ),
     spatial_rate=lambda values, inertia, stiffness: values["stiffness"] / max(values["level"], 1e-12) * 0.5,
+    relaxes=True,
     looks_like=("compliance", "backlash"),
     trials=lambda s: [
         [{"level": level, "stiffness": level / (reach * s.span)}]
