@@ -43,6 +43,9 @@ from idloop.physics.effect_text import parse_effect
 from idloop.physics.model import ActiveEffect, Model
 from idloop.records import Record
 
+# A balance that leaves more of the force than this has not shown what moves the axis.
+_MOST_UNEXPLAINED = 0.5
+
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def refine(
@@ -106,7 +109,7 @@ def refine(
             found = found or (ladder if ladder is not None else task.by_free_run(start, None))
             found = task.by_errors(start if found is None else found.model, found, PREDICTION, last)
             if last is not None:
-                found = task.checked_by_free_run(start, ladder, found)
+                found = task.checked_by_free_run(start, ladder, found, last)
     if found is None:
         found = task.by_errors(start, ladder, kind)
     if criterion == "auto" and found.verdict in NOISE_VERDICTS and not found.response.uninformative:
@@ -203,16 +206,21 @@ class _Refinement:
                 found = _with_resolution(found, candidate)
         return found
 
-    def checked_by_free_run(self, start: Model, ladder: Ladder | None, found: Ladder) -> Ladder:
+    def checked_by_free_run(self, start: Model, ladder: Ladder | None, found: Ladder, last: WeakFit) -> Ladder:
         """The same ladder, or that of predictions where its free run is worse than without its effects.
 
-        A body that nobody measures moves an axis as no force balance shows. Where a loop holds the axis, an open run
-        drifts with any model, and what leaves more of the force is no better.
+        Or where the balance leaves most of the force and they split a body: one that nobody measures moves an axis as
+        no force balance shows. Where a loop holds the axis, an open run drifts with any model, and what leaves more of
+        the force is no better.
         """
-        if not found.added or not self._runs_worse(found.steps[0].model, found.model):
+        runs_worse = bool(found.added) and self._runs_worse(found.steps[0].model, found.model)
+        unbalanced = last.relative > _MOST_UNEXPLAINED and not found.model.inner_couplings
+        if not (runs_worse or unbalanced):
             return found
         other = self.by_errors(start, ladder, PREDICTION)
-        worse = not other.added or any(check(found.model, other.model) for check in (self._worse, self._runs_worse))
+        if not other.added or not (runs_worse or other.model.inner_couplings):
+            return found
+        worse = any(check(found.model, other.model) for check in (self._worse, self._runs_worse))
         return found if worse else other
 
     def by_free_run(self, start: Model, ladder: Ladder | None) -> Ladder | None:
