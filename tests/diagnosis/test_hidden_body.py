@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from idloop.diagnosis import diagnose, refine
-from idloop.physics import Model
+from idloop.physics import Model, load_model
 from idloop.physics.model_file import build_model
 from idloop.physics.schema import read_model_file
 from idloop.physics.simulation import simulate
@@ -49,6 +51,35 @@ def test_a_load_behind_a_soft_spring_is_found(kind: str) -> None:
     assert ladder.added == (SPRING,)
     assert ladder.model.values[f"{SPRING}.stiffness"] == pytest.approx(STIFFNESS, rel=0.01)
     assert ladder.model.values["drive.gain"] == pytest.approx(150.0, rel=0.01)
+
+
+def motor(level: float, seed: int) -> tuple[Model, Record]:
+    """A motor that drives a load through a spring, of which its own encoder alone is read, and the model to begin with.
+
+    The resonance is at 28 Hz: one body leaves most of the force.
+    """
+    model = load_model("axis")
+    position = tuple(replace(one, noise=3e-5) for one in model.outputs if one.field == "position")
+    model = replace(model, outputs=position).with_values({"axis.inertia": 0.008, "axis.viscous_friction": 0.02})
+    effects = ["compliance@axis(stiffness=60, damping=0.01, split=0.625)", f"coulomb_friction@axis(level={level})"]
+    chance, time = np.random.default_rng(seed), np.arange(0.0, 8.0, 1e-3)
+    sines = [np.sin(2.0 * np.pi * (f * time + chance.uniform())) for f in np.geomspace(0.2, 30.0, 25)]
+    command = 0.17 * np.sum(sines, axis=0)
+    noise = 3e-5 * chance.normal(size=(time.size, 1))
+    output = simulate(model.with_effects(effects), time, command, time, noise=noise).output
+    record = Record(str(seed), time, command, time, output, "axis.effort", "N·m", ("axis.position",), ("rad",))
+    return model.with_values({one.name: 0.7 * one.value for one in model.parameters if one.free}), record
+
+
+@pytest.mark.slow
+def test_friction_at_a_motor_with_a_hidden_load_is_found_beside_the_spring() -> None:
+    (start, train), (_, unseen) = (motor(0.15, seed) for seed in (1, 2))
+    ladder = refine(start, [train], [unseen])
+    assert ladder.added == (SPRING, "coulomb_friction@axis")
+    values = ladder.model.values
+    assert values["axis.inertia"] == pytest.approx(0.008, rel=0.01)
+    assert values["compliance@axis.stiffness"] == pytest.approx(60.0, rel=0.01)
+    assert values["coulomb_friction@axis.level"] == pytest.approx(0.15, rel=0.02)
 
 
 def test_what_the_balance_names_and_makes_the_free_run_worse_is_asked_of_predictions() -> None:

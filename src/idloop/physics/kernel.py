@@ -60,6 +60,8 @@ SPEED_MARGIN = 0.1
 CONTACT_TOLERANCE = 1e-11
 # A twist that is limited to a gap stays within this part of it.
 INSIDE = 1.0 - 1e-9
+# A speed that no machine has, in any unit.
+DIVERGED = 1e60
 
 
 class Axis(NamedTuple):
@@ -941,8 +943,8 @@ def advance_exactly(machine: Machine, command: float, duration: float, gaps: boo
 
 @inner
 def rate_along(rates: Any, speed: float) -> float:
-    """Steps per second for what changes along the position."""
-    return max(rates[0] * speed, min(rates[1] * speed, rates[2]))
+    """Steps per second for what changes along the position; infinite where the motion has diverged."""
+    return max(rates[0] * speed, min(rates[1] * speed, rates[2])) if speed < DIVERGED else np.inf
 
 
 @inner

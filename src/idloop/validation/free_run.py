@@ -42,14 +42,26 @@ def free_run(engine: Engine, data: Data) -> Array:
     return _from_fitted_start(engine, data)[0]
 
 
-def free_runs(engine: Engine, data: Data, other: Engine) -> tuple[Array, Array]:
+def free_runs(engine: Engine, data: Data, other: Engine, *, moved: bool = False) -> tuple[Array, Array]:
     """Simulate a record with two models of the same bodies, both from the initial state of the first.
 
-    `engine`, `other`: models that differ in what acts on the readings; only that then makes the runs differ. `data`:
-    record. Returns shape (n, p): simulated outputs of both. Raises IdloopError: if the first model cannot be simulated.
+    `engine`, `other`: models that differ in what acts on the readings; only that then makes the runs differ. `moved`:
+    let the other begin where its first reading of the position is the same. `data`: record. Returns shape (n, p):
+    simulated outputs of both. Raises IdloopError: if the first model cannot be simulated.
     """
     simulated, start = _from_fitted_start(engine, data)
-    return simulated, SimulationCriterion(other, [data]).simulated(other.model.theta, start, 0)
+    rule, theta = SimulationCriterion(other, [data]), other.model.theta
+    read = rule.simulated(theta, start, 0)
+    if moved:
+        apart = [
+            (simulated[0, column] - read[0, column]) / output.scale
+            for column, output in enumerate(other.model.outputs)
+            if output.field == "position"
+        ]
+        start = start.copy()
+        start[: len(other.model.bodies)] += max(apart, key=abs, default=0.0)
+        read = rule.simulated(theta, start, 0)
+    return simulated, read
 
 
 def _from_fitted_start(engine: Engine, data: Data) -> tuple[Array, Array]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idloop.diagnosis.equivalence.same_motion import same_motion, same_motion_from_own_starts
+from idloop.diagnosis.equivalence.same_motion import same_motion, same_motion_from_another_place
 from idloop.physics import load_model, simulate
 from idloop.records import Record
 
@@ -27,4 +27,4 @@ def test_an_offset_of_a_position_is_another_start_unless_a_force_depends_on_the_
     offset = model.with_effects([f"sensor_offset@{model.outputs[0].site}(offset=1.0)"])
     records = recorded(offset)
     assert not same_motion(offset, model, records)
-    assert same_motion_from_own_starts(offset, model, records) is same
+    assert same_motion_from_another_place(offset, model, records) is same

@@ -17,7 +17,7 @@ from idloop.estimation.dataset import Data, prepare
 from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.physics.model import Model
 from idloop.records import Record
-from idloop.validation.free_run import free_run, free_runs
+from idloop.validation.free_run import free_runs
 from idloop.validation.measures import NEGLIGIBLE
 
 Array = NDArray[np.float64]
@@ -28,9 +28,9 @@ def same_motion(model: Model, other: Model, records: Sequence[Record]) -> bool:
     return _alike(model, other, records, _negligible)
 
 
-def same_motion_from_own_starts(model: Model, other: Model, records: Sequence[Record]) -> bool:
-    """Whether two models move alike, each from its own best start: an unknown start explains the difference."""
-    return _alike(model, other, records, _negligible, one_start=False)
+def same_motion_from_another_place(model: Model, other: Model, records: Sequence[Record]) -> bool:
+    """Whether two models move alike where the other begins at another place: an unknown start explains the same."""
+    return _alike(model, other, records, _negligible, moved=True)
 
 
 def within_quantisation(model: Model, other: Model, output: str, records: Sequence[Record]) -> bool:
@@ -55,13 +55,13 @@ def _alike(
     records: Sequence[Record],
     judge: Callable[[Data, Array], np.bool_],
     *,
-    one_start: bool = True,
+    moved: bool = False,
 ) -> bool:
     """Whether the differences of the free runs of two models, shape (n, p), satisfy a judge in all records."""
     first, second = CachingEngine(model), CachingEngine(other)
     try:
         for data in prepare(model, records):
-            one, two = free_runs(first, data, second) if one_start else (free_run(first, data), free_run(second, data))
+            one, two = free_runs(first, data, second, moved=moved)
             if not judge(data, one - two):
                 return False
     except IdloopError:

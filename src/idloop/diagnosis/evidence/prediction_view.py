@@ -12,7 +12,7 @@ import numpy as np
 
 from idloop.diagnosis.candidate import Candidate
 from idloop.diagnosis.diagnosis import candidate_of
-from idloop.diagnosis.equivalence.same_motion import same_motion, same_motion_from_own_starts, within_quantisation
+from idloop.diagnosis.equivalence.same_motion import same_motion, same_motion_from_another_place, within_quantisation
 from idloop.diagnosis.evidence.force_view import unbalanced
 from idloop.diagnosis.evidence.predictive import Scores
 from idloop.diagnosis.evidence.undetermined_strength import is_none, undetermined_with
@@ -311,7 +311,7 @@ class PredictionView(View[Refit]):
             without = model.without_effect(proposal.name)
             if effect.site == OUTPUT and within_quantisation(model, without, proposal.at, self.estimation.records):
                 return "it changes the reading by less than half a quantum"
-            if effect.hidden_by_start and same_motion_from_own_starts(model, without, self.estimation.records):
+            if effect.hidden_by_start and same_motion_from_another_place(model, without, self.estimation.records):
                 return "another initial state explains the same"
         if self.held_out is not None:
             if id(fit) not in step.held:
