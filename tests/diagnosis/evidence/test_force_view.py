@@ -128,7 +128,7 @@ def test_a_wave_of_any_period_is_named_and_a_part_of_a_turn_by_its_plainer_name(
     model = load_model("axis")
     wave = f"periodic_force@axis(amplitude=0.08, period={2.0 * np.pi / harmonic}, phase=0.8)"
     step = evaluated(model, turned(model.with_effects([wave]), rate=250.0))
-    assert step.names[0] == name
+    assert step.names == (name,)
     values = step.tied[0].fit.model.values
     assert values[f"{name}.amplitude"] == pytest.approx(0.08, rel=0.05)
     assert 2.0 * np.pi / values.get(f"{name}.period", 2.0 * np.pi / 6.0) == pytest.approx(harmonic, rel=1e-3)

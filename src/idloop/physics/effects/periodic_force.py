@@ -33,6 +33,7 @@ EFFECT = Effect(
     proportional=True,
     rate=lambda values, inertia, stiffness: (values["amplitude"] * 2.0 * math.pi / values["period"] / inertia) ** 0.5,
     spatial_rate=lambda values, inertia, stiffness: 2.0 * math.pi / values["period"],
+    degenerates_to=("cogging", "imbalance"),
     looks_like=("cogging", "imbalance", "cable_spring"),
     trials=lambda s: repetitions(0.05 * s.force, s.periods or [s.span / n for n in (4.0, 8.0, 16.0)]),
     several=True,
