@@ -48,7 +48,7 @@ class Scales:
     turns: float  # range of the positions in turns; 0 for a linear axis
     # Strongest harmonics of a turn in an unexplained force; empty where none shows or none was looked for
     harmonics: tuple[int, ...] = ()
-    # Strongest period over the position in it that is no part of a turn; empty as above
+    # Strongest period over the position in it; empty as above
     periods: tuple[float, ...] = ()
     # Mean of each measured condition at the site, such as ``temperature``
     conditions: Mapping[str, float] = field(default_factory=dict)

@@ -60,7 +60,7 @@ def residual_period(model: Model, estimation: EstimationProblem) -> tuple[float,
     return strongest_period(runs, 6.0 * float(np.mean(strides)))
 
 
-def unexplained_period(fit: WeakFit, body: int, *, parts_of_turn: bool = True) -> tuple[float, int] | None:
+def unexplained_period(fit: WeakFit, body: int) -> tuple[float, int] | None:
     """Period over the position with which the unexplained force of a body repeats most, and how many were tried.
 
     Of one and a half windows at typical speed at least; see `strongest_period`.
@@ -68,17 +68,14 @@ def unexplained_period(fit: WeakFit, body: int, *, parts_of_turn: bool = True) -
     form = fit.form
     residual = fit.residual[:, body] * weights(fit.residual[:, body] / fit.scale[body])
     window = form.width * form.sample_time * float(np.sqrt(np.mean(form.along("velocity", body) ** 2)))
-    turn = 0.0 if parts_of_turn else 2.0 * np.pi
-    return strongest_period([(form.along("position", body), residual)], 1.5 * window, turn)
+    return strongest_period([(form.along("position", body), residual)], 1.5 * window)
 
 
-def strongest_period(
-    runs: Sequence[tuple[Array, Array]], shortest: float, turn: float = 0.0
-) -> tuple[float, int] | None:
+def strongest_period(runs: Sequence[tuple[Array, Array]], shortest: float) -> tuple[float, int] | None:
     """Period over the position with which a force repeats most, and how many were tried.
 
-    `runs` are positions and forces; a shorter period than `shortest` is not looked for, nor one that the travel does
-    not tell from a whole part of `turn`. None where the travel contains too few periods.
+    `runs` are positions and forces; a shorter period than `shortest` is not looked for. None where the travel contains
+    too few periods.
     """
     from scipy.ndimage import median_filter
 
@@ -98,9 +95,6 @@ def strongest_period(
     power = np.abs(np.fft.rfft(total, round(bins / _STEP))) ** 2
     frequency = _STEP * np.arange(len(power))
     inside = (frequency >= fewest) & (frequency <= most)
-    if turn > 0.0:
-        whole = np.round(frequency * turn / span) * span / turn
-        inside &= np.abs(frequency - whole) >= 1.0
     # The spectrum around each frequency.
     usual = median_filter(power, 101, mode="nearest")
     stands = np.where(inside & (usual > 0.0), power / np.where(usual > 0.0, usual, 1.0), 0.0)

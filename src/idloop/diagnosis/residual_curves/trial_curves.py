@@ -16,7 +16,6 @@ from numba import njit
 from numpy.typing import NDArray
 
 from idloop.diagnosis.evidence.predicted_motion import PredictedMotion, predicted_motion
-from idloop.diagnosis.residual_curves.periods import residual_period
 from idloop.diagnosis.residual_curves.unknown_structure import (
     COEFFICIENT_KNOTS,
     KNOTS,
@@ -153,9 +152,8 @@ def force_trials(screen: Screen) -> list[TrialCurve]:
         over("position", f"{body}.position", units.position, middle, span),
         over("command", "command", units.input, 0.0, 2.0 * sizes.command_most),
     ]
-    period = residual_period(model, estimation)
-    if period is not None:
-        trials.append(over("period", f"{body}.position", units.position, middle, *period))
+    if screen.period is not None:
+        trials.append(over("period", f"{body}.position", units.position, middle, *screen.period))
     return trials
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.diagnosis.residual_curves.periods import residual_period
 from idloop.diagnosis.screening.proposals import Proposal
 from idloop.diagnosis.screening.typical_sizes import Sizes
 from idloop.errors import IdloopError
@@ -89,6 +90,7 @@ class Screen:
     def __init__(self, estimation: EstimationProblem, parent: Refit, seed: int) -> None:
         self.estimation, self.parent = estimation, parent
         self.sizes = Sizes(parent.model, estimation)
+        self.period = residual_period(parent.model, estimation)  # of the driven body, and how many were tried
         problem, point = parent.problem, parent.point
         self.errors = self.whitened = parent.residual()
         k, slopes = parent.parameters, parent.jacobian
@@ -110,6 +112,8 @@ class Screen:
     def __call__(self, proposal: Proposal) -> Screened:
         """Traces of all alternatives of one proposal."""
         scales = self.sizes.at(proposal.effect.site, proposal.at)
+        if self.period is not None and proposal.at == proposal.base.bodies[0]:
+            scales = replace(scales, periods=self.period[:1])
         traces = []
         share, weakest = 1.0, _weakest(proposal, scales)
         alternatives = proposal.alternatives(scales)
