@@ -322,12 +322,11 @@ def _write(effect: PlainEffect, machine: Array, bodies: Array, couplings: Array,
 
 def _write_body(name: str, value: dict[str, float], row: Array) -> None:
     """Enter one effect at a body."""
-    if name in ("gravity", "imbalance", "cogging", "periodic_force"):
+    if name in ("gravity", "imbalance", "cogging"):
         free = next(w for w in range(WAVES) if row[WAVE + 3 * w] == 0.0)
         if name == "gravity":
             value = {"amplitude": value["moment"], "phase": -value["lowest"]}
-        harmonic = 2.0 * math.pi / value["period"] if "period" in value else value.get("harmonic", 1.0)
-        wave = [value["amplitude"], harmonic, value["phase"]]
+        wave = [value["amplitude"], value.get("harmonic", 1.0), value["phase"]]
         row[WAVE + 3 * free : WAVE + 3 * free + 3] = wave
     elif name == "coulomb_friction":
         row[[LEVEL_UP, LEVEL_DOWN]] += value["level"]

@@ -233,10 +233,6 @@ def _cogging(value: dict[str, float], x: float, v: float, z: float) -> float:
     return -value["amplitude"] * math.sin(value["harmonic"] * x + value["phase"])
 
 
-def _periodic(value: dict[str, float], x: float, v: float, z: float) -> float:
-    return -value["amplitude"] * math.sin(2.0 * math.pi * x / value["period"] + value["phase"])
-
-
 def _presliding(value: dict[str, float], x: float, v: float, z: float) -> float:
     rate = v - abs(v) * z / bristle_limit(value, v)
     return -(value["stiffness"] * z + value["damping"] * rate)
@@ -250,7 +246,6 @@ _FORCES = {
     "quadratic_drag": _drag,
     "asymmetric_viscous_friction": _one_way_drag,
     "cogging": _cogging,
-    "periodic_force": _periodic,
     "presliding_friction": _presliding,
     "hardening_stiffness": _at_coupling,
     "slip": _at_coupling,

@@ -72,7 +72,6 @@ TRIALS = (
     _axis("gravity@axis(moment=-0.2,lowest=0.4)"),
     _axis("imbalance@axis(amplitude=0.2,phase=0.7)"),
     _axis("cogging@axis(amplitude=0.05,harmonic=6,phase=0.7)"),
-    _axis("periodic_force@axis(amplitude=0.05,period=0.9,phase=0.7)"),
     _axis("cable_spring@axis(stiffness=0.5,rest=0.3)"),
     _axis("load_torque@axis(torque=0.1)"),
     _axis("load_dependent_friction@axis(ratio=0.1)"),

@@ -99,7 +99,6 @@ _SITES: tuple[tuple[str, tuple[tuple[str, ...], tuple[str, ...]], tuple[tuple[st
         TURNS,
         (("axis", "axis"), ("dc_motor", "motor"), ("torsion", "motor")),
     ),
-    ("periodic_force", TURNS, (("axis", "axis"), ("dc_motor", "motor"))),
     (
         "cable_spring",
         STATIC,

@@ -108,12 +108,6 @@ def _cogging(p: Place, i: int) -> Values:
     return {"amplitude": _share(i) * p.size.force, "harmonic": harmonic, "phase": p.phase}
 
 
-def _periodic(p: Place, i: int) -> Values:
-    # Midway between two parts of a turn, as the motor's behind a gear.
-    wave = _cogging(p, i)
-    return {"amplitude": wave["amplitude"], "period": 2.0 * math.pi / (wave["harmonic"] + 0.5), "phase": wave["phase"]}
-
-
 def _ripple(p: Place, i: int) -> Values:
     amplitude = (0.005, 0.02, 0.06, 0.15)[i]
     return {"amplitude": amplitude, "harmonic": float(p.random.integers(1, 5)), "phase": p.phase}
@@ -151,7 +145,6 @@ RULES: dict[str, Rule] = {
     "gravity": lambda p, i: {"moment": p.sign * _share(i) * p.size.force, "lowest": 0.0},
     "imbalance": lambda p, i: {"amplitude": _share(i) * p.size.force, "phase": p.phase},
     "cogging": _cogging,
-    "periodic_force": _periodic,
     "cable_spring": _cable,
     "load_torque": lambda p, i: {"torque": p.sign * _share(i) * p.size.force},
     "load_dependent_friction": lambda p, i: {"ratio": (0.01, 0.04, 0.12, 0.3)[i]},

@@ -52,7 +52,7 @@ def pieces(case: Case, model: Any, name: str) -> frozenset[str]:
 
 
 def _no_place_counts(case: Case, model: Any) -> bool:
-    placed = ("gravity", "imbalance", "cogging", "periodic_force", "cable_spring", "sensor_ripple")
+    placed = ("gravity", "imbalance", "cogging", "cable_spring", "sensor_ripple")
     sensors = [o for o in model.outputs if o.field == "position"]
     return len(sensors) == 1 and not any(h.effect in placed for h in case.hidden)
 

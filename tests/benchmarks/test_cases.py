@@ -55,9 +55,12 @@ def test_a_third_is_simulated_by_code_that_shares_nothing_with_ours(planned):
 
 
 def test_every_effect_of_the_catalogue_is_hidden_somewhere():
-    # But for what depends on a condition that is measured beside the axis, or acts in the loop of a drive: it has none.
+    # But for what depends on a condition that is measured beside the axis, acts in the loop of a drive, or along a
+    # length: it has none of them.
     assert {row.effect for row in SINGLES} == {
-        name for name, several in catalogue().items() if not any(one.condition or one.of_loop for one in several)
+        name
+        for name, several in catalogue().items()
+        if not any(one.condition or one.of_loop or one.needs_length for one in several)
     }
 
 

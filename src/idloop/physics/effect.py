@@ -223,6 +223,8 @@ class Effect:
         A slow force whose body does not matter.
     needs_angle : bool
         Defined for angles only.
+    needs_length : bool
+        A candidate along a length only.
     of_loop : bool
         Of a drive with a loop of its own: no candidate for another one.
     set_point : mapping of str to Hook
@@ -289,6 +291,7 @@ class Effect:
     slow: bool = False
     anywhere: bool = False
     needs_angle: bool = False
+    needs_length: bool = False
     of_loop: bool = False
     set_point: Mapping[str, Hook] = field(default_factory=dict)
     several: bool = False

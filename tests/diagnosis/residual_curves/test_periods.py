@@ -34,19 +34,8 @@ def test_the_period_of_a_remaining_force_is_found() -> None:
 
 
 @pytest.mark.slow
-def test_a_force_that_repeats_is_named_with_its_period(start: Model) -> None:
+def test_a_periodic_force_outside_the_catalogue_is_reported_with_its_period_and_strength(start: Model) -> None:
     diagnosis = diagnose(start, [record_of(repeating(), 5)])
-    best = diagnosis.best
-    assert best is not None
-    assert best.name == "periodic_force@axis"
-    values = best.parameters
-    assert values["period"]["value"] == pytest.approx(PERIOD, rel=0.005)
-    assert values["amplitude"]["value"] == pytest.approx(AMPLITUDE, rel=0.15)
-
-
-@pytest.mark.slow
-def test_a_periodic_force_that_no_effect_asked_for_explains_is_reported_with_its_strength(start: Model) -> None:
-    diagnosis = diagnose(start, [record_of(repeating(), 5)], effects=["coulomb_friction"])
     assert diagnosis.verdict == "unknown_structure"
     unknown = diagnosis.unknown
     assert unknown is not None

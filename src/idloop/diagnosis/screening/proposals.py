@@ -163,7 +163,9 @@ def _fits(model: Model, effect: Effect, at: str) -> bool:
             return False
     if effect.site == OUTPUT and next(o for o in model.outputs if o.site == at).field not in effect.outputs:
         return False
-    if (effect.needs_angle and model.units.position != "rad") or (effect.of_loop and model.loop is None):
+    if effect.needs_length if model.units.position == "rad" else effect.needs_angle:
+        return False
+    if effect.of_loop and model.loop is None:
         return False
     # A sensor's resolution is read off the data, without a fit.
     return f"{at}.{effect.site_parameter}" not in model.free and not effect.resolution

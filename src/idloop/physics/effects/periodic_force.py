@@ -1,4 +1,4 @@
-"""A force that repeats along the travel: poles of a linear motor, pitch of a screw, teeth of a belt or gear."""
+"""A force that repeats along the travel: poles of a linear motor, pitch of a screw, teeth of a belt or rack."""
 
 import math
 from typing import Any
@@ -17,7 +17,7 @@ def force(position: float, velocity: float, inertia: float, elapsed: float, stat
 EFFECT = Effect(
     name="periodic_force",
     site=BODY,
-    text="A force repeats along the travel: poles of a linear motor, pitch of a screw, teeth of a belt or gear.",
+    text="A force repeats along the travel: poles of a linear motor, pitch of a screw, teeth of a belt or rack.",
     also_called=("cogging_force", "detent_force", "force_ripple", "pitch_error"),
     equation=EffectEquation(
         r"-a_\lambda\sin(2\pi\,@q/\lambda + \varphi_\lambda)",
@@ -33,8 +33,9 @@ EFFECT = Effect(
     proportional=True,
     rate=lambda values, inertia, stiffness: (values["amplitude"] * 2.0 * math.pi / values["period"] / inertia) ** 0.5,
     spatial_rate=lambda values, inertia, stiffness: 2.0 * math.pi / values["period"],
-    degenerates_to=("cogging", "imbalance"),
-    looks_like=("cogging", "imbalance", "cable_spring"),
-    trials=lambda s: repetitions(0.05 * s.force, s.periods or [s.span / n for n in (4.0, 8.0, 16.0)]),
+    looks_like=("cable_spring",),
+    trials=lambda s: repetitions(0.05 * s.force, s.periods),
+    # Along an angle, cogging has the whole parts of a turn; any other period fits what an uneven inertia does.
+    needs_length=True,
     several=True,
 )
