@@ -419,7 +419,9 @@ class _Screen:
         self.errors = self.errors - self.basis @ (self.basis.T @ self.errors)
         found = {body: harmonics(whole, index) for index, body in enumerate(model.bodies)}
         self._harmonics = {body: several for body, (several, _) in found.items()}
-        repeated = {body: unexplained_period(whole, i) for i, body in enumerate(model.bodies)}
+        # Along an angle no candidate has a period of its own.
+        lengths = [] if model.units.position == "rad" else model.bodies
+        repeated = {body: unexplained_period(whole, i) for i, body in enumerate(lengths)}
         self._periods = {body: one for body, one in repeated.items() if one is not None}
         self.waves = sum(tried for _, tried in (*found.values(), *self._periods.values()))
 
