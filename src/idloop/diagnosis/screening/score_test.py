@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,7 +91,6 @@ class Screen:
     def __init__(self, estimation: EstimationProblem, parent: Refit, seed: int) -> None:
         self.estimation, self.parent = estimation, parent
         self.sizes = Sizes(parent.model, estimation)
-        self.period = residual_period(parent.model, estimation)  # of the driven body, and how many were tried
         problem, point = parent.problem, parent.point
         self.errors = self.whitened = parent.residual()
         k, slopes = parent.parameters, parent.jacobian
@@ -108,11 +108,17 @@ class Screen:
         # Random signs and sums over 4096 stretches preserve inner products of traces to about 1.5 %.
         self._edges = np.unique(np.linspace(0, rows, 4097).astype(np.int64)[:-1])
 
+    @cached_property
+    def period(self) -> tuple[float, int] | None:
+        """As of `residual_period`."""
+        return residual_period(self.parent.model, self.estimation)
+
     @np.errstate(all="ignore")
     def __call__(self, proposal: Proposal) -> Screened:
         """Traces of all alternatives of one proposal."""
         scales = self.sizes.at(proposal.effect.site, proposal.at)
-        if self.period is not None and proposal.at == proposal.base.bodies[0]:
+        along = proposal.effect.needs_length and proposal.at == proposal.base.bodies[0]
+        if along and self.period is not None:
             scales = replace(scales, periods=self.period[:1])
         traces = []
         share, weakest = 1.0, _weakest(proposal, scales)
