@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import shlex
 from dataclasses import replace
@@ -837,3 +838,37 @@ def test_an_axis_on_a_spring_is_not_said_to_be_turned_where_the_command_gives_it
     found = forwards_beside_position(done, begun.inspections)
     assert (found.reversed, found.incomplete) == ((False, True) if sign > 0 else (True, False))
     assert ("a spring or a weight is missing" in found.why_not) == (sign > 0)
+
+
+def _beside_a_weight(position, force, moment):
+    """An axis under a steady force or gravity, driven to and fro around its balance."""
+    time = 0.004 * np.arange(2500)
+    push = np.sum([np.sin(turns * time + turns) for turns in (1.3, 2.9, 5.1, 8.3)], axis=0)
+    place, p, v = np.empty(time.size), position, 0.0
+    pull, command = np.empty(time.size), np.empty(time.size)
+    for k in range(time.size):
+        place[k] = p
+        pull[k] = force + moment * math.sin(p)
+        command[k] = force + moment * math.sin(position) + push[k] - 8.0 * (p - position) - 2.0 * v
+        for _ in range(8):
+            v += 5e-4 * (command[k] - force - moment * math.sin(p) - 0.6 * v - 0.4 * math.tanh(200.0 * v)) / 0.3
+            p += 5e-4 * v
+    return time, command, place + 1e-5 * np.random.default_rng(3).normal(size=time.size)
+
+
+@pytest.mark.parametrize(
+    ("header", "force", "moment", "effect"),
+    [
+        ("t [s],force [N],z [m]", 20.0, 0.0, "load_torque@axis.torque"),
+        ("t [s],torque [Nm],q [rad]", 0.0, 9.0, "gravity@axis.moment"),
+    ],
+)
+def test_an_axis_that_holds_a_weight_is_fitted_with_it(tmp_path, header, force, moment, effect):
+    """A command that is never zero on average leaves inertia and friction alone without any value."""
+    log = _write(tmp_path / "log.csv", header, *_beside_a_weight(1.1, force, moment))
+    begun = idloop.start(log, tmp_path / "begun")
+    assert begun.fit is not None, begun.not_fitted
+    assert abs(begun.fit.values[effect]) == pytest.approx(force + moment, rel=0.05)
+    assert begun.fit.values["axis.inertia"] == pytest.approx(0.3, rel=0.1)
+    assert any(f"{effect.split('.')[0]} is in the model" in line for line in begun.done.notes)
+    assert begun.model.effects

@@ -102,6 +102,47 @@ def first_fit(
     return judged(FirstFit(model, found, bags=long, notes=notes))
 
 
+def beside_weight(done: FirstFit, *, progress: Progress) -> FirstFit:
+    """The fit beside a weight, where inertia and viscous friction alone describe nothing.
+
+    What pulls throughout is a constant force, or where a joint turns, one that goes with its angle.
+    """
+    from idloop.api.data import read_bags
+    from idloop.api.fit import fit
+
+    if done.fit is not None or not (done.incomplete or done.reversed or done.unmoved):
+        return done
+    joint, rotary = (
+        done.model.bodies[0],
+        any(one.field == "position" and one.unit == "rad" for one in done.model.outputs),
+    )
+    found = []
+    for effect in ("load_torque", *(("gravity",) if rotary else ())):
+        model = done.model.with_effects([f"{effect}@{joint}"])
+        try:
+            fitted = fit(model, read_bags(done.bags, model), progress=progress)
+        except InputError:
+            continue
+        note = f"{effect}@{joint} is in the model: without a weight, inertia and viscous friction describe nothing"
+        one = judged(FirstFit(model, fitted, bags=done.bags, notes=(*done.notes, note)))
+        if one.fit is not None and not one.reversed and _shows(one.fit, f"{effect}@{joint}"):
+            found.append(one)
+    return max(found, key=_follows, default=done)
+
+
+def _follows(done: FirstFit) -> float:
+    """Smallest FIT of a free run [%]."""
+    compared = () if done.fit is None else done.fit.train
+    return min((fit for one in compared for fit in one.fit.values() if np.isfinite(fit)), default=-np.inf)
+
+
+def _shows(found: Fit, effect: str) -> bool:
+    """Whether the first value of an effect, its size, is none that its error covers."""
+    name = next(name for name in found.intervals if name.startswith(f"{effect}."))
+    low, high = found.intervals[name]
+    return low > 0.0 or high < 0.0
+
+
 def left_out(bags: Sequence[Path], sound: Sequence[Path]) -> str:
     """The cure of bags that stand in the way of the sound ones; empty where there are no sound ones."""
     names = [bag.name for bag in bags if bag not in sound]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from idloop.api.first_fit import FirstFit, FirstModel, first_fit, left_out
+from idloop.api.first_fit import FirstFit, FirstModel, beside_weight, first_fit, left_out
 from idloop.api.inspection import inspect_bag, without_modelled_faults
 from idloop.api.log import Log, recognise
 from idloop.api.next_commands import commands, diagnosing, held_out, with_purpose
@@ -438,6 +438,7 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
         done = first_fit(kind, bags, fitted=fitted, refused=refused, progress=part(progress, 0.4, 0.9))
         if kind.load is not None and fitted and not refused and _is_massless(done, kind.load[0]):
             done = _with_one_body(done, kind, bags, part(progress, 0.9, 1.0))
+    done = beside_weight(done, progress=part(progress, 0.9, 1.0))
     if done.reversed:
         done = forwards_beside_position(done, inspections)
     if done.unmoved:
