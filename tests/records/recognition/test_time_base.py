@@ -114,6 +114,8 @@ def test_dates_and_runs(tmp_path):
         ("dt = 0.004 s", 4e-3),
         ("Abtastzeit [us]: 250", 2.5e-4),
         ("Cycle time 62,5 us", 6.25e-5),
+        ("SAMPLE_RATE=500", 2e-3),
+        ("fs: 4000", 2.5e-4),
     ],
 )
 def test_a_period_that_the_notes_state(tmp_path, line, period):
@@ -122,6 +124,30 @@ def test_a_period_that_the_notes_state(tmp_path, line, period):
     table = read_table(path)
     base = find_time_base(table, numbers_of(table), None, 20, None)
     assert base.time.period == pytest.approx(period)
+
+
+@pytest.mark.parametrize("name", ["tick", "ticks", "loop", ""])
+@pytest.mark.parametrize(
+    ("note", "period"),
+    [
+        ("1 tick = 0.5 ms", 5e-4),
+        ("one tick is 0.002 s", 2e-3),
+        ("Tick period [us];250", 2.5e-4),
+        ("Timer resolution 100 us per tick", 1e-4),
+        ("timer of 1 MHz / tick", 1e-6),
+        ("# log of a drive\n# ticks at 10 kHz", 1e-4),
+    ],
+)
+def test_a_counter_of_ticks_is_a_time_by_the_period_that_the_notes_state(tmp_path, name, note, period):
+    path = tmp_path / "a.csv"
+    rows = "".join(f"{8000 + 20 * k};{k % 7};{(k * k) % 11}\n" for k in range(40))
+    path.write_text(f"{note}\n{name};current;phi\n{rows}")
+    table = read_table(path)
+    base = find_time_base(table, numbers_of(table), None, 40, None)
+    np.testing.assert_allclose(np.diff(base.seconds), 20 * period)
+    assert base.doubt == ""
+    assert "the notes above the table say" in base.reason
+    assert recognise_table(table).of("position").column == "phi"
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ import numpy as np
 from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.records.recognition.column_name import is_counter, parse_column_name
-from idloop.records.recognition.guess import Given, checked_formula
+from idloop.records.recognition.guess import Given, checked_formula, quoted
 from idloop.records.recognition.roles import RoleByName, role_by_name
 from idloop.records.tables.base_units import SECONDS, known_unit
 from idloop.records.tables.dates import dates_ns
@@ -30,12 +30,6 @@ _FINE = 0.5  # steps of a clock with decimals below which it counts seconds rath
 _DATES = (9.5e8, 4.1e9)
 _RISING = 0.5  # share of the steps of a named time column that are not negative: it may start again often
 _EVEN = 0.97  # share of the steps of a column without a name that are nearly equal
-# "Sampling period [ms];1", "sample rate: 1000 Hz" in the notes above a table.
-_PERIOD = re.compile(
-    r"(?:sampl\w*|tast\w*|cycle|abtast\w*|interval|resolution|dt)\b[^0-9]*?(?:\[(?P<before>[^\]]+)\][^0-9]*)?"
-    r"(?P<number>\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)[\s,;\[(]*(?P<behind>[µa-zA-Z]+)?",
-    re.IGNORECASE,
-)
 # "TM=1000us" in the name of a column that counts the samples.
 _IN_NAME = re.compile(r"=\s*(\d+(?:[.,]\d+)?)\s*([µa-z]+)", re.IGNORECASE)
 _FEWEST_ROWS, _FEWEST_STAMPS = 10, 3
@@ -45,7 +39,8 @@ _SAME = 0.02  # difference of two periods that agree
 # A given time starts again at each run, and may stand where stamps are rounded.
 _MOST_FALLS, _FEWEST_RISES = 0.1, 0.05
 # Names of a position that may be those of a clock: the axis of a plot, ticks of a timer.
-_OF_CLOCKS = {"x", "tick", "ticks", "count", "counts"}
+_TICK_WORDS = {"tick", "ticks"}
+_OF_CLOCKS = {"x", "count", "counts", *_TICK_WORDS}
 _BACKWARDS = "runs backwards: turn the order of the rows"
 _WAYS = "numbers nor times such as 10:03:29.5 or 2025-11-12T10:03:29.5"
 # Names whose one value is the sampling period [s]: of oscilloscopes, and beside arrays.
@@ -55,6 +50,20 @@ _INCREMENTS = {
 }  # fmt: skip
 # Names whose one value is the rate [Hz].
 _RATE = re.compile(r"fs|((sampl(e|ing)|control|action|data|log(ging)?|update)_?)?(rate|frequency|freq|hz)(_hz)?")
+
+
+def _stated(what: str) -> re.Pattern[str]:
+    """Notes above a table that say how long something takes: "Sampling period [ms];1", "100 us per tick"."""
+    number = r"(?P<{}>\d+(?:[.,]\d+)?(?:[eE][+-]?\d+)?)"
+    behind = rf"(?:{what})(?:\b|_)[^0-9]*?(?:\[(?P<before>[^\]]+)\][^0-9]*)?{number.format('number')}"
+    per = rf"{number.format('times')}\s*(?P<of>[µa-zA-Z]+)\s*(?:per|/)\s*(?:{what})\b"
+    return re.compile(rf"{per}|{behind}[\s,;\[(]*(?P<behind>[µa-zA-Z]+)?", re.IGNORECASE)
+
+
+_PERIOD = _stated(r"sampl[^\W_]*|tast\w*|cycle|abtast\w*|interval|resolution|\bdt|\bfs")
+_TICK = _stated(r"ticks?")
+_SAYS_RATE = re.compile(r"rate|freq|fs", re.IGNORECASE)
+_HERTZ = {"hz": 1.0, "khz": 1e3, "mhz": 1e6}
 
 
 @dataclass(frozen=True)
@@ -143,6 +152,9 @@ def find_time_base(
     for name in table.columns:
         if name not in numbers and (dates := _dates(table.raw(name))) is not None and np.ptp(dates) > 0.0:
             return _of_column(table, numbers, name, unit, "by its cells")
+    if (tick := _period_in_notes(table, _TICK)) and (counter := _counter(table, numbers)):
+        time = Time(compute=f"{quoted(counter)} * {tick[0]:.12g}", unit="s")
+        return TimeBase(time, tick[1], "", tick[0] * numbers[counter])
     if found := _increment(table) or _period_in_notes(table):
         seconds, reason = found
         return TimeBase(Time(period=seconds), reason, "", np.arange(count, dtype=np.float64) * seconds)
@@ -168,6 +180,17 @@ def find_time_base(
         f"{table.path}: no column is a time{_why_not(table, numbers)}; name it with --time COLUMN, or say how often a"
         f" row was taken: --rate HZ or --period S (columns are {listed(table.columns, 20)})"
     )
+
+
+def _counter(table: Table, numbers: dict[str, Array]) -> str:
+    """Return the column that counts ticks: by its name, else the first that rises evenly; empty without."""
+    even = [name for name in table.columns if name in numbers and _is_clock(numbers[name])]
+    free = [name for name in even if _may_be_clock(table, name)]
+    return next((name for name in even if _TICK_WORDS.intersection(_words(table, name))), free[0] if free else "")
+
+
+def _words(table: Table, name: str) -> tuple[str, ...]:
+    return parse_column_name(name, table.units.get(name, "")).words
 
 
 def _why_not(table: Table, numbers: dict[str, Array]) -> str:
@@ -228,7 +251,7 @@ def _role(table: Table, name: str) -> RoleByName:
 
 def _may_be_clock(table: Table, name: str) -> bool:
     """Whether a name does not say that a column is another signal than the time."""
-    words = parse_column_name(name, table.units.get(name, "")).words
+    words = _words(table, name)
     return _role(table, name).role in ("", "other") or (bool(words) and set(words) <= _OF_CLOCKS)
 
 
@@ -449,16 +472,18 @@ def _period_in_name(name: str) -> tuple[float, str] | None:
     return (period, f"its name says every {period:g} s") if period > 0.0 else None
 
 
-def _period_in_notes(table: Table) -> tuple[float, str] | None:
-    """Sampling period that the notes above a table state [s], and why."""
-    for line in [] if table.csv is None else table.csv.preamble:
-        match = _PERIOD.search(line)
+def _period_in_notes(table: Table, stated: re.Pattern[str] = _PERIOD) -> tuple[float, str] | None:
+    """Period that the notes above a table state [s], of the rows or of what counts them, and why."""
+    for line in [] if table.csv is None else [*table.csv.comments, *table.csv.preamble]:
+        match = stated.search(line)
         if match is None:
             continue
-        number, unit = float(match["number"].replace(",", ".")), match["before"] or match["behind"] or ""
-        scale = {"hz": 1.0, "khz": 1e3}.get(unit.lower())
-        if scale and number:
-            return 1.0 / (number * scale), f"the notes above the table say {match[0].strip()!r}"
-        if known_unit(unit) in SECONDS and number:
-            return number * SECONDS[known_unit(unit)], f"the notes above the table say {match[0].strip()!r}"
+        number = float((match["times"] or match["number"]).replace(",", "."))
+        unit = match["of"] or match["before"] or match["behind"] or ""
+        unit = "hz" if not known_unit(unit) and _SAYS_RATE.search(match[0]) and unit.lower() not in _HERTZ else unit
+        reason = f"the notes above the table say {match[0].strip()!r}"
+        if number and unit.lower() in _HERTZ:
+            return 1.0 / (number * _HERTZ[unit.lower()]), reason
+        if number and known_unit(unit) in SECONDS:
+            return number * SECONDS[known_unit(unit)], reason
     return None

@@ -73,6 +73,7 @@ class CsvTable:
     units: dict[str, str] = field(default_factory=dict)  # units of columns, from rows below the header
     attributes: dict[str, float | str] = field(default_factory=dict)  # numbers in such a row: what a column holds once
     preamble: list[str] = field(default_factory=list)  # lines above the header
+    comments: list[str] = field(default_factory=list)  # those that are marked as such
     # Rows before which lines without data, and rows of numbers with more or fewer cells, were left out
     text_rows: list[int] = field(default_factory=list)
     cut_rows: list[int] = field(default_factory=list)
@@ -106,6 +107,7 @@ def _read(path: Path, stream: TextIO, options: dict[str, Any], found: CsvTable, 
     above = options.get("skip_rows")
     data: Iterator[str] = itertools.islice(_data_lines(stream, comment), above or 0, None)
     first = list(itertools.islice(data, _FIRST_LINES))
+    found.comments = comment
     if not first:
         raise InputError(f"{path}: the file holds no rows; check that this is the data file")
     delimiter = options.get("delimiter")
