@@ -9,6 +9,7 @@ from pathlib import Path
 import fsspec
 import pyarrow as pa
 import pytest
+from fsspec.implementations.memory import MemoryFileSystem
 from pyarrow import parquet
 
 from idloop.errors import InputError
@@ -91,6 +92,32 @@ def test_an_address_is_another_file_system(folder):
         ("r1", "memory:///fleet_of_test/r1/2026-03-02"),
     ]
     memory.rm("/fleet_of_test", recursive=True)
+
+
+class Remembering(MemoryFileSystem):
+    """Lists a place once, as those of clouds do."""
+
+    protocol = "remembering"
+
+    @classmethod
+    def _strip_protocol(cls, path):
+        return super()._strip_protocol(path.removeprefix("remembering://"))
+
+    def find(self, path, **options):
+        return self.dircache.setdefault(path, super().find(path, **options))
+
+    def invalidate_cache(self, path=None):
+        self.dircache.clear()
+
+
+def test_what_has_come_since_the_last_look_is_seen(folder):
+    fsspec.register_implementation("remembering", Remembering, clobber=True)
+    memory = fsspec.filesystem("memory")
+    memory.put(str(folder / "r1"), "/watched/r1", recursive=True)
+    before = find_bags("remembering://watched")
+    memory.put(str(folder / "r2"), "/watched/r2", recursive=True)
+    assert (len(before), len(find_bags("remembering://watched"))) == (2, 3)
+    memory.rm("/watched", recursive=True)
 
 
 @pytest.mark.parametrize(

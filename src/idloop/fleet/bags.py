@@ -110,6 +110,7 @@ def open_place(source: str) -> tuple[Any, str]:
         raise InputError(f"{source}: {' '.join(str(error).split())}{cure}") from error
     except ValueError as error:
         raise InputError(f"{source}: {' '.join(str(error).split())}") from error
+    fs.invalidate_cache()  # what was listed before may have changed
     return fs, str(path)
 
 
