@@ -54,3 +54,17 @@ def test_a_sine_beside_measurements_of_another_clock_shows_no_loop(period):
     taken = period * time[:1900] + 0.0007
     place, speed = (np.interp(taken, time, one) for one in (0.002 * np.cumsum(speed), speed))
     assert not check(Axis("j", taken, place, speed, time, command, "j.effort"))
+
+
+def test_a_noisy_reading_of_a_held_command_shows_no_loop():
+    """The motion follows the command and not the noise of its reading: behind a step it says more than the readings."""
+    rng, reference = np.random.default_rng(2), np.repeat(np.random.default_rng(1).uniform(-3.0, 3.0, 30), 100)
+    period, place, speed = 0.002, 0.0, 0.0
+    position, velocity = np.empty((2, reference.size))
+    for k, force in enumerate(reference):
+        position[k], velocity[k] = round(place, 5), round(speed, 4)
+        speed += period * (50.0 * force - 5.0 * speed - 5.0 * math.tanh(speed / 0.01))
+        place += period * speed
+    time = period * np.arange(reference.size)
+    command = reference + 0.05 * rng.normal(size=reference.size)
+    assert check(Axis("j", time, position, velocity, time, command, "j.effort")) == []

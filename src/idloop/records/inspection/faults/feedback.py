@@ -25,6 +25,8 @@ _SAME_RATE = 0.1
 _LOST = 1.5
 # Share of the samples at which the command changes; and of its changes that are rounding.
 _CHANGES, _ROUNDING = 0.2, 1e-9
+# A step of the command, in medians of its changes; and share of the rows without one that are enough.
+_STEP, _PLAIN = 12.0, 0.75
 # Parts of the rows, each predicted from the others.
 _PARTS = 8
 
@@ -75,6 +77,12 @@ def _explained(axis: Axis, signals: list[Array]) -> float:
     rows = last + np.flatnonzero(np.lib.stride_tricks.sliding_window_view(whole, last + 2).all(axis=1))
     if rows.size < _FEWEST:
         return 0.0
+    # Behind a step its past says less than the motion, which follows the command and not the noise of its reading.
+    size = np.abs(command)
+    step = size > _STEP * float(np.median(size[size > 0.0])) if (size > 0.0).any() else size > 0.0
+    steps_before = np.append(0, np.cumsum(step))
+    plain = rows[steps_before[rows] == steps_before[rows - _PAST]]
+    rows = plain if plain.size > _PLAIN * rows.size else rows
     # Where the command is held over many samples, only its changes may answer to anything.
     target = command[rows]
     if np.mean(target != 0.0) < _CHANGES or not all(np.any(one) for one in motions):
