@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from math import pi
 from pathlib import Path
 
@@ -468,6 +469,37 @@ def test_a_sensor_of_forces_is_no_command_beside_the_current_of_the_motor():
     loop = _roles(columns | {"current": 2 * U, "target angle": ANGLE + 0.1})[0]
     assert loop["command"][0] == "current"
     assert _roles(columns)[0]["command"][0] == "/ft wrench.force.x"
+
+
+@pytest.mark.parametrize(
+    ("command", "motion", "one", "two"),
+    [("Inp_{}", "Measure_{}", "x", "y"), ("u_{}", "q_{}", "x", "y"), ("{} pwm", "{} rpm", "left", "right"),
+     ("pwmRight", "posRight", "Right", "Left")],
+)  # fmt: skip
+def test_a_word_tells_the_axes_of_a_machine_apart(command, motion, one, two):
+    """That which moves more is taken, with its own command and not with that of the other."""
+    columns = {"t": T}
+    for side, size in ((one, 0.2), (two, 1.0)):
+        name, place = (text.format(side).replace("Right", side) for text in (command, motion))
+        columns |= {name: size * np.roll(U, 40 if side == one else 0), place: size * ANGLE}
+    roles, found = _roles(columns)
+    place = roles.get("position", roles.get("velocity"))[0]
+    assert two in place
+    assert two in roles["command"][0]
+    assert any("the log has 2 joints" in doubt for doubt in found.all_doubts())
+
+
+@pytest.mark.parametrize("torque", ["torque", "tau", "Torque [Nm]"])
+@pytest.mark.parametrize("current", ["current", "i_q", "Current [A]"])
+def test_of_a_torque_and_a_current_that_makes_it_the_current_is_the_command(torque, current):
+    motion = {"t": T, "angle": ANGLE}
+    roles, found = _roles(motion | {torque: 0.1 * U + 0.2 * np.cos(T), current: 2 * U})
+    assert (roles["command"][0], roles["effort"][0]) == (current, torque)
+    assert f"--command {shlex.quote(torque)}" in " ".join(found.all_doubts())
+    computed = _roles(motion | {torque: np.round(0.1 * U, 3), current: 2 * U})[0]
+    assert computed["command"][0] == torque, "a multiple of the current was computed from it"
+    named = _roles(motion | {f"{torque} cmd": 0.1 * U + 0.2 * np.cos(T), current: 2 * U})[0]
+    assert named["command"][0] == f"{torque} cmd"
 
 
 @pytest.mark.parametrize("name", ["Vibration (g)", "Left Load Cell (mV)"])

@@ -24,8 +24,8 @@ WANTED = frozenset({
     "vorgabe", "führungsgröße", "consigne", "consigna", "referencia", "riferimento", "börvärde", "gewenst",
 })  # fmt: skip
 MEASURED = frozenset({
-    "actual", "act", "meas", "measured", "measurement", "feedback", "fb", "ist", "istwert", "est", "estimate",
-    "estimated", "present", "sensor", "filtered", "filt", "adc",
+    "actual", "act", "meas", "measured", "measure", "measurement", "feedback", "fb", "ist", "istwert", "est",
+    "estimate", "estimated", "present", "sensor", "filtered", "filt", "adc",
     "messwert", "mesure", "mesuree", "medida", "medido", "misurata", "misurato", "ärvärde", "gemeten",
 })  # fmt: skip
 # What is added to the output of a loop: a force that is commanded.

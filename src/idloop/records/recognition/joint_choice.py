@@ -12,15 +12,16 @@ import numpy as np
 
 from idloop.arrays import Array
 from idloop.records.inspection.motion import white_noise
-from idloop.records.recognition.column_name import with_brackets
+from idloop.records.recognition.column_name import parse_column_name, with_brackets
 from idloop.records.recognition.guess import MOTION
-from idloop.records.recognition.roles import is_called_command
+from idloop.records.recognition.roles import is_called_command, role_by_name
 from idloop.records.recognition.table_column import TableColumn
 from idloop.records.tables.base_units import COUNTS, base_unit
 from idloop.spelling import listed
 
 _OF_SEVERAL = re.compile(r"(.*)\[(\d+)\]")
 _NUMBERED = re.compile(r".*\D(\d+)")
+_SIDES = {"x", "y", "z", "left", "right"}  # words that tell one axis of a machine from another
 _BLOCKS, _FEWEST_BLOCKS = 4000, 4  # means along which the path of a joint is measured
 
 
@@ -52,6 +53,23 @@ def joints_by_name(names: Iterable[str]) -> dict[str, str] | None:
     return joints | (of_arrays if len(numbers) == len(alike) else {})
 
 
+def joints_by_side(names: Iterable[str]) -> dict[str, str] | None:
+    """Return the axis of each column where a word says it, and each has its command: ``Inp_x``, ``pwm left``.
+
+    None where the names say no axes so.
+    """
+    axes: dict[str, dict[tuple[str, ...], str]] = {}
+    for name in names:
+        words = parse_column_name(name).words
+        for side in set(words) & _SIDES:
+            axes.setdefault(side, {})[tuple(word for word in words if word != side)] = name
+    roles = [{role_by_name(parse_column_name(name)).role for name in own.values()} for own in axes.values()]
+    driven = all(some & {"command", "effort"} and some & set(MOTION) for some in roles)
+    if len(axes) < 2 or not driven or len({frozenset(own) for own in axes.values()}) > 1:
+        return None
+    return {name: side for side, own in axes.items() for name in own.values()}
+
+
 def one_joint(
     columns: dict[str, TableColumn], named: set[str], doubts: list[str], *, by_path: bool = False
 ) -> dict[str, TableColumn]:
@@ -63,7 +81,9 @@ def one_joint(
     by_joint = _motions(columns)
     # Names of their own, which differ from joint to joint, say what is measured and not of which joint.
     own = {
-        one.name: one.name.replace("/", ".").rpartition(".")[2] if by_path else one.parsed.words
+        one.name: one.name.replace("/", ".").rpartition(".")[2]
+        if by_path
+        else tuple(word for word in one.parsed.words if word != one.parsed.index)
         for one in columns.values()
     }
     roles = [(one.by_name.role, own[one.name]) for some in by_joint.values() for one in some]

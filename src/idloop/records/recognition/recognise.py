@@ -31,7 +31,7 @@ from idloop.records.recognition.guess import (
     with_unit,
 )
 from idloop.records.recognition.joint_blocks import in_blocks
-from idloop.records.recognition.joint_choice import joints_by_name, joints_with_command, one_joint
+from idloop.records.recognition.joint_choice import joints_by_name, joints_by_side, joints_with_command, one_joint
 from idloop.records.recognition.loop_in_drive import loop_beside_command
 from idloop.records.recognition.lost_rows import doubt_of_lost_rows
 from idloop.records.recognition.names_against_values import doubt_of_names
@@ -43,6 +43,7 @@ from idloop.records.recognition.roles import (
     RoleByName,
     is_computed,
     is_force_sensor,
+    is_torque,
     may_be_measured,
     may_be_supply,
     role_by_name,
@@ -66,6 +67,7 @@ _DESIRED = re.compile(r"(.+)_d(\W?\d*\W?)")
 _KNOWN_RANK = 10.0  # a known drive says more than a name
 # Turns within which a position on a spring, or a weight that hangs, stays.
 _TURNS_ON_A_SPRING = 2.0
+_MULTIPLE = 0.999  # squared correlation of a torque with the current that it was computed from
 _COMMAND_WORDS = {"V", "mV", "A", "mA", "%"}
 
 
@@ -229,7 +231,7 @@ def _by_names(
     """Return the columns, what is given of them or said by their names, and the joints where there are several."""
     columns = {}
     paths = joints_by_name(numbers) if joints is None else None
-    joints = joints if paths is None else paths
+    joints = (joints or joints_by_side(numbers)) if paths is None else paths
     for name, value in numbers.items():
         parsed = _parsed(table, name)
         if name in base.columns or name in table.clocks.values() or name in table.stamp_parts:
@@ -241,6 +243,7 @@ def _by_names(
         columns[name] = replace(one, by_name=RoleByName("other", 0.0, "")) if further else one
     _input_and_output(columns)
     _currents(columns)
+    _felt(columns)
     _computed(columns)
     _of_known_drive(columns, sources)
     columns = {name: one.with_sign() for name, one in columns.items()}
@@ -367,6 +370,33 @@ def _currents(columns: dict[str, TableColumn]) -> None:
     for one in columns.values():
         if one.by_name.role == "command" and may_be_measured(one.parsed):
             columns[one.name] = replace(one, by_name=replace(one.by_name, role="effort"))
+
+
+def _felt(columns: dict[str, TableColumn]) -> None:
+    """Take a torque for measured, of which no name says that it was commanded, beside the current that makes it.
+
+    A torque that is a multiple of the current was computed from it, and says more.
+    """
+    acting = [one for one in columns.values() if one.by_name.role == "command" and one.moves]
+    for current in (one for one in acting if may_be_measured(one.parsed)):
+        for torque in acting:
+            alike = torque.parsed.index == current.parsed.index and torque.value.size == current.value.size
+            if not (alike and is_torque(torque.parsed)) or _runs_with(torque.value, current.value):
+                continue
+            doubt = (
+                f"command: {current.name!r} is taken, as the current makes the torque; if {torque.name!r} was commanded"
+                f" and not measured, --command {shlex.quote(torque.name)}"
+            )
+            measured = RoleByName("effort", 1.0, f"{torque.by_name.reason}, beside a current")
+            columns[torque.name] = replace(torque, by_name=measured, doubts=(*torque.doubts, doubt))
+
+
+def _runs_with(value: Array, other: Array) -> bool:
+    """Whether a column is a multiple of another one, but for rounding."""
+    known = np.isfinite(value) & np.isfinite(other)
+    if known.sum() < 2 or not (np.ptp(value[known]) and np.ptp(other[known])):
+        return False
+    return bool(np.corrcoef(value[known], other[known])[0, 1] ** 2 > _MULTIPLE)
 
 
 def _computed(columns: dict[str, TableColumn]) -> None:

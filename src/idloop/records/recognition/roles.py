@@ -26,7 +26,7 @@ Role = Signal | Literal["other", ""]
 _FORCES = {
     "u", "voltage", "volt", "volts", "pwm", "duty", "dutycycle", "throttle", "effort", "efforts", "torque", "tau",
     "force", "current", "i", "iq", "uq", "vq", "vin", "spannung", "strom", "moment", "drehmoment", "kraft",
-    "stellgroesse", "stellgröße", "input", "output", "out", "pid", "tension", "corriente", "courant", "corrente",
+    "stellgroesse", "stellgröße", "input", "inp", "output", "out", "pid", "tension", "corriente", "courant", "corrente",
     "couple", "drive", "load", "esc", "power", "signal", "servo", "pulse", "pulsewidth", "dac", "trq", "cur", "curr",
     "amps",
 }  # fmt: skip
@@ -101,9 +101,10 @@ _COMPUTED = {
 _AT_MOTOR = {"motor", "rotor", "drive"}
 _AT_LOAD = {"load", "link", "arm", "output", "joint", "stage", "abtrieb"}
 _COORDINATES = {"q", "x", "y", "z", "theta", "phi", "alpha", "beta"}
+_INPUTS = {"u", "input", "inp"}
 # Which of several columns is the command: what says so, then what acts first in the chain from command to force.
 _ORDER = (
-    {"u", "input", "cmd", "command", "commands", "stellgroesse", "stellgröße"},
+    {*_INPUTS, "cmd", "command", "commands", "stellgroesse", "stellgröße"},
     {*_VOLTAGES, "v", "uq", "vq", "pwm", "duty", "dutycycle", "throttle", "esc", "dac"},
     _FORCE_NAMES,
     CURRENTS,
@@ -200,6 +201,12 @@ def is_called_command(name: ColumnName) -> bool:
     return bool(set(name.words) & WANTED) and role_by_name(name).role == "command"
 
 
+def is_torque(name: ColumnName) -> bool:
+    """Whether a torque or a force is named, and no word says that it was commanded."""
+    words = set(name.words)
+    return bool(words & _FORCE_NAMES) and not words & (WANTED | FEED_FORWARD | _ORDER[0] | {"output", "out", "pid"})
+
+
 def says_no_command(name: ColumnName) -> bool:
     """Whether no word says that it was commanded, and what it names is measured as often as not: a current, a load."""
     return may_be_measured(name) or ("load" in name.words and not set(name.words) & (WANTED | _ORDER[0] | _ORDER[1]))
@@ -255,8 +262,8 @@ def _kind(name: ColumnName, words: set[str], unit: str) -> str:
         return "position"
     if words & _RATES and words & _POSITIONS:
         return "velocity"
-    # Beside the name of a force a coordinate says of what it is one.
-    said = words - _COORDINATES if words & _FORCE_NAMES else words
+    # Beside the name of a force or an input a coordinate says of what it is one.
+    said = words - _COORDINATES if words & (_FORCE_NAMES | _INPUTS) else words
     for kind, known in (("velocity", _VELOCITIES), ("position", _POSITIONS), ("force", _FORCES)):
         if said & known:
             return kind
