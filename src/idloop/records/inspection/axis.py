@@ -102,6 +102,11 @@ class Axis:
         """Position (n,) without the jumps of its encoder."""
         return self.position if self.wraps is None else self.wraps.unwrapped
 
+    @property
+    def motions(self) -> dict[str, Array]:
+        """Position without the jumps of its encoder and velocity (n,) by ``joint.field``."""
+        return self.columns if self.place is None else self.columns | {self.name("position"): self.place}
+
     @cached_property
     def resolution(self) -> dict[str, float]:
         """Step of position and velocity that their sensors make."""

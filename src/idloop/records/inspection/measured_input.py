@@ -93,12 +93,12 @@ def acts_late(input_time: Array, command: Array, time: Array, motion: Array, ord
     return late, float(np.sqrt(max(slope @ covariance @ slope, 0.0)))
 
 
-def measured_input(
-    name: str, input_time: Array, command: Array, time: Array, motions: dict[str, Array]
-) -> list[Finding]:
-    """Return a finding where the motion shows that a command was measured and is not held.
+def decided(
+    input_time: Array, command: Array, time: Array, motions: dict[str, Array]
+) -> dict[str, tuple[float, float]]:
+    """Return how late a command acts and its error [samples] by the outputs that show it; arrays as of `acts_late`.
 
-    `motions` are positions and velocities (n,) by ``joint.field``; the other arrays are those of `acts_late`.
+    `motions` are positions and velocities (n,) by ``joint.field``.
     """
     orders = {output: {"position": 2, "velocity": 1}.get(output.rpartition(".")[2]) for output in motions}
     found = {
@@ -106,11 +106,22 @@ def measured_input(
         for output, order in orders.items()
         if order is not None
     }
-    decided = {output: one for output, one in found.items() if np.isfinite(one).all()}
-    # The noise of a velocity in a loop may look like a command at once: each output must agree.
-    if not decided or any(abs(late) + _ERRORS * error >= _AT_ONCE for late, error in decided.values()):
+    return {output: one for output, one in found.items() if np.isfinite(one).all()}
+
+
+def all_near(shown: dict[str, tuple[float, float]], late: float) -> bool:
+    """Whether a command acts so late by each output that shows it; the noise of a velocity in a loop looks alike."""
+    return bool(shown) and all(abs(one - late) + _ERRORS * error < _AT_ONCE for one, error in shown.values())
+
+
+def measured_input(
+    name: str, input_time: Array, command: Array, time: Array, motions: dict[str, Array]
+) -> list[Finding]:
+    """Return a finding where the motion shows that a command was measured and is not held; arrays as of `decided`."""
+    shown = decided(input_time, command, time, motions)
+    if not all_near(shown, 0.0):
         return []
-    output, (late, error) = min(decided.items(), key=lambda one: one[1][1])
+    output, (late, error) = min(shown.items(), key=lambda one: one[1][1])
     cure = "set `input: {kind: measured}` in the model file"
     text = (
         f"{name} acts around its stamps ({round(late, 2) + 0.0:g} ± {error:.2g} samples late by {output}), not from"

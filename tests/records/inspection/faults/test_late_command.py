@@ -18,6 +18,16 @@ def test_a_command_that_was_recorded_late_is_named(make_axis, samples):
     assert "identification" in found.spoils
 
 
+def test_a_command_that_was_recorded_one_sample_late_is_named_where_the_position_shows_it(make_axis):
+    axis = make_axis(rate=100.0)
+    assert late_command.check(axis) == []
+    command = np.concatenate([axis.command[:1], axis.command[:-1]])
+    (found,) = late_command.check(replace(axis, command=command))
+    assert found.evidence["command_late"] == pytest.approx(0.01, rel=1e-6)
+    assert found.spoils == ("delays",)
+    assert "--late 0.01" in found.cure
+
+
 @pytest.mark.parametrize("samples", [0, 1, 3, 10, 40])
 def test_a_drive_that_is_late_or_in_time_has_no_fault(make_axis, samples):
     waiting = [0.0] * samples

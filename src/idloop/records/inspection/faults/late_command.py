@@ -8,6 +8,7 @@ from idloop.arrays import Array
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import LATE, fault, late_option
+from idloop.records.inspection.measured_input import all_near, decided
 from idloop.records.inspection.response import PLAIN, responses
 
 KIND = "late_command"
@@ -55,7 +56,7 @@ def check(axis: Axis) -> list[Finding]:
         if share > _SHARE and (best is None or part < best[0]):
             best = part, lead, share
     if best is None:
-        return []
+        return _a_sample_late(axis)
     part, samples, share = best
     early, name = samples * grid.period, axis.command_name
     return [
@@ -67,6 +68,30 @@ def check(axis: Axis) -> list[Finding]:
             f"subtract {early:.4g} s from the stamps of {name} ({late_option(early)}), or record both by one clock",
             evidence={LATE: early, "left": part, "share": share},
             spoils=("identification",),
+        )
+    ]
+
+
+def _a_sample_late(axis: Axis) -> list[Finding]:
+    """Name a command that acts half a sample before its stamps, where one in time acts half a sample after them.
+
+    By the position: the noise of a velocity, from which a command was computed, looks like one that acts early.
+    """
+    place = axis.name("position")
+    shown = decided(axis.input_time, axis.command, axis.time, axis.motions)
+    if place not in shown or not all_near(shown, -0.5):
+        return []
+    name, (late, error) = axis.command_name, shown[place]
+    return [
+        fault(
+            KIND,
+            name,
+            f"{name} acts {-late:.2g} ± {error:.1g} samples before its stamps by {place}, which no machine makes: it"
+            " was recorded a sample late",
+            f"subtract {axis.period:.4g} s from the stamps of {name} ({late_option(axis.period)}), or record what was"
+            " sent before what was measured after it",
+            evidence={LATE: axis.period, "late": late, "error": error},
+            spoils=("delays",),
         )
     ]
 

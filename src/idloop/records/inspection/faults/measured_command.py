@@ -11,5 +11,4 @@ def check(axis: Axis) -> list[Finding]:
     """Estimate how long after its stamp a command acts."""
     if not axis.command.size:
         return []
-    columns = axis.columns if axis.place is None else axis.columns | {axis.name("position"): axis.place}
-    return measured_input(axis.command_name, axis.input_time, axis.command, axis.time, columns)
+    return measured_input(axis.command_name, axis.input_time, axis.command, axis.time, axis.motions)
