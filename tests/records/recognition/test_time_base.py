@@ -176,6 +176,26 @@ def test_stamps_that_stand_still_are_doubted():
     assert "--rate HZ" in _base({"t [s]": np.floor(0.01 * K), "u": np.sin(K)}).doubt
 
 
+@pytest.mark.parametrize(("name", "scale"), [("dt_us", 8000.0), ("dt [ms]", 8.0), ("loop time (s)", 0.008)])
+@pytest.mark.parametrize("spread", [0.0, 0.002, 0.1])
+def test_the_time_since_the_row_before_is_no_time_since_the_start(name, scale, spread):
+    if name.startswith("loop") and not spread:
+        return
+    value = scale * (1.0 + spread * np.random.default_rng(1).uniform(-1.0, 1.0, 200))
+    base = _base({name: value, "u": np.sin(K), "y": np.cos(K)})
+    assert base.time.period == pytest.approx(0.008, rel=0.02)
+    assert len(base.runs) == 1
+    assert ("rows are taken as even" in base.doubt) == (spread > 0.01)
+
+
+def test_stamps_that_stand_for_several_rows_count_in_a_plausible_unit(tmp_path):
+    path = tmp_path / "console.log"
+    path.write_text("".join(f"I ({1000 + 4 * k // 10 * 10}) ctl: duty={k % 7} pos={k * k % 11}\n" for k in range(300)))
+    base = recognise_table(read_table(path)).base
+    assert base.time.unit == "ms"
+    assert "--rate HZ" in base.doubt
+
+
 def test_a_time_that_cannot_be_read_is_shown(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("Time,u,y\n" + "".join(f"10:{k:02d},{k % 3},{k % 5}\n" for k in range(30)))

@@ -34,7 +34,7 @@ _POSITIONS = {
     "position", "positions", "pos", "angle", "theta", "q", "phi", "enc", "encoder", "count", "counts", "ticks", "tick",
     "inc", "winkel", "lage", "weg", "posicion", "posizione", "angulo", "angolo", "x", "y", "alpha",
     "beta", "rot", "rotation", "rotations", "deg", "degrees", "rad", "turns", "displacement", "distance", "stroke",
-    "pose", "z",
+    "pose", "z", "yaw", "pitch", "roll",
 }  # fmt: skip
 _VELOCITIES = {
     "velocity", "velocities", "vel", "speed", "omega", "w", "qd", "dq", "rpm", "rps", "drehzahl", "geschwindigkeit",

@@ -40,6 +40,8 @@ _SAME = 0.02  # difference of two periods that agree
 _MOST_FALLS, _FEWEST_RISES = 0.1, 0.05
 # Names of a position that may be those of a clock: the axis of a plot, ticks of a timer.
 _TICK_WORDS = {"tick", "ticks"}
+_INTERVAL_WORDS = {"dt", "delta", "interval", "period"}
+_AROUND = 0.5  # spread of the time between rows, as a share of it
 _OF_CLOCKS = {"x", "count", "counts", *_TICK_WORDS}
 _BACKWARDS = "runs backwards: turn the order of the rows"
 _WAYS = "numbers nor times such as 10:03:29.5 or 2025-11-12T10:03:29.5"
@@ -149,6 +151,8 @@ def find_time_base(
     if name:
         reason = role_by_name(parse_column_name(name, table.units.get(name, ""))).reason
         return _of_column(table, numbers, name, unit, reason)
+    if (base := _between_rows(table, numbers, count)) is not None:
+        return base
     for name in table.columns:
         if name not in numbers and (dates := _dates(table.raw(name))) is not None and np.ptp(dates) > 0.0:
             return _of_column(table, numbers, name, unit, "by its cells")
@@ -180,6 +184,32 @@ def find_time_base(
         f"{table.path}: no column is a time{_why_not(table, numbers)}; name it with --time COLUMN, or say how often a"
         f" row was taken: --rate HZ or --period S (columns are {listed(table.columns, 20)})"
     )
+
+
+def _between_rows(table: Table, numbers: dict[str, Array], count: int) -> TimeBase | None:
+    """Take the rows as even by a column that holds the time since the row before; None without one."""
+    for name, value in numbers.items():
+        if _role(table, name).role != "time" or not _is_interval(value, _words(table, name)):
+            continue
+        said = parse_column_name(name, table.units.get(name, "")).unit
+        unit = said if said in SECONDS else _units_of_time(np.nancumsum(value))[0][0]
+        least, mean, most = (SECONDS[unit] * float(of(value)) for of in (np.nanmin, np.nanmean, np.nanmax))
+        even = most - least <= _SAME * mean
+        doubt = f"rows are taken as even, {mean:.4g} s apart, but {name!r} says {least:.4g} to {most:.4g} s"
+        reason = f"{name!r} is the time between rows, {mean:.4g} s on average"
+        return TimeBase(Time(period=mean), reason, "" if even else doubt, np.arange(count, dtype=np.float64) * mean)
+    return None
+
+
+def _is_interval(value: Array, words: Sequence[str]) -> bool:
+    """Whether a column of a time says how long ago the row before was: it goes up and down around one value."""
+    known = value[np.isfinite(value)]
+    if known.size <= _FEWEST_ROWS or not (known > 0.0).all():
+        return False
+    if np.ptp(known) == 0.0:
+        return not _INTERVAL_WORDS.isdisjoint(words)
+    falls = float(np.mean(np.diff(known) < 0.0))
+    return falls > _MOST_FALLS and float(np.std(known)) < _AROUND * float(np.mean(known))
 
 
 def _counter(table: Table, numbers: dict[str, Array]) -> str:
@@ -241,6 +271,7 @@ def base_of_clock(table: Table, name: str, said: str, given: str) -> TimeBase:
         units, why = _units_of_time(value)
         reason = f"{reason}; {units[0]} {why}"
         doubt = "" if len(units) == 1 else doubt_of_unit("", units[0])
+    doubt = doubt or _stands_still(name, value)
     time = Time(column=name, unit=units[0])  # type: ignore[arg-type]
     return TimeBase(time, reason, doubt, value * SECONDS[units[0]], units)
 
@@ -307,6 +338,8 @@ def _may_be_time(table: Table, numbers: dict[str, Array], name: str) -> bool:
         dates = _dates(table.raw(name))
         return dates is not None and bool(np.ptp(dates) > 0.0)
     value = numbers[name][np.isfinite(numbers[name])]
+    if _is_interval(value, _words(table, name)):
+        return False
     return value.size > 2 and float(np.ptp(value)) > 0.0 and float(np.mean(np.diff(value) >= 0)) >= _RISING
 
 
@@ -428,7 +461,9 @@ def _units_of_time(value: Array) -> tuple[tuple[str, ...], str]:
     for unit, factor in SECONDS.items():
         if _DATES[0] < float(known[0]) * factor < _DATES[1]:
             return (unit,), "because they are dates then"
-    step = float(np.median(np.abs(np.diff(known))))
+    steps = np.abs(np.diff(known))
+    # Of stamps that stand for several rows the step is that of a row.
+    step = float(np.median(steps)) or float(np.mean(steps))
     whole = bool((known == np.round(known)).all())
     fitting = [unit for unit, factor in SECONDS.items() if _SHORTEST <= step * factor <= _LONGEST]
     # Whole numbers count milliseconds or microseconds; a clock in seconds has decimals.
