@@ -8,6 +8,7 @@ the middle of the days on). Some bags are missing, some are broken.
     python benchmarks/fleet.py                                       # 200 robots, 6 joints, 30 days: about an hour
     python benchmarks/fleet.py --robots 20 --days 10                 # minutes
     python benchmarks/fleet.py --robots 8 --days 4 --scaling         # one worker beside two
+    python benchmarks/fleet.py --robots 30 --statistics 200          # many fleets of estimates, without recordings
 """
 
 from __future__ import annotations
@@ -53,6 +54,7 @@ KINDS = {
     "base": KIND.format(kind="base", inertia=0.08, viscous=0.4, dry=0.6),
     "wrist": KIND.format(kind="wrist", inertia=0.01, viscous=0.05, dry=0.15),
 }
+ERRORS = {"inertia": 0.0018, "viscous": 0.006, "dry": 0.0035}  # of the fits of such records, as shares
 NAMES = {"viscous": "axis.viscous_friction", "dry": "coulomb_friction@axis.level", "inertia": "axis.inertia"}
 
 
@@ -238,6 +240,97 @@ def judge(fleet: Fleet, findings: Sequence[Any], periods: Sequence[Any] = ()) ->
     }
 
 
+def estimates(fleet: Fleet, tails: float) -> list[Any]:
+    """Series of a fleet as the fits of its recordings would give them; `tails`: degrees of freedom of their errors."""
+    from idloop.fleet.joint_day import FORCE_ERROR
+    from idloop.fleet.statistics import Series
+
+    rng = np.random.default_rng([fleet.seed, 3])
+    days = np.arange(fleet.days) + START.timestamp() // 86400
+    lost = rng.uniform(size=(fleet.robots, fleet.days)) < fleet.missing + fleet.broken
+    warmth = 0.05 * rng.normal(size=lost.shape)
+    found = []
+    for kind, model in models().items():
+        units = [one for one in fleet.units() if fleet.kind(one[1]) == kind]
+        names = tuple((robot_name(robot), f"j{joint}") for robot, joint in units)
+        robot, size = [one for one, _ in units], (len(units), fleet.days)
+        odd, worn = (np.array([[one in several] for one in units]) for several in (fleet.odd, fleet.worn))
+        gain = 1.0 - FIRMWARE * ((np.arange(fleet.days) >= (fleet.changed or fleet.days)) & (kind == "base"))
+        shares = {
+            "inertia": 0.03 * rng.normal(size=(len(units), 1)),
+            "viscous": 0.1 * rng.normal(size=(len(units), 1)) + warmth[robot] + 0.03 * rng.normal(size=size),
+            "dry": 0.1 * rng.normal(size=(len(units), 1)) + 0.02 * rng.normal(size=size) + ODD * odd
+            + WEAR * worn * np.arange(fleet.days) / (fleet.days - 1),
+        }  # fmt: skip
+        for key, share in shares.items():
+            value = model.values[NAMES[key]]
+            error = ERRORS[key] * value * rng.uniform(0.7, 1.5, size=size)
+            y = value * (1.0 + share) / gain + error * rng.standard_t(tails, size=size)
+            found.append(Series(kind, NAMES[key], "", names, days, np.where(lost[robot], np.nan, y), error**2, 0.0))
+        y = np.log(0.01) + 0.2 * rng.normal(size=(len(units), 1)) + 0.15 * rng.standard_t(tails, size=size)
+        found.append(Series(kind, FORCE_ERROR, "1", names, days, np.where(lost[robot], np.nan, y), np.zeros(size)))
+    return found
+
+
+def judge_statistics(fleet: Fleet, tails: float) -> dict[str, tuple[int, int]]:
+    """Of the estimates of one fleet: what is found of what was planted, and what is false of what is listed."""
+    from idloop.fleet.joint_day import FORCE_ERROR
+    from idloop.fleet.statistics import Hypotheses, between_periods, take_apart
+
+    parts = [take_apart(one) for one in estimates(fleet, tails)]
+    tests, changes = Hypotheses(), Hypotheses()
+    for one in parts:
+        tests.test(one)
+        since = one.series.days[0] + (fleet.changed or 0)
+        several = [found for which in between_periods(one, since, None) for found in which]
+        changes.add(np.array([found.p_value for found in several]), several.__getitem__)
+    odd, worn = ({(robot_name(robot), f"j{joint}") for robot, joint in one} for one in (fleet.odd, fleet.worn))
+
+    def true(found: Any) -> bool:
+        unit = found.robot, found.joint
+        if not found.robot:
+            return bool(found.kind == "base" and found.parameter != FORCE_ERROR)
+        # The gain changes what a joint has: that of an odd one more than that of its kind.
+        several = odd | worn if found.what in {"odd", "beyond"} else worn
+        return bool(found.what != "day" and found.parameter == NAMES["dry"] and unit in several)
+
+    groups = {
+        "odd": ("odd",), "trend or step": ("trend", "step"), "day": ("day",), "since the date": ("period", "beyond"),
+    }  # fmt: skip
+    listed = [*tests.found(), *changes.found()]
+    counts = {}
+    for name, what in groups.items():
+        own = [one for one in listed if one.what in what]
+        counts[f"false: {name}, joints"] = (
+            sum(not true(one) for one in own if one.robot),
+            sum(bool(one.robot) for one in own),
+        )
+        counts[f"false: {name}, all"] = sum(not true(one) for one in own), len(own)
+    for name, which, what in (("odd", odd, ("odd",)), ("wear", worn, ("trend", "step"))):
+        counts[f"found: {name}"] = len(which & {(o.robot, o.joint) for o in listed if o.what in what}), len(which)
+    steps = [one for one in listed if one.what == "step" and not one.robot and true(one)]
+    counts["found: firmware at its date"] = any(abs(one.day - since) <= 1.0 for one in steps), 1
+    return counts
+
+
+def statistics(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Count over many fleets of estimates: sums, and the mean share of each fleet with its 95 % interval."""
+    found = {}
+    for words, tails in (("normal errors", 1e6), ("errors by Student's t of 4", 4.0)):
+        shares: dict[str, list[tuple[int, int]]] = {}
+        for seed in range(arguments.seed, arguments.seed + arguments.statistics):
+            fleet = planted(arguments.robots, arguments.joints, arguments.days, seed)
+            for name, one in judge_statistics(fleet, tails).items():
+                shares.setdefault(name, []).append(one)
+        for name, several in shares.items():
+            each = np.array([count / max(of, 1) for count, of in several])
+            reach = 1.96 * np.std(each) / np.sqrt(len(each))
+            count, of = np.sum(several, axis=0).tolist()
+            mean = [float(np.mean(each)), float(np.mean(each) - reach), float(np.mean(each) + reach)]
+            found[f"{words}; {name}"] = {"count": count, "of": of, "mean share of a fleet": mean}
+    return found
+
+
 def timed(bag: Any, settings: Any) -> tuple[float, float, int]:
     """Seconds and seconds of the processor that a worker takes for a recording, and joints that it identifies."""
     from idloop.fleet.joint_day import identify_bag
@@ -320,7 +413,11 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--scaling", action="store_true", help="one worker beside two")
     parser.add_argument("--folder", type=Path, help="keep bags and results here; what is there is not made again")
+    parser.add_argument("--statistics", type=int, metavar="FLEETS", help="so many fleets of estimates alone")
     arguments = parser.parse_args()
+    if arguments.statistics:
+        print(json.dumps(statistics(arguments), indent=2))
+        return
     place = contextlib.nullcontext(arguments.folder) if arguments.folder else tempfile.TemporaryDirectory()
     with place as folder:
         Path(folder).mkdir(parents=True, exist_ok=True)

@@ -152,6 +152,20 @@ def test_a_change_of_all_is_that_of_the_kind_and_of_no_unit():
     assert [(one.what, one.robot, one.day) for one in several if one.what != "day"] == [("step", "", 20000 + DAYS // 2)]
 
 
+@pytest.mark.parametrize(("units", "several"), [(5, 2), (8, 3), (12, 5)])
+def test_what_a_part_of_the_joints_does_at_once_is_a_change_of_no_other(units, several):
+    """Else the effects of the dates, which all joints share, have a part of it."""
+    fleets, named, false = 40, 0, 0
+    for seed in range(fleets):
+        series = fleet(400 + seed, units=units, missing=0.0)
+        series.value[:several, DAYS // 2 :] += 0.3
+        changed = {unit(one) for one in found_in(take_apart(series)) if one.what in {"trend", "step"}}
+        named += len(changed & {*range(several)})
+        false += len(changed - {*range(several)})
+    assert named >= 0.97 * fleets * several
+    assert false <= binom.ppf(0.999, named + false, 0.05)
+
+
 @pytest.mark.parametrize(("units", "alone"), [(1, False), (3, False), (3, True), (5, True)])
 def test_a_change_of_one_joint_is_found_also_where_few_or_no_others_have_recordings(units, alone):
     fleets = 20
@@ -191,10 +205,14 @@ def test_a_date_that_few_joints_share_may_do_what_other_dates_do():
 
 
 def test_a_single_recording_off_its_course_is_named():
-    series = fleet(3, missing=0.0)
-    series.value[7, 12] += 0.4
-    (one,) = found_in(take_apart(series))
-    assert (one.what, one.robot, one.day) == ("day", "r07", 20012.0)
+    fleets, every = 20, []
+    for seed in range(fleets):
+        series = fleet(3 + seed, missing=0.0)
+        series.value[7, 12] += 0.4
+        every += [(one.what, one.robot, one.day) for one in found_in(take_apart(series))]
+    false = len(every) - every.count(("day", "r07", 20012.0))
+    assert len(every) - false >= binom.ppf(0.001, fleets, 0.95)
+    assert false <= binom.ppf(0.999, len(every), 0.05)
 
 
 def test_a_shrunken_level_is_nearer_to_its_kind_the_less_is_known():
@@ -289,6 +307,43 @@ def test_estimates_become_series():
     np.testing.assert_allclose(found.variance, [[0.01, np.nan], [np.nan, np.nan]])
     error = series_of("k", FORCE_ERROR, "1", joints, days, value, np.full(3, np.nan))
     np.testing.assert_allclose(error.value, np.log([[4.0, np.nan], [np.nan, 3.0]]))
+
+
+def test_what_a_date_does_may_grow_with_the_level_of_a_joint():
+    """As a gain does: it is a change of the kind, and of no joint that is far from its kind."""
+    fleets, with_findings = 40, 0
+    for seed in range(fleets):
+        rng = np.random.default_rng(seed)
+        series = fleet(seed, missing=0.0)
+        value = 1.0 + 0.1 * rng.normal(size=(UNITS, 1)) + 0.003 * rng.normal(size=series.value.shape)
+        value[:, DAYS // 2 :] *= 1.05
+        parts = take_apart(replace(series, value=value, variance=np.full(value.shape, 0.003**2)))
+        several = {(one.robot, one.what) for one in found_in(parts)}
+        assert ("", "step") in several
+        with_findings += len(several) > 1
+    assert with_findings <= binom.ppf(0.999, fleets, 0.05)
+
+
+def test_heavy_tails_of_single_recordings_are_no_change_since_a_date():
+    every, fleets = 0, 40
+    for seed in range(fleets):
+        series = fleet(300 + seed, missing=0.0)
+        series.value[:] += 0.1 * np.random.default_rng(seed).standard_t(3.0, size=series.value.shape)
+        _, units = between_periods(take_apart(series), 20000.0 + DAYS // 2, None)
+        every += sum(one.p_value < 1e-3 for one in units)
+    assert every <= binom.ppf(0.999, fleets * UNITS, 1e-3)
+
+
+def test_every_question_has_the_same_part_of_the_rate():
+    """However many single recordings there are beside them, few units have the threshold of a third of the tests."""
+    tests = Hypotheses(0.05)
+    units, days = np.array([0.002, *[0.5] * 9]), np.full(9_990, 0.5)
+    for p_values, question in ((units, "odd"), (days, "day")):
+        tests.add(p_values, lambda place, p=p_values: replace(finding(1), p_value=p[place]), question)
+    assert [one.q_value for one in tests.found()] == [pytest.approx(0.002 * 2 * 10)]
+    tests = Hypotheses(0.05)
+    tests.add(np.concatenate([units, days]), lambda _: finding(1))
+    assert tests.found() == [], "one question"
 
 
 def test_a_finding_is_made_only_where_it_may_be_left():

@@ -17,6 +17,7 @@ SciPy).
 from __future__ import annotations
 
 import warnings
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -40,11 +41,14 @@ _TOLERANCE = 1e-6  # of the equation of Paule and Mandel, which is a sum, for ea
 _ROUNDS = 10
 _EFFICIENCY = 0.37  # of the median of absolute deviations: degrees of freedom of a variance from it
 _POLISHES = 4
+_CONVERGED = 0.03  # standard deviations of a recording
+_OF_LARGEST = 0.5  # change of a unit, beside the largest one, that no effect of dates can have made
 _OF_CHANGE = 3  # parameters of a change: level, size and place
 _FEWEST_OF_MEMORY = 12  # recordings: fewer have no memory that differs from none
 _MOST_MEMORY = 0.9
 _FAR = 0.7  # of the degrees of freedom that fit the middle of the tails: counted, their ends are heavier
 _CLIP = 2.5  # standard deviations from a unit's median beyond which a recording adds no evidence of a change
+_NORMAL = 1.4826  # standard deviations of a normal distribution in a median of absolute deviations
 _FEWEST_TAILS, _MOST_TAILS = 200, 20_000  # recordings from which tails are estimated
 
 
@@ -256,19 +260,22 @@ def take_apart(series: Series) -> Components:
     """Tell kind, date, unit and day apart."""
     y, own = series.value, series.variance
     shared = np.sum(np.isfinite(y), axis=0) >= FEWEST_UNITS
-    date = np.zeros(len(series.days))
+    changes, steady = np.zeros(y.shape), np.ones(len(y), dtype=bool)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # the median of nothing is NaN
-        for _ in range(_POLISHES):
-            level = np.nanmedian(y - date, axis=1)
-            date = np.where(shared, np.nanmedian(y - level[:, None], axis=0), 0.0)
-            date = date - np.median(date[shared]) if shared.any() else date
-        left = y - date
-        # What a date does that too few share cannot be told: it may be what other dates do.
-        own = own + np.where(shared, 0.0, np.var(date[shared])) if shared.any() else own
-        day, freedom = wander(*_successive(left, own))
-        rho = _memory(series.days, left, own + day, freedom)
-        total = (own + day) * _inflation(rho)
+        for _ in range(_ROUNDS):
+            date, of_unit = _effects_of_dates(y - changes, shared)
+            left = y - of_unit
+            # What a date does that too few share cannot be told: it may be what other dates do.
+            single = own + np.where(shared, 0.0, np.var(date[shared])) if shared.any() else own
+            day, freedom = wander(*_successive(left, single))
+            rho, found, size = _own_changes(series.days, left, single + day, freedom)
+            # The largest first: what several units do at once moves the others the other way.
+            steady &= size <= _OF_LARGEST * np.max(size[steady], initial=0.0)
+            before, changes = changes, np.where(steady[:, None], 0.0, found)
+            if np.max(np.abs(changes - before)) <= _CONVERGED * np.sqrt(np.nanmedian(single + day)):
+                break
+        total = (single + day) * _inflation(rho)
         level, error = _means(left, total)
         count = np.maximum(np.sum(np.isfinite(left), axis=0), 1)
         date_stderr = np.sqrt(np.nanmedian(total, axis=0) * (np.pi / 2.0) / count)
@@ -288,6 +295,14 @@ def _means(value: Array, variance: Array) -> tuple[Array, Array]:
     return np.sum(weight * np.nan_to_num(value), axis=1) / total, 1.0 / total
 
 
+def _clipped_means(value: Array, variance: Array) -> tuple[Array, Array]:
+    """As `_means`, of values that are no further from the median of their row than single recordings are."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        middle, reach = np.nanmedian(value, axis=1)[:, None], _CLIP * np.sqrt(variance)
+    return _means(np.clip(value, middle - reach, middle + reach), variance)
+
+
 def _successive(left: Array, own: Array) -> tuple[Array, Array]:
     """Differences of each unit's successive recordings, and the variances of their errors."""
     known = [np.isfinite(row) for row in left]
@@ -296,26 +311,64 @@ def _successive(left: Array, own: Array) -> tuple[Array, Array]:
     return np.concatenate([np.zeros(0), *steps]), np.concatenate([np.zeros(0), *errors])
 
 
-def _memory(days: Array, left: Array, variance: Array, freedom: float) -> float:
-    """Correlation of a unit's successive recordings: the median of those about each unit's own course.
+def _effects_of_dates(y: Array, shared: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Median polish of units and dates: effects of the dates (d,), 0 where too few units share one, and on each unit.
 
-    The course is the mean of the unit, or its change where it has one: of few units, the change of one would count as
-    the memory of all, and would hide itself.
+    What a date does may grow with the level of a unit, as a gain does: a term for their product (Tukey, Biometrics 5,
+    1949).
     """
-    steady, changed, several = [], [], []
-    for row, error in zip(left, variance, strict=True):
-        seen = np.isfinite(row)
-        if seen.sum() >= 2 * FEWEST_DAYS:
-            y = days[seen], row[seen], error[seen]
-            several.append(y)
-            steady.append(_correlation(y[1] - np.mean(y[1]), 1))
-            changed.append(_correlation(y[1] - best_change(*y, freedom).course, _OF_CHANGE))
-    if sum(len(y) for _, y, _ in several) < _FEWEST_OF_MEMORY:
-        return 0.0
-    wider = _inflation(_median_memory(changed))
-    level = LEVEL / len(several)
-    change = [best_change(at, y, wider * error, freedom).p_value < level for at, y, error in several]
-    return _median_memory(np.where(change, changed, steady))
+    date = np.zeros(y.shape[1])
+    for _ in range(_POLISHES if shared.any() else 0):
+        level = np.nanmedian(y - date, axis=1)
+        date = np.where(shared, np.nanmedian(y - level[:, None], axis=0), 0.0)
+        date = date - np.median(date[shared])
+    if not date.any():
+        return date, np.zeros(y.shape)
+    rest = y - level[:, None] - date
+    away = level - np.nanmedian(level)
+    product = away[:, None] * date
+    # Without what is far off: one unit or recording shall not tell what a date does to the others.
+    usual = np.isfinite(rest) & _near(rest) & _near(away)[:, None]
+    x, z = product[usual], rest[usual]
+    found = x @ z
+    # Where it is told from none: what is far off would have the error of it many times.
+    told = found**2 > _CLIP**2 * (x @ x) * np.mean(z**2) if len(z) else False
+    share = found / (x @ x) if told else 0.0
+    return date, date + share * product
+
+
+def _near(away: Array) -> NDArray[np.bool_]:
+    """Which deviations are no further off than most are."""
+    return np.asarray(np.abs(away) <= _CLIP * _NORMAL * np.nanmedian(np.abs(away)))
+
+
+def _own_changes(days: Array, left: Array, variance: Array, freedom: float) -> tuple[float, Array, Array]:
+    """Correlation of a unit's successive recordings, the change of each unit, and its size over its standard error.
+
+    The first is the median of those about each unit's own course: the mean of the unit, or its change where it has
+    one: of few units, the change of one would count as the memory of all, and would hide itself.
+    """
+    known = np.isfinite(left)
+    places = np.flatnonzero(known.sum(axis=1) >= FEWEST_DAYS)
+    several = {k: (days[known[k]], left[k, known[k]], variance[k, known[k]]) for k in places}
+    long = [k for k, (_, y, _) in several.items() if len(y) >= 2 * FEWEST_DAYS]
+    remembered = sum(len(several[k][1]) for k in long) >= _FEWEST_OF_MEMORY
+    changed = {
+        k: _correlation(y - best_change(at, y, error, freedom).course, _OF_CHANGE)
+        for k, (at, y, error) in several.items()
+        if k in long and remembered
+    }
+    wider = _inflation(_median_memory(list(changed.values())))
+    course, size, memory = np.zeros(left.shape), np.zeros(len(left)), []
+    for k, (at, y, error) in several.items():
+        change = best_change(at, y, wider * error, freedom)
+        own = change.p_value < LEVEL / len(several)
+        if own:
+            course[k, known[k]] = change.course - np.median(change.course)
+            size[k] = abs(change.size) / change.stderr
+        if k in changed:
+            memory.append(changed[k] if own else _correlation(y - np.mean(y), 1))
+    return _median_memory(memory), course, size
 
 
 def _correlation(away: Array, parameters: int) -> float:
@@ -330,7 +383,7 @@ def _correlation(away: Array, parameters: int) -> float:
 
 
 def _median_memory(several: Sequence[float] | Array) -> float:
-    return float(np.clip(np.median(several), 0.0, _MOST_MEMORY))
+    return float(np.clip(np.median(several), 0.0, _MOST_MEMORY)) if len(several) else 0.0
 
 
 def _inflation(memory: float) -> float:
@@ -339,7 +392,10 @@ def _inflation(memory: float) -> float:
 
 
 class Hypotheses:
-    """Tests that share one rate of false discoveries.
+    """Tests that share one rate of false discoveries, of which every question has the same part.
+
+    The parts are weights of p-values (Genovese, Roeder and Wasserman, Biometrika 93, 2006): single recordings are so
+    many that without them few odd units would be found.
 
     Parameters
     ----------
@@ -355,14 +411,14 @@ class Hypotheses:
     def __init__(self, level: float = LEVEL) -> None:
         self.level = level
         self.count = 0
-        self._p_values: list[Array] = []
+        self._p_values: list[tuple[str, Array]] = []
         self._candidates: dict[int, Finding] = {}
 
-    def add(self, p_values: Array, finding: Callable[[int], Finding]) -> None:
-        """Add tests (n,); the finding of one is only made where the rate may leave it."""
+    def add(self, p_values: Array, finding: Callable[[int], Finding], question: str = "") -> None:
+        """Add tests (n,) of a question; the finding of one is only made where the rate may leave it."""
         for place in np.flatnonzero(p_values <= self.level).tolist():
             self._candidates[self.count + place] = finding(place)
-        self._p_values.append(p_values)
+        self._p_values.append((question, p_values))
         self.count += len(p_values)
 
     def found(self) -> list[Finding]:
@@ -371,9 +427,13 @@ class Hypotheses:
 
         if not self.count:
             return []
-        rates = false_discovery_control(np.concatenate(self._p_values))
-        several = (replace(one, q_value=float(rates[place])) for place, one in self._candidates.items())
-        kept = [one for one in several if one.q_value <= self.level]
+        asked: Counter[str] = Counter()
+        for question, several in self._p_values:
+            asked[question] += len(several)
+        weighted = [several * (len(asked) * asked[question] / self.count) for question, several in self._p_values]
+        rates = false_discovery_control(np.minimum(np.concatenate(weighted), 1.0))
+        left = (replace(one, q_value=float(rates[place])) for place, one in self._candidates.items())
+        kept = [one for one in left if one.q_value <= self.level]
         return sorted(kept, key=lambda one: (one.p_value, -abs(one.size), one.robot, one.joint))
 
     def test(self, parts: Components) -> None:
@@ -389,7 +449,7 @@ class Hypotheses:
             course = np.full(len(y), parts.level[place])
             if len(y) >= FEWEST_DAYS:
                 change = best_change(days, y, variance, parts.freedom)
-                self._one(change.p_value, partial(_change, series, change, name))
+                self._one("change", change.p_value, partial(_change, series, change, name))
                 course = change.course if change.p_value < LEVEL else course
             if len(series.names) >= FEWEST_UNITS:
                 size = float(parts.level[place] - parts.mean)
@@ -398,7 +458,7 @@ class Hypotheses:
                 outside = np.abs(course - parts.mean) > _reach(among[place], parts.unit_freedom)
                 since = float(days[np.argmax(outside)])
                 odd = partial(finding_of, series, "odd", since, size, stderr, freedom, name)
-                self._one(float(_p(size, among[place], parts.unit_freedom)), odd)
+                self._one("odd", float(_p(size, among[place], parts.unit_freedom)), odd)
             if len(y) >= FEWEST_DAYS - 1:
                 # A recording is a part of its own unit's mean.
                 error = np.sqrt(variance * (1.0 - (1.0 / variance) / np.sum(1.0 / variance)))
@@ -406,13 +466,13 @@ class Hypotheses:
         tails, scale = _tails([away / error for _, _, away, error in single], parts.freedom)
         for name, days, away, error in single:
             p_values = _p(away, scale * error, tails)
-            self.add(p_values, partial(_day, series, days, away, scale * error, tails, p_values, name))
+            self.add(p_values, partial(_day, series, days, away, scale * error, tails, p_values, name), "day")
         kind = _dates(parts)
         if kind is not None:
-            self._one(kind.p_value, partial(_change, series, kind, ("", "")))
+            self._one("change", kind.p_value, partial(_change, series, kind, ("", "")))
 
-    def _one(self, p_value: float, finding: Callable[[float], Finding]) -> None:
-        self.add(np.array([p_value]), lambda place: finding(p_value))
+    def _one(self, question: str, p_value: float, finding: Callable[[float], Finding]) -> None:
+        self.add(np.array([p_value]), lambda place: finding(p_value), question)
 
 
 def finding_of(
@@ -558,7 +618,7 @@ def between_periods(parts: Components, since: float, against: float | None) -> t
     """
     series, begin = parts.series, -np.inf if against is None else against
     periods = (series.days < since) & (series.days >= begin), series.days >= since
-    (before, old), (after, new) = (_means(np.where(one, series.value, np.nan), parts.total) for one in periods)
+    (before, old), (after, new) = (_clipped_means(np.where(one, series.value, np.nan), parts.total) for one in periods)
     known = np.isfinite(after - before) & (old + new > 1e-200)
     if not known.any():
         return [], []
