@@ -231,7 +231,7 @@ class ForceView(View[WeakFit]):
         design = min((one.evidence.design_effect for one in evaluated), default=1.0)
         step = replace(step, undetermined=_undetermined(step))
         testable, why = _testable(proposed, screened, design * step.threshold())
-        curves = force_curves(parent)
+        curves = force_curves(parent, evaluator.base)
         beside = _beside(curves, evaluated)
         pairs = [] if beside else evaluator(in_parallel(partial(_pair, coarse), _pairs(step)), options.level)
         return replace(

@@ -1,14 +1,14 @@
 """Residual curves of the force balance: curves that the unexplained force follows and no effect explains.
 
-A force over velocity or position, or a coefficient (inertia, friction, drive) over the position or time, is piecewise
-linear between knots, and so linear in its heights. A curve is evaluated like an effect, on samples that its fit has not
-seen. A force over the command is excluded: it is what the balance explains.
+A force over velocity or position is piecewise linear between knots; a coefficient (inertia, friction, drive) over the
+position or time is a cubic spline. Both are linear in their heights. A curve is evaluated like an effect, on samples
+that its fit has not seen. A force over the command is excluded: it is what the balance explains.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from idloop.diagnosis.residual_curves.unknown_structure import (
     TURNS,
     Curve,
     UnknownStructure,
+    coefficient_splines,
     coefficient_units,
 )
 from idloop.diagnosis.search.step import EvaluatedModel
@@ -46,6 +47,8 @@ class ForceCurve(Curve):
     fit: WeakFit
     # Slopes of the force in every window by the parameters of the fit, and by the heights at the knots.
     columns: Array
+    # Log-densities of the commands over those of the forces, which curves are fitted to.
+    scale: Array
     scores: Scores
     evidence: Evidence
     period: float | None = None  # of a force that repeats over the position, where that is no turn
@@ -62,7 +65,7 @@ class ForceCurve(Curve):
     def beside(self, one: EvaluatedModel[WeakFit]) -> EvaluatedModel[WeakFit]:
         """The evidence of an effect beside the curve, by the change of force that it makes alone."""
         change = one.fit.residual[:, 0] - self.fit.residual[:, 0]
-        scores = _scores(self.fit, np.column_stack([self.columns, change]))
+        scores = _scores(self.fit, np.column_stack([self.columns, change]), self.scale)
         return replace(one, scores=scores, evidence=scores.against(self.scores))
 
     @property
@@ -97,15 +100,25 @@ class ForceCurve(Curve):
         return self.structure("the errors of the force", p_value, value, 1.96 * spread, share, self.period)
 
 
-def force_curves(fit: WeakFit) -> list[ForceCurve]:
-    """Curves that the unexplained force of the driven body may follow, with their evidence, best first."""
+def force_curves(fit: WeakFit, base: Scores) -> list[ForceCurve]:
+    """Curves that the unexplained force of the driven body may follow, with their evidence, best first.
+
+    `base`: scores of the fit, with which those of the curves are to be compared.
+    """
     form, model = fit.form, fit.form.engine.model
     body, units, own = model.bodies[0], model.units, fit.slopes_of_force
-    base = _scores(fit, own)
-    signals = {name: form.along(name) for name in ("position", "velocity", "time")}
-    speed = signals["velocity"]
+    scale = base.log_density - _scores(fit, own, 0.0).log_density
+    motion = form.motion
+    speed = motion.velocity[:, 0]
+    signals = {"position": motion.position[:, 0], "velocity": speed, "time": motion.time}
     turning = units.position == "rad" and float(np.ptp(signals["position"])) > TURNS * 2.0 * np.pi
     unit_of = {"velocity": f"{units.position}/s", "position": units.position, "time": "s"}
+    # The forces that a relative change of a coefficient scales.
+    factors = {
+        "viscous friction": -speed,
+        "dry friction": -np.sign(speed),
+        "drive": form.gain(fit.theta) * form.command(fit.shift),
+    }
     found = []
 
     def add(
@@ -113,7 +126,6 @@ def force_curves(fit: WeakFit) -> list[ForceCurve]:
         of_unit: str,
         over: str,
         count: int,
-        factor: Array | None = None,
         *,
         turn: bool = False,
         period: float | None = None,
@@ -121,25 +133,27 @@ def force_curves(fit: WeakFit) -> list[ForceCurve]:
         values, closed = signals[over], turn or period is not None
         low, high = (0.0, period or 2.0 * np.pi) if closed else np.percentile(values, (0.5, 99.5))
         knots = np.linspace(low, max(high, low + 1e-12), count)
-        shape = partial(_hats, knots=knots, closed=closed)
-        # A window may be as long as what the force changes over.
-        averaged = of == "force" and over == "position"
-        hats = form.averaged_over_position(shape) if averaged else shape(values)
-        columns = hats if factor is None else hats * factor[:, None]
-        if of == "inertia":
-            # An inertia that changes along the way takes a force at constant speed as well (Lagrange's equation).
-            step = 1e-3 * (knots[1] - knots[0])
-            columns = columns - 0.5 * ((_hats(values + step, knots, closed=closed) - hats) / step) * speed[:, None] ** 2
+        if of == "force":
+            columns = form.weak(_hats(values, knots, closed=closed))
+        else:
+            splines = coefficient_splines(knots, closed=closed)
+            at = values if closed else np.clip(values, low, high)
+            if of == "inertia":
+                # Lagrange's equation: an inertia that changes along the way takes a force at constant speed as well.
+                momentum = splines(at) * speed[:, None]
+                columns = form.weak(0.5 * splines(at, 1) * speed[:, None] ** 2) - form.weak_derivative(momentum)
+            else:
+                columns = form.weak(splines(at) * factors[of][:, None])
         if of in ("drive", "inertia"):
             # Its mean is the scale of all forces, which is free.
             columns = columns - np.mean(columns, axis=1, keepdims=True)
         name = over if over == "time" else f"{body}.{over}" + (" within a turn" if turn else "")
         columns = np.hstack([own, columns])
-        scores = _scores(fit, columns)
+        scores = _scores(fit, columns, scale)
         evidence = scores.against(base)
         if np.isfinite(evidence.difference):
             curve = of, of_unit, name, unit_of[over], knots, closed
-            found.append(ForceCurve(*curve, fit, columns, scores, evidence, period))
+            found.append(ForceCurve(*curve, fit, columns, scale, scores, evidence, period))
 
     add("force", units.force, "velocity", KNOTS)
     add("force", units.force, "position", KNOTS)
@@ -147,21 +161,15 @@ def force_curves(fit: WeakFit) -> list[ForceCurve]:
         add("force", units.force, "position", KNOTS, turn=True)
     if (repeated := unexplained_period(fit, 0)) is not None:
         add("force", units.force, "position", KNOTS, period=repeated[0])
-    factors = {
-        "inertia": -form.inertial[:, 0],
-        "viscous friction": -speed,
-        "dry friction": -np.sign(speed),
-        "drive": form.drive(fit.theta, fit.shift),
-    }
     for of, of_unit in coefficient_units(units).items():
-        add(of, of_unit, "position", COEFFICIENT_KNOTS, factors[of], turn=turning)
+        add(of, of_unit, "position", COEFFICIENT_KNOTS, turn=turning)
         if of != "inertia":
-            add(of, of_unit, "time", TIME_KNOTS, factors[of])
+            add(of, of_unit, "time", TIME_KNOTS)
     return sorted(found, key=lambda one: one.evidence.spread - one.evidence.difference)
 
 
-def _scores(fit: WeakFit, columns: Array) -> Scores:
-    """Log-densities of the residual beside some columns, by folds that their fit has not seen."""
+def _scores(fit: WeakFit, columns: Array, scale: Array | float) -> Scores:
+    """Log-densities of the residual beside some columns, by folds that their fit has not seen, plus their scale."""
     residual, found = fit.residual[:, 0], []
     folds, blocks = deal(fit.form.starts)
     columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
@@ -173,7 +181,7 @@ def _scores(fit: WeakFit, columns: Array) -> Scores:
         heights = vectors @ ((vectors.T @ (np.sum(moments, axis=0) - moments[index])) / values**2)
         left = residual - columns @ heights
         found.append(log_density(left[fold], scale_of(left[others(folds, index)])))
-    return Scores(np.concatenate(found), blocks)
+    return Scores(np.concatenate(found) + scale, blocks)
 
 
 def _hats(values: Array, knots: Array, *, closed: bool) -> Array:

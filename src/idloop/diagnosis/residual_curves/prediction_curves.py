@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -156,19 +156,36 @@ class PredictionCurve:
         )
         if change is None:
             return False
-        own = change - self.screen.basis @ (self.screen.basis.T @ change)
-        rest = own - self.fitted.span @ (self.fitted.span.T @ own)
+        span, own = self._second_order, self._beside_parameters(change)
+        rest = own - span @ (span.T @ own)
         if not self.fitted.curve.coefficient and float(rest @ rest) < 0.5 * float(own @ own):
             return False
-        both = self.innovations.beside(np.column_stack([self.fitted.span, rest]))
-        return not both.against(self.scores).distinguishable
+        both = self.innovations.beside(np.column_stack([span, rest]))
+        return not both.against(self.innovations.beside(span)).distinguishable
+
+    def _beside_parameters(self, change: Array) -> Array:
+        return np.asarray(change - self.screen.basis @ (self.screen.basis.T @ change))
+
+    @cached_property
+    def _second_order(self) -> Array:
+        """The directions of the curve, and that of what its fitted heights change beyond them.
+
+        To first order in its heights, a large curve leaves an error that effects seem to explain.
+        """
+        change = self.fitted.curve.change(self._strength * np.nan_to_num(self.fitted.value))
+        if change is None:
+            return self.fitted.span
+        own = self._beside_parameters(change)
+        beyond = own - self.fitted.span @ (self.fitted.span.T @ own)
+        size = float(np.linalg.norm(beyond))
+        return np.column_stack([self.fitted.span, beyond / size]) if size > 0.0 else self.fitted.span
 
     def unknown(self, p_value: float) -> UnknownStructure:
         """As a diagnosis reports it."""
         from scipy.special import ndtri
 
         fitted, curve = self.fitted, self.fitted.curve
-        value = self._strength() * fitted.value
+        value = self._strength * fitted.value
         if curve.coefficient:
             # The mean of a coefficient is the model's own parameter.
             value = value - float(np.mean(value[np.isfinite(value)]))
@@ -179,6 +196,7 @@ class PredictionCurve:
         ties = f"; this data cannot tell it from {', '.join(self.rivals)}" if self.rivals else ""
         return replace(found, text=found.text + ties, rivals=self.rivals)
 
+    @cached_property
     def _strength(self) -> float:
         """Factor of the fitted curve that explains most with the noise model held.
 

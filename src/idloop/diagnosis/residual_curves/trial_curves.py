@@ -22,6 +22,7 @@ from idloop.diagnosis.residual_curves.unknown_structure import (
     TIME_KNOTS,
     TURNS,
     Curve,
+    coefficient_splines,
     coefficient_units,
 )
 from idloop.diagnosis.screening.proposals import Proposal
@@ -179,8 +180,6 @@ def coefficient_trials(screen: Screen) -> list[TrialCurve]:
 
     Empty where nothing predicts the motion, see `predicted_motion`. None over time where the command is a sweep.
     """
-    from scipy.interpolate import CubicSpline
-
     motions = predicted_motion(screen.parent)
     if motions is None or not all(np.all(np.isfinite(m.position + m.acceleration)) for m in motions):
         return []
@@ -190,11 +189,7 @@ def coefficient_trials(screen: Screen) -> list[TrialCurve]:
     def over_variable(
         over: str, unit: str, knots: Array, places: Sequence[Array], *, closed: bool = False
     ) -> list[TrialCurve]:
-        """Coefficients as cubic splines: smooth, so that the slope, which an inertia's force has too, does not jump."""
-        hats = np.eye(len(knots))
-        if closed:
-            hats = np.vstack([hats[:-1, :-1], hats[:1, :-1]])
-        splines = CubicSpline(knots, hats, bc_type="periodic" if closed else "natural")
+        splines = coefficient_splines(knots, closed=closed)
         slopes = splines.derivative()
         inside = [np.clip(place, knots[0], knots[-1]) for place in places]
         along = [(motion, splines(at), slopes(at)) for motion, at in zip(motions, inside, strict=True)]
@@ -207,7 +202,10 @@ def coefficient_trials(screen: Screen) -> list[TrialCurve]:
 
         little, trials = 1e-6 * motions[0].inertia, []
         for of, force in _FORCES.items():
-            size = float(np.sqrt(np.mean(np.concatenate(forces(force, np.full(hats.shape[1], little))) ** 2))) / little
+            size = (
+                float(np.sqrt(np.mean(np.concatenate(forces(force, np.full(len(knots) - closed, little))) ** 2)))
+                / little
+            )
             # An inertia does not drift.
             if np.isfinite(size) and size > 0.0 and (of, over) != ("inertia", "time"):
                 step = 0.01 * screen.estimation.force / size

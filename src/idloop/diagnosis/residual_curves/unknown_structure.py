@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from idloop.p_values import p_text
 from idloop.physics.units import Units
 from idloop.validation.words import short
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 Array = NDArray[np.float64]
 
@@ -92,6 +95,16 @@ def coefficient_units(units: Units) -> dict[str, str]:
         "dry friction": units.force,
         "drive": "-",
     }
+
+
+def coefficient_splines(knots: Array, *, closed: bool) -> CubicSpline:
+    """Cubic splines that are 1 at one knot each: smooth, since the slope of an inertia makes a force too."""
+    from scipy.interpolate import CubicSpline
+
+    hats = np.eye(len(knots))
+    if closed:
+        hats = np.vstack([hats[:-1, :-1], hats[:1, :-1]])
+    return CubicSpline(knots, hats, bc_type="periodic" if closed else "natural")
 
 
 @dataclass(frozen=True)

@@ -323,10 +323,11 @@ class SearchStep(ABC, Generic[FitT]):
     def passed_over(self) -> dict[str, str]:
         """Significant effects that are not named, and why."""
         shown = {name for one in self.significant for name in one.names}
-        found = {name: why for name, why in {**self.rejected, **self.undetermined}.items() if name in shown}
-        for one in self.confounded:
-            why = f"it is confounded with something that explains far more: {self.residual_curves[0].text}"
-            found.setdefault(one.names[-1], why)
+        why = "it is confounded with something that explains far more: "
+        found = {one.names[-1]: f"{why}{self.residual_curves[0].text}" for one in self.confounded}
+        for name, why in {**self.rejected, **self.undetermined}.items():
+            if name in shown:
+                found.setdefault(name, why)
         for one in self.significant:
             if one in self.tied or one in self.confounded or len(one.proposals) > 1:
                 continue

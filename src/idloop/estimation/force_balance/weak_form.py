@@ -11,7 +11,7 @@ Simulation 19, 2021). The test function is φ(x) ∝ cos⁴(π x / 2) on a windo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -430,9 +430,23 @@ class WeakForm:
         balance, values, timing = self._at(theta, shift)
         return balance.drives(values, timing)[0]
 
-    def averaged_over_position(self, functions: Callable[[Array], Array]) -> Array:
-        """Mean over every window of some functions (n, k) of the driven body's position (n,), shape (rows, k)."""
-        return self._along.weak(functions(self._along.whole.position[:, 0]))
+    @property
+    def motion(self) -> Instants:
+        """Measured motion at the instants of all records."""
+        return self._along.whole
+
+    def command(self, shift: float) -> Array:
+        """Command at the instants of all records, delayed by ``shift`` [s], shape (n,)."""
+        return _command(self.tracks, shift).mean
+
+    def weak(self, signals: Array) -> Array:
+        """Means over every window, shape (rows, k), of signals at the instants of all records (n, k)."""
+        return self._along.weak(signals)
+
+    def weak_derivative(self, signals: Array) -> Array:
+        """The same of the derivatives of the signals, which are not differentiated: -∫ φ̇ f dt."""
+        first = test_functions(self.width, self.sample_time)[1]
+        return np.asarray(windowed(np.ascontiguousarray(signals), self._along.rows, -first))
 
     def along(self, what: str, body: int = 0) -> Array:
         """A signal at the middle of every window: ``time``, ``command``, or ``position`` or ``velocity`` of a body."""
