@@ -34,12 +34,15 @@ def same_motion_from_another_place(model: Model, other: Model, records: Sequence
 
 
 def within_quantisation(model: Model, other: Model, output: str, records: Sequence[Record]) -> bool:
-    """Whether the readings of a sensor, by its site, differ by no more than half a quantum between two models."""
+    """Whether the readings of a sensor, by its site, differ by less than a quantum between two models.
+
+    Rounding up or down does as much.
+    """
     column = next(i for i, o in enumerate(model.outputs) if o.site == output)
     step = quantisation_step(records, column)
     if step == 0.0:
         return False
-    return _alike(model, other, records, lambda data, apart: np.all(np.abs(apart[:, column]) <= 0.5 * step))
+    return _alike(model, other, records, lambda data, apart: np.all(np.abs(apart[:, column]) < step))
 
 
 def _negligible(data: Data, apart: Array) -> np.bool_:

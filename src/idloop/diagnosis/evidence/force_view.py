@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.diagnosis.evidence.predictive import Evidence, Scores, scores_of, scores_without_refit
+from idloop.diagnosis.evidence.quantisation import READINGS_OFF, readings_half_a_quantum_off
 from idloop.diagnosis.evidence.undetermined_strength import undetermined_with
 from idloop.diagnosis.identifiability import NOT_REPEATED, OWN_PART, Gate, excitation_findings
 from idloop.diagnosis.options import FORCE, Options
@@ -48,6 +49,7 @@ from idloop.estimation.statistics.undetermined import standard_errors
 from idloop.physics.effect import INPUT, OUTPUT
 from idloop.physics.model import Model, values_of
 from idloop.physics.trial import Trial
+from idloop.records import Record
 
 Array = NDArray[np.float64]
 # Effects, and the model that has them fitted.
@@ -233,6 +235,7 @@ class ForceView(View[WeakFit]):
         testable, why = _testable(proposed, screened, design * step.threshold())
         curves = force_curves(parent, evaluator.base)
         beside = _beside(curves, evaluated)
+        step = replace(step, rejected=_within_rounding(step, self.estimation.records))
         pairs = [] if beside else evaluator(in_parallel(partial(_pair, coarse), _pairs(step)), options.level)
         return replace(
             step,
@@ -330,6 +333,21 @@ def _undetermined(step: ForceStep) -> dict[str, str]:
         else:
             determined = True
     return found
+
+
+def _within_rounding(step: ForceStep, records: Sequence[Record]) -> dict[str, str]:
+    """Effects that explain no more than readings of a position which are half a quantum off."""
+    parent = step.subsampled
+    # The rounding matters where an effect would be named.
+    forms = readings_half_a_quantum_off(parent, records) if step.tied else []
+    fits = [fit for form in forms if (fit := fit_in(form, parent.model, parent.shift)) is not None]
+    rejected = {}
+    for scores in map(scores_of, fits):
+        for one in step.significant:
+            beyond = one.scores.against(scores)
+            if not step.conclusive(beyond) or beyond.improvement < step.minimum_improvement:
+                rejected[one.names[-1]] = READINGS_OFF
+    return rejected
 
 
 def _pairs(step: SearchStep[WeakFit]) -> list[tuple[EvaluatedModel[WeakFit], EvaluatedModel[WeakFit]]]:

@@ -15,6 +15,7 @@ from idloop.diagnosis.diagnosis import candidate_of
 from idloop.diagnosis.equivalence.same_motion import same_motion, same_motion_from_another_place, within_quantisation
 from idloop.diagnosis.evidence.force_view import unbalanced
 from idloop.diagnosis.evidence.predictive import Scores
+from idloop.diagnosis.evidence.quantisation import READINGS_OFF, WITHIN_QUANTUM
 from idloop.diagnosis.evidence.undetermined_strength import is_none, undetermined_with
 from idloop.diagnosis.identifiability import gate
 from idloop.diagnosis.model_errors import model_errors
@@ -183,10 +184,16 @@ class PredictionView(View[Refit]):
     def evaluate(self, parent: Refit) -> SearchStep[Refit]:
         """Evaluate the effects of the catalogue that a score test finds promising, and pairs of them.
 
-        A few samples decide on most effects: more are used only where these do not.
+        A few samples decide on most effects: more are used only where these do not. What would be named beside a force
+        balance must be the best of all effects: one that looks like it may act in less time than a window of that.
         """
         step = self._evaluate_in(FEW, parent, first_look=True)
-        return self._evaluate_in(ENOUGH, parent) if step.whole is not None and self._leaves_open(step) else step
+        if step.whole is not None and self._leaves_open(step):
+            step = self._evaluate_in(ENOUGH, parent)
+        if not step.tied or not self.balances(parent.model):
+            return step
+        among_all = replace(self, balanced=False).evaluate(parent)
+        return among_all if among_all.tied else step
 
     def _leaves_open(self, step: PredictionStep) -> bool:
         """Whether more samples may name another effect."""
@@ -288,6 +295,9 @@ class PredictionView(View[Refit]):
         """With the reasons for which significant effects are not named."""
         singles = [one for one in step.significant if len(one.proposals) == 1]
         rejected = {one.names[0]: self._rejection(step, one.proposals[0], one.fit, responds) for one in singles}
+        rejected |= _within_rounding(
+            step, [one for one in singles if rejected[one.names[0]] == WITHIN_QUANTUM], singles
+        )
         rejected |= self._unsupported(step, [one for one in singles if not rejected[one.names[0]]])
         undetermined = {}
         # Errors of a free run are model errors, beside which a standard error says little.
@@ -310,7 +320,7 @@ class PredictionView(View[Refit]):
         if proposal.replaces is None and (effect.site == OUTPUT or effect.hidden_by_start):
             without = model.without_effect(proposal.name)
             if effect.site == OUTPUT and within_quantisation(model, without, proposal.at, self.estimation.records):
-                return "it changes the reading by less than half a quantum"
+                return WITHIN_QUANTUM
             if effect.hidden_by_start and same_motion_from_another_place(model, without, self.estimation.records):
                 return "another initial state explains the same"
         if self.held_out is not None:
@@ -394,6 +404,18 @@ class PredictionView(View[Refit]):
             if evidence.log > 60.0:
                 break
         return None
+
+
+def _within_rounding(
+    step: PredictionStep, off: Sequence[EvaluatedModel[Refit]], singles: Sequence[EvaluatedModel[Refit]]
+) -> dict[str, str]:
+    """Effects that explain no more than readings which are some part of a quantum off, and why they are not named."""
+    return {
+        one.names[0]: READINGS_OFF
+        for one in singles
+        for other in off
+        if one is not other and not step.conclusive(one.scores.against(other.scores))
+    }
 
 
 class _Evaluator:

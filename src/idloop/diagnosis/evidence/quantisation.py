@@ -10,8 +10,11 @@ from numpy.typing import NDArray
 
 from idloop.diagnosis.candidate import Candidate
 from idloop.diagnosis.evidence.detection_limit import DetectionLimit
+from idloop.estimation.force_balance.weak_fit import WeakFit
+from idloop.estimation.force_balance.weak_form import WeakForm
 from idloop.estimation.likelihood.estimation_problem import EstimationProblem
 from idloop.estimation.observer.sensor_noise import resolution
+from idloop.estimation.sensors import body_sensors
 from idloop.physics.effect import OUTPUT, Effect, catalogue
 from idloop.physics.model import Model, effect_name
 from idloop.records import Record
@@ -21,6 +24,9 @@ Array = NDArray[np.float64]
 # Largest mean second difference of the readings in quanta, so that the quantum exceeds the noise: white noise of unit
 # deviation has one of √(12/π).
 _MOST_BEND = 1.35
+# Why an effect is not named: one of the sensor, and any other that explains no more than that.
+WITHIN_QUANTUM = "it changes the reading by less than a quantum"
+READINGS_OFF = "readings that are half a quantum off explain as much"
 
 
 def quantised_outputs(
@@ -73,6 +79,23 @@ def resolution_limits(model: Model, estimation: EstimationProblem) -> dict[str, 
         for effect in _quantisers(model, output.field):
             limits[effect_name(effect.name, output.site)] = DetectionLimit(effect.resolution, output.unit, least, least)
     return limits
+
+
+def readings_half_a_quantum_off(fit: WeakFit, records: Sequence[Record]) -> list[WeakForm]:
+    """Windows of a fit with the position of each body half its quantum off, up and down, where that moves a force.
+
+    An encoder that counts down to whole pulses shows a position half a pulse short.
+    """
+    model, found = fit.model, []
+    for body, (column, _) in enumerate(body_sensors(model)):
+        if column is None:
+            continue
+        half = 0.5 * quantisation_step(records, column) / model.outputs[column].scale
+        for shift in (half, -half) if half else ():
+            form = fit.form.with_shifted_position(body, shift)
+            if np.any(form.residual(fit.theta, fit.shift) != fit.residual):
+                found.append(form)
+    return found
 
 
 def quantisation_step(records: Sequence[Record], column: int) -> float:

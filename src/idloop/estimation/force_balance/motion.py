@@ -96,6 +96,12 @@ class Motion:
             measured=measured,
         )
 
+    def shifted(self, body: int, shift: float) -> Motion:
+        """The same motion with the position of a body shifted [m or rad]."""
+        position = self.position.copy()
+        position[:, body] += shift
+        return replace(self, position=position)
+
     @property
     def sample_time(self) -> float:
         """Grid step [s]."""

@@ -288,6 +288,11 @@ class WeakForm:
         tracks = [replace(track, held=reversed_[id(track.held)]) for track in self.tracks]
         return WeakForm(self.engine, self.data, tracks, self.width, self.rest_speed)
 
+    def with_shifted_position(self, body: int, shift: float) -> WeakForm:
+        """The same windows with another zero of the position of a body [m or rad]."""
+        tracks = [replace(track, motion=track.motion.shifted(body, shift)) for track in self.tracks]
+        return WeakForm(self.engine, self.data, tracks, self.width, self.rest_speed)
+
     @property
     def noise(self) -> Array:
         """Standard deviation of the weak acceleration's noise by body, over all rows."""
