@@ -20,6 +20,7 @@ from idloop.diagnosis.search.step import NOT_EXCITED
 from idloop.estimation.likelihood.estimation_problem import prepare_estimation
 from idloop.estimation.likelihood.refit import refit
 from idloop.physics import Model, load_model
+from idloop.physics.simulation import simulate
 from idloop.records import Record
 from idloop.reporting.verdicts import conclusion, ending
 
@@ -153,3 +154,17 @@ def test_the_model_with_the_missing_effect_may_be_the_first_that_follows(start):
     plain = refit(estimation, start)
     assert not responds_to_command(estimation, plain)
     assert responds_to_command(estimation, refit(estimation, machine, None, plain))
+
+
+def test_a_motion_with_late_stamps_follows_the_command() -> None:
+    """One sample ahead, an exact position at a stamp that is late hides what the command does."""
+    model, time, chance = load_model("axis"), np.arange(0.0, 40.0, 0.005), np.random.default_rng(14)
+    command = chance.uniform(-0.5, 0.5, 400)[np.arange(time.size) // 20]
+    noise = np.array([0.0, 0.05]) * chance.normal(size=(time.size, 2))
+    output = simulate(model, time, command, time, noise=noise).output
+    time = time + 4e-4 * chance.normal(size=time.size)
+    names, units = ("axis.position", "axis.velocity"), ("rad", "rad/s")
+    record = Record("late", time, command, time, output, "axis.effort", "N·m", names, units)
+    assert command_response(model, [record]) is CommandResponse.FOLLOWS
+    estimation = prepare_estimation(model, [record], "prediction")
+    assert responds_to_command(estimation, refit(estimation, model))

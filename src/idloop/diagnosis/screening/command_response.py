@@ -17,6 +17,7 @@ import numpy as np
 
 from idloop.diagnosis.screening.granger_test import granger_causes
 from idloop.errors import IdloopError
+from idloop.estimation.dataset import Data
 from idloop.estimation.direction import OPPOSITE_DIRECTION, REVERSE_ADVICE, gain_is_turned
 from idloop.estimation.force_balance.weak_fit import fit_by_force_if_possible
 from idloop.estimation.likelihood.estimation_problem import EstimationProblem, prepare_estimation
@@ -25,6 +26,7 @@ from idloop.estimation.likelihood.refit import Refit, refit, refit_or_none, tran
 from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.physics.model import Model
 from idloop.records import Record
+from idloop.validation.free_run import free_run
 
 
 class CommandResponse(str, Enum):
@@ -64,7 +66,10 @@ _SENTENCES = {
 
 
 def responds_to_command(estimation: EstimationProblem, fit: Refit) -> bool:
-    """Whether a fitted model predicts the motion better with the command than without, or that cannot be computed."""
+    """Whether a fitted model predicts the motion better with the command than without, or that cannot be computed.
+
+    Or whether its free run is far better with it: one sample ahead, late stamps hide what the command does.
+    """
     # Of steps from rest, each a constant command, the mean of its own would be the command itself.
     means = [float(np.mean(one.input)) for one in estimation.data]
     if all(np.ptp(one.input) == 0.0 for one in estimation.data):
@@ -74,7 +79,22 @@ def responds_to_command(estimation: EstimationProblem, fit: Refit) -> bool:
         replace(one, input=np.full_like(one.input, mean)) for one, mean in zip(estimation.data, means, strict=True)
     )
     without = transfer(replace(estimation, data=still), fit, own_disturbance=True)
-    return without is None or distinguishable(fit, without)
+    return without is None or distinguishable(fit, without) or _runs_by_command(estimation.data, still, fit.model)
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def _runs_by_command(data: Sequence[Data], still: Sequence[Data], model: Model) -> bool:
+    """Whether the free run of every output misses less than half as much with the command as without."""
+    engine = CachingEngine(model)
+    try:
+        return all(
+            np.nanmean((one.output - free_run(engine, one)) ** 2, axis=0)[measured]
+            < 0.25 * np.nanmean((one.output - free_run(engine, other)) ** 2, axis=0)[measured]
+            for one, other in zip(data, still, strict=True)
+            for measured in np.flatnonzero(np.any(np.isfinite(one.output), axis=0))
+        )
+    except IdloopError:
+        return False
 
 
 def responds_to_reversed_command(estimation: EstimationProblem, fit: Refit, start: Model) -> bool:
