@@ -75,8 +75,12 @@ def check(axis: Axis) -> list[Finding]:
 def _a_sample_late(axis: Axis) -> list[Finding]:
     """Name a command that acts half a sample before its stamps, where one in time acts half a sample after them.
 
-    By the position: the noise of a velocity, from which a command was computed, looks like one that acts early.
+    By the position: the noise of a velocity, from which a command was computed, looks like one that acts early. A body
+    behind a spring moves that instant: what acts within a few samples must be the command.
     """
+    plain = [one for one in responses(axis) if one.functions.power == PLAIN]
+    if not plain or min(plain, key=lambda one: one.functions.width).share < _SHARE:
+        return []
     place = axis.name("position")
     shown = decided(axis.input_time, axis.command, axis.time, axis.motions)
     if place not in shown or not all_near(shown, -0.5):
