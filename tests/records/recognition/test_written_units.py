@@ -52,6 +52,13 @@ def test_words_of_units(tmp_path, position, velocity, unit, rate):
         ("Torque [0.1 %]", "%", 0.1),
         ("phi_mdeg", "deg", 0.001),
         ("w_mdps", "deg/s", 0.001),
+        ("torque_cNm", "N·m", 0.01),
+        ("torque [cN·m]", "N·m", 0.01),
+        ("Moment (Ncm)", "N·m", 0.01),
+        ("tau [kgf.cm]", "N·m", 0.0980665),
+        ("torque_kgcm", "N·m", 0.0980665),
+        ("pull [gf]", "N", 0.00980665),
+        ("torque_ozin", "ozf·in", 1.0),
     ],
 )
 def test_a_multiple_of_a_unit(name, unit, factor):

@@ -69,6 +69,7 @@ _SPELLINGS = {
     "umin": "rpm", "upm": "rpm", "min-1": "rpm", "min⁻¹": "rpm", "min^-1": "rpm", "mv": "mV", "millivolt": "mV",
     "millivolts": "mV", "ma": "mA", "milliamp": "mA", "milliamps": "mA", "newton meter": "N·m", "mnm": "mN·m",
     "lbs": "lbf", "lb": "lbf", "in-lb": "lbf·in", "lb-in": "lbf·in", "ft-lb": "lbf·ft", "oz-in": "ozf·in",
+    "ozin": "ozf·in",
 }  # fmt: skip
 # Units of time [s].
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}

@@ -62,7 +62,16 @@ _MULTIPLE = re.compile(
     r"(?P<number>1\s*/\s*\d+|10\s*\^\s*-?\d+|\d+(?:[.,]\d+)?(?:e[-+]?\d+)?)\s*[x×*·]?\s*(?P<unit>[^\d\s].*)",
     re.IGNORECASE,
 )
-_PREFIXES = {"m": 1e-3, "µ": 1e-6, "μ": 1e-6, "u": 1e-6, "k": 1e3}
+_PREFIXES = {"m": 1e-3, "c": 1e-2, "µ": 1e-6, "μ": 1e-6, "u": 1e-6, "k": 1e3}
+_STANDARD_GRAVITY = 9.80665  # [m/s²]
+# Forces and torques without the signs between their parts: N·cm, kgf.cm, g cm
+_PRODUCTS = {
+    "ncm": (1e-2, "N·m"), "nmm": (1e-3, "N·m"), "kgfm": (_STANDARD_GRAVITY, "N·m"),
+    "kgfcm": (1e-2 * _STANDARD_GRAVITY, "N·m"), "kgcm": (1e-2 * _STANDARD_GRAVITY, "N·m"),
+    "gcm": (1e-5 * _STANDARD_GRAVITY, "N·m"), "gfcm": (1e-5 * _STANDARD_GRAVITY, "N·m"),
+    "kgf": (_STANDARD_GRAVITY, "N"), "gf": (1e-3 * _STANDARD_GRAVITY, "N"),
+}  # fmt: skip
+_BETWEEN = re.compile(r"(?<=\w)[·.*\- ](?=\w)")
 # The key under which a unit stands.
 _KEYS = {
     "unit", "units", "unite", "unites", "unidad", "unidades", "unidade", "einheit", "einheiten", "unita", "eenheid",
@@ -115,7 +124,7 @@ def multiple(text: str) -> tuple[float, str]:
         return float(base) ** float(exponent) if hat else float(number), match["unit"]
     if text[:1] in _PREFIXES and text[1:] in _PREFIXED:
         return _PREFIXES[text[:1]], text[1:]
-    return 1.0, text
+    return _PRODUCTS.get(_BETWEEN.sub("", text).lower(), (1.0, text))
 
 
 def _without_accents(text: str) -> str:
