@@ -457,3 +457,13 @@ def test_stamps_by_a_formula(tmp_path):
     np.testing.assert_array_equal(np.diff(stamps), np.full(19, 5_000_000))
     with pytest.raises(InputError, match="'tick / 0' is not a number in row 0"):
         import_bag(source, tmp_path / "other", _mapping(time={"compute": "tick / 0"}))
+
+
+@pytest.mark.parametrize(("unit", "first"), [("s", 1_700_000_000.5), ("ms", 1_700_000_000_500.0), ("s", 0.5)])
+def test_even_dates_stay_even(tmp_path, unit, first):
+    """Double precision keeps the microseconds of a date, and no part of them."""
+    k = np.arange(50)
+    source = _csv(tmp_path, t=[f"{first + {'s': 0.01, 'ms': 10.0}[unit] * one:.6f}" for one in k], u=k % 7, y=k % 11)
+    import_bag(source, tmp_path / "bag", _mapping(time={"column": "t", "unit": unit}))
+    for stream in read_streams(tmp_path / "bag").values():
+        assert set(np.diff(stream.stamp_ns).tolist()) == {10_000_000}

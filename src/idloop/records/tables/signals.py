@@ -326,7 +326,7 @@ def _time(table: Table, time: Time, count: int, rows: slice) -> tuple[Stamps, Ma
             )
         with np.errstate(over="ignore"):
             whole = np.round(seconds if time.unit == "ns" else seconds * SECONDS[time.unit] * 1e9)
-        stamp = _as_stamps(table, name, whole, first)
+        stamp = _to_known_digits(_as_stamps(table, name, whole, first), seconds, time.unit)
     stamp = _moved(stamp, time)
     if stamp.size != count:
         raise InputError(
@@ -346,6 +346,18 @@ def _time(table: Table, time: Time, count: int, rows: slice) -> tuple[Stamps, Ma
     if stamp.size and time.unit == "iso8601" and stamp[0] < 0:
         raise InputError(f"{table.path}: time column {name!r} begins before 1970; stamps begin there")
     return stamp, wrong | missing
+
+
+def _to_known_digits(stamp: Stamps, read: Array, unit: str) -> Stamps:
+    """Round stamps to the digits that double precision keeps: of a date in seconds those of microseconds.
+
+    What is left below them is no time, and makes even stamps uneven.
+    """
+    apart = float(np.spacing(np.max(np.abs(read), initial=0.0))) * SECONDS[unit] * 1e9
+    if unit == "ns" or apart < 1.0:
+        return stamp
+    digit = 10 ** int(np.ceil(np.log10(apart)))
+    return np.asarray((stamp + digit // 2) // digit * digit)
 
 
 def _shift(stamps: list[Stamps]) -> int:
