@@ -155,3 +155,15 @@ def test_a_velocity_that_follows_late_is_not_used(samples: int, seed: int) -> No
         used = motion.measured[0][1] is not None
         apart = np.sqrt(np.mean((measured - velocity(time)) ** 2) / np.mean(velocity(time) ** 2))
         assert used == (late == 0) or apart < 0.04
+
+
+def test_a_reading_that_is_missing_leaves_an_even_grid_as_it_is() -> None:
+    """Stamps that are even but for rounding have one grid, whether every reading is there or not."""
+    time = 0.01 * np.arange(3000) + np.where(np.arange(3000) % 3 == 0, 1e-7, -1e-7)
+    gappy = np.cos(time)
+    gappy[500] = np.nan
+    found = [uniform(time, values) for values in (np.sin(time), gappy)]
+    for one in found:
+        assert one is not None
+        np.testing.assert_array_equal(one[0], time)
+    assert np.all(np.isfinite(found[1][1]))

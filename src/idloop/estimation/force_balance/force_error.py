@@ -76,7 +76,7 @@ def record_balance(engine: Engine, data: Data, cutoff: float | None = None) -> R
     motion = measured_motion(engine.model, data, cutoff)
     if motion is None or engine.layout(None).bodies != len(engine.model.bodies):
         return None
-    return RecordBalance(motion, HeldCommand(data.input_time, data.input, float(data.time[-1])), data.conditions)
+    return RecordBalance(motion, HeldCommand(data.input_time, data.input), data.conditions)
 
 
 def thin(values: Array, motion: Motion) -> Array:

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# Time for which the last command is held, and for which there is none before the first [s].
-_BEYOND, _BEFORE = 10.0, 1e3
 # Change within a sample, as a part of the command's rms, above which it counts as a jump; else the mean is used.
 _JUMP = 0.1
 # Parts of a sample time for which a measured signal is held: the steps are off a curve by 1 in 400.
@@ -44,17 +42,18 @@ def held_along(time: Array, value: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class CommandAround:
-    """A command over one sample time around each of n instants.
+    """A command around each of n instants.
 
     Attributes
     ----------
     mean : array, shape (n,)
+        By what changes the motion from the sample before to the one after.
     jumps : array of int, shape (k,)
-        Instants around which it jumps once.
+        Instants around which it jumps within half a sample time.
     before, after : array, shape (k,)
         Values on both sides of the jump.
     late : array, shape (k,)
-        Part of the sample time after the jump.
+        Part of the mean after the jump.
     """
 
     mean: Array
@@ -77,32 +76,37 @@ class CommandAround:
 
 
 class HeldCommand:
-    """A command with its integral, from which the mean over any interval follows exactly.
+    """A command that is held from each stamp to the next.
 
     Parameters
     ----------
     time, value : array, shape (m,)
         Stamps [s] and commands; before the first the command is 0.
-    end : float
-        Last instant of the measurement [s].
     """
 
-    def __init__(self, time: Array, value: Array, end: float) -> None:
-        self._time, self._given, self._end = time, value, end
-        edges = np.concatenate([time, [max(end, float(time[-1])) + _BEYOND]])
-        area = np.concatenate([[0.0], np.cumsum(value * np.diff(edges))])
-        self._edges = np.concatenate([[edges[0] - _BEFORE], edges])
-        self._area = np.concatenate([[0.0], area])
+    def __init__(self, time: Array, value: Array) -> None:
+        self._time, self._given = time, value
+        self._starts = np.concatenate([[-np.inf], time])
         self._value = np.concatenate([[0.0], value])
         self._rms = float(np.sqrt(np.mean(value**2)))
 
     def reversed(self) -> HeldCommand:
         """The command with the opposite sign."""
-        return HeldCommand(self._time, -self._given, self._end)
+        return HeldCommand(self._time, -self._given)
 
-    def around(self, time: Array, sample_time: float) -> CommandAround:
-        """The command over one sample time [s] around each instant of ``time`` (n,) [s]."""
-        mean, before, after = _around(self._edges, self._area, self._value, time, sample_time)
+    def around(self, time: Array, sample_time: float, *, from_position: bool = False) -> CommandAround:
+        """The command around each instant of ``time`` (n,) [s], and by what force it changes the motion there.
+
+        Parameters
+        ----------
+        time : array, shape (n,)
+        sample_time : float
+            Of the motion [s].
+        from_position : bool
+            Whether the acceleration is the second difference of a position, in which a force counts by a triangle of
+            two sample times; in the central difference of a velocity all of these two count alike.
+        """
+        mean, before, after = _around(self._starts, self._value, time, sample_time, from_position)
         change = after - before
         jumps = np.flatnonzero(np.abs(change) > _JUMP * self._rms)
         late = (mean[jumps] - before[jumps]) / change[jumps]
@@ -112,20 +116,30 @@ class HeldCommand:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _around(edges: Array, area: Array, value: Array, time: Array, sample_time: float) -> tuple[Array, Array, Array]:
-    """Mean of a held value over one sample time around each instant, and its values at the beginning and the end."""
-    ends = np.empty((2, len(time)))
-    areas = np.empty((2, len(time)))
-    for side in range(2):
-        offset = (side - 0.5) * sample_time
-        # Instants increase: each search begins at the previous one.
-        place = max(np.searchsorted(edges, time[0] + offset, side="right") - 1, 0) if len(time) else 0
-        for k in range(len(time)):
-            instant = time[k] + offset
-            while place > 0 and edges[place] > instant:
-                place -= 1
-            while place < len(value) - 1 and edges[place + 1] <= instant:
-                place += 1
-            ends[side, k] = value[place]
-            areas[side, k] = area[place] + value[place] * (instant - edges[place])
-    return (areas[1] - areas[0]) / sample_time, ends[0], ends[1]
+def _around(starts: Array, value: Array, time: Array, sample_time: float, triangle: bool) -> tuple[Array, Array, Array]:
+    """Weighted mean of a held value around each instant, and its values half a sample time before and after it."""
+    mean, ends = np.zeros(len(time)), np.empty((2, len(time)))
+    # Instants increase: each search begins at the previous one.
+    first = 0
+    for k in range(len(time)):
+        while first > 0 and starts[first] > time[k] - sample_time:
+            first -= 1
+        while first < len(value) - 1 and starts[first + 1] <= time[k] - sample_time:
+            first += 1
+        weight, place = 0.0, first
+        ends[:, k] = value[first]
+        while True:
+            last = place == len(value) - 1
+            end = 1.0 if last else min((starts[place + 1] - time[k]) / sample_time, 1.0)
+            if triangle:
+                until = 0.5 * (1.0 + end) ** 2 if end < 0.0 else 1.0 - 0.5 * (1.0 - end) ** 2
+            else:
+                until = 0.5 * (1.0 + end)
+            mean[k] += (until - weight) * value[place]
+            if end >= 1.0:
+                break
+            weight, place = until, place + 1
+            for side in range(2):
+                if end <= side - 0.5:
+                    ends[side, k] = value[place]
+    return mean, ends[0], ends[1]

@@ -271,10 +271,9 @@ def uniform(time: Array, values: Array) -> tuple[Array, Array] | None:
     if np.mean(known) < 0.95 or np.sum(known) < 50:
         return None
     step = float(np.median(np.diff(time)))
-    if np.ptp(np.diff(time)) < 1e-3 * step and np.all(known):
-        return time, values
-    grid = np.arange(time[0], time[-1] + 1e-6 * step, step)
-    return grid, np.interp(grid, time[known], values[known])
+    even = np.ptp(np.diff(time)) < 1e-3 * step
+    grid = time if even else np.arange(time[0], time[-1] + 1e-6 * step, step)
+    return grid, values if even and np.all(known) else np.interp(grid, time[known], values[known])
 
 
 def measured_motion(model: Model, record: Data | Record, cutoff: float | None = None) -> Motion | None:

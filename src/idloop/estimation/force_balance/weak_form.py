@@ -63,6 +63,7 @@ class WindowedRecord:
     noise: Array  # shape (bodies,): standard deviation of the sensor noise in it
     rows: Integers  # shape (rows,): first sample of each window; windows over a gap are left out
     held: HeldCommand
+    from_position: bool  # whether the weak acceleration of the driven body is that of its position
     # Relative rms difference of two sensors' velocities, the largest of all bodies; 0 within their noise
     disagreement: float
     # shape (bodies,): rms difference of two sensors' weak accelerations; 0 within their noise
@@ -121,7 +122,7 @@ def windowed_record(model: Model, data: Data, motion: Motion, width: int) -> Win
     rows = np.arange(0, len(motion.time) - width + 1, round((width - 1) / _OVERLAP))
     middle = motion.time[rows] + 0.5 * (width - 1) * step
     rows = rows[~bridged(middle, model, data, 0.5 * width * step)]
-    columns, noise, apart = [], [], []
+    columns, noise, apart, from_position = [], [], [], list[bool]()
     disagreement = max(_disagreement(sensed, rows, value, first) for sensed in motion.measured)
     for sensed in motion.measured:
         choices = [
@@ -131,6 +132,7 @@ def windowed_record(model: Model, data: Data, motion: Motion, width: int) -> Win
         ]
         quietest, *louder = sorted(choices, key=lambda choice: choice[0])
         noise.append(quietest[0])
+        from_position.append(quietest[2] is second)
         columns.append(windowed(quietest[1][:, None], rows, quietest[2])[:, 0])
         # Sensors that agree on the velocity need no second look.
         far = 0.0
@@ -139,9 +141,10 @@ def windowed_record(model: Model, data: Data, motion: Motion, width: int) -> Win
             size = float(np.sqrt(np.mean(difference**2)))
             far = size if size > _ABOVE_NOISE * np.hypot(level, quietest[0]) else 0.0
         apart.append(far)
-    held = HeldCommand(data.input_time, data.input, float(data.time[-1]))
+    held = HeldCommand(data.input_time, data.input)
     return WindowedRecord(
-        motion, np.column_stack(columns), np.array(noise), rows, held, disagreement, np.array(apart), data.conditions
+        motion, np.column_stack(columns), np.array(noise), rows, held, from_position[0], disagreement, np.array(apart),
+        data.conditions,
     )  # fmt: skip
 
 
@@ -167,7 +170,8 @@ def _command(tracks: Sequence[WindowedRecord], shift: float) -> CommandAround:
     for _, several in groupby(tracks, key=lambda track: id(track.held)):
         own = list(several)
         time = np.concatenate([track.motion.time for track in own])
-        found.append(own[0].held.around(time - shift, own[0].motion.sample_time))
+        step, from_position = own[0].motion.sample_time, own[0].from_position
+        found.append(own[0].held.around(time - shift, step, from_position=from_position))
     return CommandAround.joined(found)
 
 
