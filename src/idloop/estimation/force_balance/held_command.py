@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 from numba import njit
@@ -40,6 +41,14 @@ def held_along(time: Array, value: Array) -> tuple[Array, Array]:
     return edges, np.asarray(CubicSpline(time, value)(middle))
 
 
+class Weight(Enum):
+    """By what a force counts around an instant of the motion."""
+
+    SAMPLE = 0  # one sample time, for a motion that is filtered
+    VELOCITY = 1  # two sample times, as in the central difference of a velocity
+    POSITION = 2  # a triangle of two sample times, as in the second difference of a position
+
+
 @dataclass(frozen=True)
 class CommandAround:
     """A command around each of n instants.
@@ -47,7 +56,6 @@ class CommandAround:
     Attributes
     ----------
     mean : array, shape (n,)
-        By what changes the motion from the sample before to the one after.
     jumps : array of int, shape (k,)
         Instants around which it jumps within half a sample time.
     before, after : array, shape (k,)
@@ -94,19 +102,9 @@ class HeldCommand:
         """The command with the opposite sign."""
         return HeldCommand(self._time, -self._given)
 
-    def around(self, time: Array, sample_time: float, *, from_position: bool = False) -> CommandAround:
-        """The command around each instant of ``time`` (n,) [s], and by what force it changes the motion there.
-
-        Parameters
-        ----------
-        time : array, shape (n,)
-        sample_time : float
-            Of the motion [s].
-        from_position : bool
-            Whether the acceleration is the second difference of a position, in which a force counts by a triangle of
-            two sample times; in the central difference of a velocity all of these two count alike.
-        """
-        mean, before, after = _around(self._starts, self._value, time, sample_time, from_position)
+    def around(self, time: Array, sample_time: float, weight: Weight = Weight.SAMPLE) -> CommandAround:
+        """The command around each instant of ``time`` (n,) [s], of a motion with some sample time [s]."""
+        mean, before, after = _around(self._starts, self._value, time, sample_time, weight.value)
         change = after - before
         jumps = np.flatnonzero(np.abs(change) > _JUMP * self._rms)
         late = (mean[jumps] - before[jumps]) / change[jumps]
@@ -116,7 +114,18 @@ class HeldCommand:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _around(starts: Array, value: Array, time: Array, sample_time: float, triangle: bool) -> tuple[Array, Array, Array]:
+def _share(place: float, weight: int) -> float:
+    """Part of the weight before a place [sample times from the instant]."""
+    if weight == 0:
+        return min(max(0.5 + place, 0.0), 1.0)
+    place = min(max(place, -1.0), 1.0)
+    if weight == 1:
+        return 0.5 * (1.0 + place)
+    return 0.5 * (1.0 + place) ** 2 if place < 0.0 else 1.0 - 0.5 * (1.0 - place) ** 2
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _around(starts: Array, value: Array, time: Array, sample_time: float, weight: int) -> tuple[Array, Array, Array]:
     """Weighted mean of a held value around each instant, and its values half a sample time before and after it."""
     mean, ends = np.zeros(len(time)), np.empty((2, len(time)))
     # Instants increase: each search begins at the previous one.
@@ -126,20 +135,14 @@ def _around(starts: Array, value: Array, time: Array, sample_time: float, triang
             first -= 1
         while first < len(value) - 1 and starts[first + 1] <= time[k] - sample_time:
             first += 1
-        weight, place = 0.0, first
+        known, end, place = 0.0, -1.0, first
         ends[:, k] = value[first]
-        while True:
-            last = place == len(value) - 1
-            end = 1.0 if last else min((starts[place + 1] - time[k]) / sample_time, 1.0)
-            if triangle:
-                until = 0.5 * (1.0 + end) ** 2 if end < 0.0 else 1.0 - 0.5 * (1.0 - end) ** 2
-            else:
-                until = 0.5 * (1.0 + end)
-            mean[k] += (until - weight) * value[place]
-            if end >= 1.0:
-                break
-            weight, place = until, place + 1
+        while end < 1.0:
             for side in range(2):
                 if end <= side - 0.5:
                     ends[side, k] = value[place]
+            end = 1.0 if place == len(value) - 1 else (starts[place + 1] - time[k]) / sample_time
+            until = _share(end, weight)
+            mean[k] += (until - known) * value[place]
+            known, place = until, place + 1
     return mean, ends[0], ends[1]

@@ -28,7 +28,7 @@ from idloop.estimation.force_balance.balance_terms import (
     balance_terms,
     windowed,
 )
-from idloop.estimation.force_balance.held_command import CommandAround, HeldCommand
+from idloop.estimation.force_balance.held_command import CommandAround, HeldCommand, Weight
 from idloop.estimation.force_balance.motion import Motion, bridged, least_error_motion, measured_motion
 from idloop.estimation.observer.sensor_noise import noise_std
 from idloop.estimation.statistics.student import log_density, scale_of
@@ -63,7 +63,7 @@ class WindowedRecord:
     noise: Array  # shape (bodies,): standard deviation of the sensor noise in it
     rows: Integers  # shape (rows,): first sample of each window; windows over a gap are left out
     held: HeldCommand
-    from_position: bool  # whether the weak acceleration of the driven body is that of its position
+    weight: Weight  # of a force in the weak acceleration of the driven body
     # Relative rms difference of two sensors' velocities, the largest of all bodies; 0 within their noise
     disagreement: float
     # shape (bodies,): rms difference of two sensors' weak accelerations; 0 within their noise
@@ -122,7 +122,7 @@ def windowed_record(model: Model, data: Data, motion: Motion, width: int) -> Win
     rows = np.arange(0, len(motion.time) - width + 1, round((width - 1) / _OVERLAP))
     middle = motion.time[rows] + 0.5 * (width - 1) * step
     rows = rows[~bridged(middle, model, data, 0.5 * width * step)]
-    columns, noise, apart, from_position = [], [], [], list[bool]()
+    columns, noise, apart, counted = [], [], [], list[Weight]()
     disagreement = max(_disagreement(sensed, rows, value, first) for sensed in motion.measured)
     for sensed in motion.measured:
         choices = [
@@ -132,7 +132,7 @@ def windowed_record(model: Model, data: Data, motion: Motion, width: int) -> Win
         ]
         quietest, *louder = sorted(choices, key=lambda choice: choice[0])
         noise.append(quietest[0])
-        from_position.append(quietest[2] is second)
+        counted.append(Weight.POSITION if quietest[2] is second else Weight.VELOCITY)
         columns.append(windowed(quietest[1][:, None], rows, quietest[2])[:, 0])
         # Sensors that agree on the velocity need no second look.
         far = 0.0
@@ -143,7 +143,7 @@ def windowed_record(model: Model, data: Data, motion: Motion, width: int) -> Win
         apart.append(far)
     held = HeldCommand(data.input_time, data.input)
     return WindowedRecord(
-        motion, np.column_stack(columns), np.array(noise), rows, held, from_position[0], disagreement, np.array(apart),
+        motion, np.column_stack(columns), np.array(noise), rows, held, counted[0], disagreement, np.array(apart),
         data.conditions,
     )  # fmt: skip
 
@@ -170,8 +170,7 @@ def _command(tracks: Sequence[WindowedRecord], shift: float) -> CommandAround:
     for _, several in groupby(tracks, key=lambda track: id(track.held)):
         own = list(several)
         time = np.concatenate([track.motion.time for track in own])
-        step, from_position = own[0].motion.sample_time, own[0].from_position
-        found.append(own[0].held.around(time - shift, step, from_position=from_position))
+        found.append(own[0].held.around(time - shift, own[0].motion.sample_time, own[0].weight))
     return CommandAround.joined(found)
 
 
