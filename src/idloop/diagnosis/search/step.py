@@ -270,7 +270,7 @@ class SearchStep(ABC, Generic[FitT]):
         if not self.eligible:
             return []
         best = self.eligible[0]
-        equal = [one for one in self.eligible if one is best or self._equal(best, one)]
+        equal = [one for one in self.eligible if one is best or not self._distinguished(best, one)]
         first = min(equal, key=lambda one: (one.complexity, -one.lower_evidence))
         if any(self._equal(best, one) and one.complexity < first.complexity for one in self._not_determined):
             return []
