@@ -80,7 +80,9 @@ def test_the_parts_of_the_variance_are_those_of_the_simulation():
     assert np.mean(dates) == pytest.approx(0.02, rel=0.15)
 
 
-@pytest.mark.parametrize(("units", "memory", "fleets"), [(UNITS, 0.0, 60), (UNITS, 0.5, 60), (5, 0.0, 200)])
+@pytest.mark.parametrize(
+    ("units", "memory", "fleets"), [(UNITS, 0.0, 60), (UNITS, 0.5, 60), (5, 0.0, 200), (5, 0.5, 400)]
+)
 def test_a_healthy_fleet_has_findings_as_seldom_as_stated(units, memory, fleets):
     several = (fleet(seed, units=units, memory=memory) for seed in range(fleets))
     with_findings = sum(bool(found_in(take_apart(one))) for one in several)

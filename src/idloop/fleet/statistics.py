@@ -375,11 +375,12 @@ def _correlation(away: Array, parameters: int) -> float:
     """Correlation of successive deviations from a course with so many fitted parameters.
 
     It is too small by (p + 2 (p + 1) rho) / n: known of a mean (Kendall, Biometrika 41, 1954), counted for three
-    parameters.
+    parameters. Solved for rho, where it divides by n / 2 at least: few recordings would multiply their noise.
     """
     power, count = float(away @ away), len(away)
     found = float(away[1:] @ away[:-1]) / power if power > 0.0 else 0.0
-    return found + (parameters + 2.0 * (parameters + 1.0) * found) / count
+    slope = 2.0 * (parameters + 1.0)
+    return found + (parameters + slope * found) / max(count - slope, 0.5 * count)
 
 
 def _median_memory(several: Sequence[float] | Array) -> float:
