@@ -371,7 +371,7 @@ def _beside(
     curves: Sequence[ForceCurve], evaluated: Sequence[EvaluatedModel[WeakFit]]
 ) -> list[EvaluatedModel[WeakFit]]:
     """Effects beside a curve over the position that explains far more than any of them: they may be confounded."""
-    if not curves or not evaluated or not curves[0].depends_on_position:
+    if not curves or not evaluated or not curves[0].may_confound:
         return []
     curve, best = curves[0], max(evaluated, key=lambda one: one.evidence.difference)
     far_more = curve.evidence.difference >= CONFOUNDING_RATIO * best.evidence.difference

@@ -54,13 +54,16 @@ class ForceCurve(Curve):
     period: float | None = None  # of a force that repeats over the position, where that is no turn
 
     @property
-    def depends_on_position(self) -> bool:
-        """Whether it depends on the position and not on the motion, as waves and springs do."""
-        return self.of in ("force", "inertia") and "position" in self.over
+    def may_confound(self) -> bool:
+        """Whether it depends on the position and not on the motion, as waves and springs do.
+
+        Waves are the terms of a force that repeats: they explain it.
+        """
+        return "position" in self.over and (self.of == "inertia" or (self.of == "force" and not self.closed))
 
     def confounds(self, one: EvaluatedModel[WeakFit]) -> bool:
         """Whether nothing significant remains of an effect beside this curve."""
-        return self.depends_on_position and not self.beside(one).evidence.distinguishable
+        return self.may_confound and not self.beside(one).evidence.distinguishable
 
     def beside(self, one: EvaluatedModel[WeakFit]) -> EvaluatedModel[WeakFit]:
         """The evidence of an effect beside the curve, by the change of force that it makes alone."""
