@@ -103,21 +103,18 @@ def first_fit(
 
 
 def beside_weight(done: FirstFit, *, progress: Progress) -> FirstFit:
-    """The fit beside a weight, where inertia and viscous friction alone describe nothing.
-
-    What pulls throughout is a constant force, or where a joint turns, one that goes with its angle.
-    """
+    """The fit beside the weight that describes most, where inertia and viscous friction alone describe nothing."""
     from idloop.api.data import read_bags
     from idloop.api.fit import fit
+    from idloop.physics.effect import built_in
 
     if done.fit is not None or not (done.incomplete or done.reversed or done.unmoved):
         return done
-    joint, rotary = (
-        done.model.bodies[0],
-        any(one.field == "position" and one.unit == "rad" for one in done.model.outputs),
-    )
+    joint = done.model.bodies[0]
+    rotary = any(one.field == "position" and one.unit == "rad" for one in done.model.outputs)
     found = []
-    for effect in ("load_torque", *(("gravity",) if rotary else ())):
+    weights = [one for several in built_in().values() for one in several if one.weight]
+    for effect in (one.name for one in weights if rotary or not one.needs_angle):
         model = done.model.with_effects([f"{effect}@{joint}"])
         try:
             fitted = fit(model, read_bags(done.bags, model), progress=progress)
@@ -196,7 +193,7 @@ def judged(done: FirstFit) -> FirstFit:
     if found.unrelated:
         why = f"{found.unrelated} Another column may be the command: --command COLUMN"
         return replace(refused, why_not=why, unmoved=True)
-    if not found.result.ratios and not any(low > 0.0 or high < 0.0 for low, high in found.intervals.values()):
+    if found.determines_nothing:
         why = (
             f"the data determine none of {joined_names(found.result.names)}: no interval excludes zero; record faster"
             " changes of the velocity, or let a diagnosis find what else moves the axis"

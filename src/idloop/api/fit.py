@@ -60,6 +60,11 @@ class Fit(Result):
         return {name: self.result.interval(name) for name in self.result.names}
 
     @property
+    def determines_nothing(self) -> bool:
+        """Whether the interval of every parameter contains zero, and no ratio of them is known."""
+        return not self.result.ratios and not any(low > 0.0 or high < 0.0 for low, high in self.intervals.values())
+
+    @property
     def rows(self) -> list[tuple[str, RecordComparison]]:
         """Every comparison with the use of its record: "fitted" or "unseen"."""
         return [(FITTED, one) for one in self.train] + [(UNSEEN, one) for one in self.validation]
@@ -142,12 +147,12 @@ def fit(
     result = fit_model(model, train, criterion=criterion, progress=part(progress, 0.0, 0.9))
     progress(0.9, "comparing")
     seen, unseen = ([compare(result.model, record) for record in part_] for part_ in (train, validation))
-    unrelated = ""
-    if misses_every_output(seen):
+    found = Fit(result, tuple(seen), tuple(unseen))
+    if misses_every_output(seen) or found.determines_nothing:
         from idloop.diagnosis.screening.command_response import command_response
 
         progress(0.95, "testing whether the motion follows the command")
-        unrelated = command_response(model, train).text
-        if unrelated:
-            result = replace(result, warnings=(*result.warnings, unrelated))
-    return Fit(result, tuple(seen), tuple(unseen), unrelated)
+        if unrelated := command_response(model, train).text:
+            warned = replace(result, warnings=(*result.warnings, unrelated))
+            found = replace(found, result=warned, unrelated=unrelated)
+    return found

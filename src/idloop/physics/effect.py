@@ -221,6 +221,8 @@ class Effect:
         A force that a slow disturbance may explain, so that only a refit shows it.
     anywhere : bool
         A slow force whose body does not matter.
+    weight : bool
+        What an axis may hold throughout a record.
     needs_angle : bool
         Defined for angles only.
     needs_length : bool
@@ -290,6 +292,7 @@ class Effect:
     command_limit: str = ""
     slow: bool = False
     anywhere: bool = False
+    weight: bool = False
     needs_angle: bool = False
     needs_length: bool = False
     of_loop: bool = False

@@ -30,5 +30,6 @@ EFFECT = Effect(
     spatial_rate=lambda values, inertia, stiffness: 1.0,
     looks_like=("imbalance", "cable_spring"),
     trials=lambda s: alternatives("moment", [0.05 * s.force]),
+    weight=True,
     needs_angle=True,
 )

@@ -25,5 +25,6 @@ EFFECT = Effect(
     looks_like=("input_offset",),
     slow=True,
     anywhere=True,
+    weight=True,
     trials=lambda s: alternatives("torque", [0.05 * s.force]),
 )
