@@ -56,6 +56,7 @@ class CommandAround:
     Attributes
     ----------
     mean : array, shape (n,)
+        By the `Weight` of the motion.
     jumps : array of int, shape (k,)
         Instants around which it jumps within half a sample time.
     before, after : array, shape (k,)

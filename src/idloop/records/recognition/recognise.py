@@ -243,7 +243,7 @@ def _by_names(
         columns[name] = replace(one, by_name=RoleByName("other", 0.0, "")) if further else one
     _input_and_output(columns)
     _currents(columns)
-    _felt(columns)
+    _prefer_current(columns)
     _computed(columns)
     _of_known_drive(columns, sources)
     columns = {name: one.with_sign() for name, one in columns.items()}
@@ -372,7 +372,7 @@ def _currents(columns: dict[str, TableColumn]) -> None:
             columns[one.name] = replace(one, by_name=replace(one.by_name, role="effort"))
 
 
-def _felt(columns: dict[str, TableColumn]) -> None:
+def _prefer_current(columns: dict[str, TableColumn]) -> None:
     """Take a torque for measured, of which no name says that it was commanded, beside the current that makes it.
 
     A torque that is a multiple of the current was computed from it, and says more.
