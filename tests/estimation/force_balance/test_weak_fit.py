@@ -7,7 +7,7 @@ import pytest
 
 from idloop.estimation import fit
 from idloop.estimation.dataset import prepare
-from idloop.estimation.force_balance.weak_fit import WeakFit, _off_limits, cost_at, fit_by_force, fit_weak
+from idloop.estimation.force_balance.weak_fit import WeakFit, _off_limits, _Target, cost_at, fit_by_force, fit_weak
 from idloop.estimation.force_balance.weak_form import weak_form
 from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.physics import Model, load_model
@@ -278,6 +278,26 @@ def test_a_fit_to_some_windows_is_no_worse_in_them() -> None:
     for rows in np.array_split(np.arange(len(whole.residual)), 4):
         part = whole.refitted(rows)
         assert np.linalg.norm(part.residual[rows]) <= np.linalg.norm(whole.residual[rows]) * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        [],
+        ["dead_zone@input(width=0.1)"],
+        ["coulomb_friction@axis(level=0.2)", "load_torque@axis(torque=0.05)"],
+        ["coulomb_friction@axis(level=0.2)", "input_offset@input(offset=0.05)"],
+    ],
+)
+def test_the_errors_that_a_search_reduces_depend_on_the_point_alone(effects: list[str]) -> None:
+    model = load_model("axis").with_effects(effects)
+    form = form_of(model, recorded(MACHINE))
+    search = _Target(form)
+    start = np.append(model.theta, 0.0) if form.free_timing else model.theta
+    for place in range(len(start)):
+        point = start.copy()
+        point[place] += 1e-3
+        np.testing.assert_array_equal(search(point), _Target(form)(point))
 
 
 @pytest.mark.parametrize("memory", [0.8, 0.9])

@@ -20,7 +20,7 @@ from idloop.errors import IdloopError
 from idloop.estimation.dataset import Data
 from idloop.estimation.force_balance.weak_form import BLOCKS, LARGEST_REST, NARROWEST, WeakForm, WindowShares, weak_form
 from idloop.estimation.optimisation.caching_engine import CachingEngine
-from idloop.estimation.optimisation.levenberg import box_step, difference_jacobian
+from idloop.estimation.optimisation.levenberg import box_step, difference_jacobian, update_jacobian
 from idloop.estimation.optimisation.solve import typical_size
 from idloop.estimation.statistics.student import log_density, scale_of
 from idloop.physics import Engine, Model
@@ -52,11 +52,12 @@ FEWEST_ROWS = 100
 # Predicted gain of log-likelihood at which a search ends, and for one that only ranks models.
 TOLERANCE, RANKING_TOLERANCE = 1e-4, 0.05
 MOST_ITERATIONS, _MOST_DAMPING = 60, 1e8
-_LINEAR_ROUNDS = 20
 # Difference step as a part of a parameter's size.
 _SLOPE_STEP = 1e-4
-# Iterations of a fit to some of the windows, where the linear step is no fit to them.
-_FOLD_ROUNDS = 5
+# Name of the time from the stamp of a command to its action beside those of the free parameters.
+_TIMING = "timing"
+# Most iterations of a fit to some of the windows with the slopes of that to all.
+_FOLD_ROUNDS = 10
 # A window counts fully by its command where the balance depends on that by at least this part of the gain.
 _FULL_RESPONSE = 0.5
 # Factor of the search for the rest speed, and the gain of log-likelihood that a step must bring.
@@ -163,7 +164,8 @@ class WeakFit:
     def along(self, form: WeakForm) -> WeakFit:
         """The same values, without a fit, in other windows."""
         residual = form.residual(*_split(form, self.point))
-        scale, rows = _scales(form, self.point, residual), np.arange(form.starts[-1])
+        rows = np.arange(form.starts[-1])
+        scale = _scales(form, self.point, residual, rows)
         likelihood = -_cost(_Target(form)(self.point))
         return WeakFit(form, self.point, scale, rows, likelihood, self.iterations, self.converged, np.zeros((0, 0)))
 
@@ -215,26 +217,10 @@ class WeakFit:
         return np.asarray(covariance)
 
     def refitted(self, rows: Rows) -> WeakFit:
-        """The fit to some of the windows, to first order around this fit."""
-        base, slopes = (part[rows] for part in self.linear)
-        lower, upper = _limits(self.form)
-        flat, move = slopes.reshape(-1, len(self.point)), np.zeros(len(self.point))
-        for _ in range(_LINEAR_ROUNDS):
-            error = base + slopes @ move
-            weight = np.broadcast_to(1.0 / _rms(error) ** 2, error.shape).ravel()
-            gradient, hessian = flat.T @ (weight * error.ravel()), flat.T @ (weight[:, None] * flat)
-            step, promised = box_step(gradient, hessian, 1e-9, self.point + move, lower, upper)
-            move = move + step
-            if promised < TOLERANCE:
-                break
-        point, target = np.clip(self.point + move, lower, upper), _Target(self.form)
-        error = target(point) / _rms(target(self.point))
-        if not (np.all(np.isfinite(error)) and _cost(error[rows]) <= _cost(base)):
-            # Parameters that only their product determines, as of a soft spring far off, make the linear step wrong.
-            point = fit_weak(self.form, self.point, rounds=_FOLD_ROUNDS, tolerance=RANKING_TOLERANCE, rows=rows).point
-        residual = self.form.residual(*_split(self.form, point))
-        scale = _scales(self.form, point, residual, rows)
-        return WeakFit(self.form, point, scale, rows, np.nan, self.iterations, self.converged, self.jacobian)
+        """The fit to some of the windows, with the slopes of this one."""
+        return fit_weak(
+            self.form, self.point, rounds=_FOLD_ROUNDS, tolerance=RANKING_TOLERANCE, rows=rows, slopes=self.jacobian
+        )
 
 
 def relative_errors(form: WeakForm, theta: Array, shift: float) -> Array:
@@ -347,7 +333,7 @@ def _log_densities(form: WeakForm, point: Array, scale: Array) -> Array:
     return np.asarray(total)
 
 
-def _scales(form: WeakForm, point: Array, residual: Array, rows: Rows | slice = slice(None)) -> Array:
+def _scales(form: WeakForm, point: Array, residual: Array, rows: Rows) -> Array:
     """Scale of every body's unexplained force, shape (bodies,)."""
     shares = _shares(form, point)
     errors = _errors(form, _split(form, point)[0], residual, shares.standing)
@@ -365,13 +351,14 @@ class _Target:
     def __init__(self, form: WeakForm, *, equal_shares: bool = False) -> None:
         self.form = form
         self._equal_shares = equal_shares
-        self._moves = np.array([_moves_slope(form.engine.model, name) for name in form.engine.free], dtype=bool)
+        names = (*form.engine.free, _TIMING) if form.free_timing else form.engine.free
+        self._moves = np.array([_moves_slope(form.engine.model, name) for name in names], dtype=bool)
         self._known: tuple[bytes, _Counts] | None = None
 
     def __call__(self, point: Array) -> Array:
         theta, shift = _split(self.form, point)
         residual, rows = self.form.residual(theta, shift), self.form.starts[-1]
-        key = theta[self._moves].tobytes()
+        key = point[self._moves].tobytes()
         if self._known is None or self._known[0] != key:
             self._known = key, self._counts(point, residual)
         counts = self._known[1]
@@ -406,10 +393,15 @@ class _Counts:
 
 
 def _moves_slope(model: Model, name: str) -> bool:
-    """Whether a parameter changes the response of the driven body's balance to the command."""
+    """Whether a parameter changes the response of the driven body's balance to the command.
+
+    Every one does where a dry friction holds that body against the sum of the other forces.
+    """
+    if any(active.effect.friction is not None and active.at == model.bodies[0] for active in model.effects):
+        return True
     owner = name.rpartition(".")[0]
-    acting = (active.effect for active in model.effects if active.name == owner)
-    return owner == "drive" or any(effect.site == INPUT or effect.friction is not None for effect in acting)
+    at_input = [active.name for active in model.effects if active.effect.site == INPUT]
+    return owner in ("drive", *at_input) or (name == _TIMING and bool(at_input))
 
 
 def fit_weak(
@@ -419,7 +411,8 @@ def fit_weak(
     rounds: int = MOST_ITERATIONS,
     tolerance: float = TOLERANCE,
     equal_shares: bool = False,
-    rows: Rows | slice = slice(None),
+    rows: Rows | None = None,
+    slopes: Array | None = None,
 ) -> WeakFit:
     """Fit a model to a force balance.
 
@@ -427,7 +420,9 @@ def fit_weak(
     `rounds`: most iterations.
     `tolerance`: predicted gain of log-likelihood at which the search ends.
     `equal_shares`: count every window by its command: not the likelihood, but a start for a search.
-    `rows`: fit to these windows only; the slopes of the result are those of all or none.
+    `rows`: fit to these windows only; all when left out.
+    `slopes` (all rows bodies, k): Jacobian of the normalised errors at the start, which saves its computation: it is
+    updated by Broyden's formula (Math. Comp. 19, 1965).
     Raises IdloopError: the balance cannot be evaluated at the start.
     """
     lower, upper = _limits(form)
@@ -438,24 +433,33 @@ def fit_weak(
         raise IdloopError("the force balance cannot be evaluated at the starting values")
     whole = _Target(form, equal_shares=equal_shares)
 
+    fitted = np.arange(form.starts[-1]) if rows is None else rows
+
     def target(at: Array) -> Array:
-        return np.asarray(whole(at)[rows])
+        found = whole(at)
+        return found if rows is None else found[rows]
 
     damping, converged, iteration = 1e-3, False, 0
-    size_of_errors, jacobian = np.ones(0), np.zeros((0, len(point)))
+    jacobian = np.zeros((0, len(point)))
+    if slopes is not None:
+        jacobian = slopes.reshape(form.starts[-1], -1, len(point))[fitted].reshape(-1, len(point))
     while iteration < rounds and not converged:
         iteration += 1
         error = target(point)
-        size_of_errors = scale = _rms(error)
+        scale = np.tile(_rms(error), len(error))
         cost = _cost(error)
-        base = (error / scale).ravel()
+        base = error.ravel() / scale
 
         def scaled(at: Array, scale: Array = scale) -> Array:
-            return (target(at) / scale).ravel()
+            return target(at).ravel() / scale
 
-        jacobian, step = difference_jacobian(scaled, point, base, lower, upper, step, size, central=False)
-        jacobian[:, ~np.all(np.isfinite(jacobian), axis=0)] = 0.0
-        gradient, hessian = jacobian.T @ base, jacobian.T @ jacobian
+        if slopes is None:
+            found, step = difference_jacobian(scaled, point, base, lower, upper, step, size, central=False)
+            found[:, ~np.all(np.isfinite(found), axis=0)] = 0.0
+            jacobian = found * scale[:, None]
+        else:
+            found = jacobian / scale[:, None]
+        gradient, hessian = found.T @ base, found.T @ found
         accepted = False
         while damping <= _MOST_DAMPING:
             move, predicted = box_step(gradient, hessian, damping, point, lower, upper)
@@ -467,6 +471,8 @@ def fit_weak(
             if np.all(np.isfinite(left)):
                 now = _cost(left)
                 if now < cost:
+                    if slopes is not None:
+                        update_jacobian(jacobian, trial - point, (left - error).ravel(), hessian)
                     accepted, converged, point = True, cost - now < tolerance, trial
                     damping = max(0.1 * damping, 1e-9)
                     break
@@ -475,10 +481,8 @@ def fit_weak(
             converged = converged or damping > _MOST_DAMPING
             break
         size = np.maximum(size, np.abs(point))
-    scale = _scales(form, point, form.residual(*_split(form, point)))
-    likelihood = -_cost(target(point))
-    unscaled = (jacobian.reshape(-1, len(size_of_errors), len(point)) * size_of_errors[:, None]).reshape(jacobian.shape)
-    return WeakFit(form, point, scale, np.arange(form.starts[-1]), likelihood, iteration, converged, unscaled)
+    scales = _scales(form, point, form.residual(*_split(form, point)), fitted)
+    return WeakFit(form, point, scales, fitted, -_cost(target(point)), iteration, converged, jacobian)
 
 
 def _rms(error: Array) -> Array:
@@ -569,7 +573,7 @@ def _mostly_noise(form: WeakForm, point: Array) -> bool:
     if form.reliability < _RELIABLE:
         return True
     theta, shift = _split(form, point)
-    left = _scales(form, point, form.residual(theta, shift))
+    left = _scales(form, point, form.residual(theta, shift), np.arange(form.starts[-1]))
     return bool(np.all(form.inertia(theta) * form.noise > MOST_NOISE * left))
 
 

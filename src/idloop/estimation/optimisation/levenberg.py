@@ -225,7 +225,7 @@ def minimise(
                 damping = max(damping * (0.1 if ratio > 0.7 else 0.5 if ratio > 0.3 else 2.0), 1e-9)
                 follows = quick and ratio > (_FAITHFUL if leading is None else 0.0)
                 if follows:
-                    _update(jacobian, trial - point, trial_residual - residual, hessian)
+                    update_jacobian(jacobian, trial - point, trial_residual - residual, hessian)
                 point, residual, cost, accepted = trial, trial_residual, trial_cost, True
                 break
             damping *= 8.0
@@ -246,7 +246,7 @@ def minimise(
     return Minimum(point, residual, jacobian, cost, iteration, converged, step)
 
 
-def _update(jacobian: Array, move: Array, change: Array, hessian: Array) -> None:
+def update_jacobian(jacobian: Array, move: Array, change: Array, hessian: Array) -> None:
     """Broyden's update of a Jacobian, in place, in coordinates of unit Hessian diagonal."""
     size = np.maximum(np.diag(hessian), 1e-300)
     direction = size * move
