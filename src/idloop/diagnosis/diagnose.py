@@ -12,6 +12,7 @@ from idloop.diagnosis.evidence.deciding_view import DecidingView, as_predicted, 
 from idloop.diagnosis.evidence.force_view import ForceView
 from idloop.diagnosis.evidence.free_run_view import free_run_view
 from idloop.diagnosis.evidence.prediction_view import PredictionView, delay_or_lag
+from idloop.diagnosis.evidence.undetermined_strength import undetermined_strength
 from idloop.diagnosis.model_errors import explains_less, runs_worse
 from idloop.diagnosis.options import (
     FORCE,
@@ -165,7 +166,22 @@ def _by_force(model: Model, records: Sequence[Record], criterion: str, options: 
         names = tuple(one.name for one in separated)
         others = (one for one in found.candidates if one.name not in names)
         return replace(found, candidates=(*separated, *others), set=names)
-    return _with_predicted_values(found, step.tied[0].fit, estimation) if step.tied else found
+    if not step.tied:
+        return found
+    found = _with_predicted_values(found, step.tied[0].fit, estimation)
+    return None if _within_disturbance(found) else found
+
+
+def _within_disturbance(found: Diagnosis) -> bool:
+    """Whether every effect that is named may be none by its values: a slow force no larger than the disturbance."""
+    models = {one.name: one.model for one in found.candidates if one.name in found.set}
+    return all(
+        active.effect.slow and undetermined_strength(model, name, active.effect)
+        for name, model in models.items()
+        if model is not None
+        for active in model.effects
+        if active.name == name
+    )
 
 
 def _with_predicted_values(found: Diagnosis, fit: WeakFit, estimation: EstimationProblem) -> Diagnosis:

@@ -255,7 +255,10 @@ class _Refinement:
         return ladder.merged_with(more) if balanced and more.added == ladder.added else more
 
     def _without_unseen(self, ladder: Ladder, estimation: EstimationProblem, fit: Refit) -> tuple[Ladder, Refit]:
-        """The ladder without effects that predictions, more precise than the balance, do not see."""
+        """The ladder without effects that predictions, more precise than the balance, do not see.
+
+        Nor slow forces that may be the disturbance.
+        """
         found = {step.added.name for step in ladder.steps if step.added is not None and step.chosen_by == "diagnosis"}
         predicted = {one.name: one for one in fit.with_stderr().parameters}
         balanced = {one.name: one for one in ladder.model.parameters}
@@ -266,7 +269,8 @@ class _Refinement:
                 continue
             seen, before = predicted[f"{active.name}.{strength}"], balanced[f"{active.name}.{strength}"]
             error, moved = seen.stderr or math.inf, abs(seen.value - active.effect.spec(strength).neutral)
-            if error < (before.stderr or 0.0) and moved < CERTAIN * error:
+            precise = active.effect.slow or error < (before.stderr or 0.0)
+            if precise and moved < CERTAIN * error:
                 names.append(active.name)
         without = refit_or_none(estimation, fit.model.without_effects(names), None, fit) if names else None
         if without is None or self._worse(ladder.model, without.model):
