@@ -65,6 +65,14 @@ def test_a_number_that_is_none_is_refused_in_one_line(line: str, why: str) -> No
     assert "\n" not in str(caught.value)
 
 
+def test_an_effect_of_angles_is_refused_along_a_length() -> None:
+    linear = read(load_model("axis").to_yaml().replace("N·m", "N").replace("rad", "m"))
+    assert linear.units.position == "m"
+    for effect in ("gravity@axis(moment=1)", "cogging@axis(amplitude=1)"):
+        with pytest.raises(InputError, match="needs an angle"):
+            linear.with_effects([effect])
+
+
 def test_a_measured_input_stays_one(tmp_path: Path) -> None:
     text = GOOD.replace("field: effort, unit: V}", "field: effort, unit: V, kind: measured}")
     model = read(text)

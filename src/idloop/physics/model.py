@@ -353,7 +353,7 @@ class Model:
         Raises
         ------
         InputError
-            Unknown effect, site or parameter, or an effect that is there already.
+            Unknown effect, site or parameter, an effect that is there already, or one of angles along a length.
         """
         as_values = {
             key: Value(value=float(value)) if isinstance(value, int | float) else value for key, value in values.items()
@@ -387,6 +387,10 @@ class Model:
         if output is not None and output.field not in effect.outputs:
             raise InputError(
                 f"effect {name} does not act on a {output.field}: it acts on {' or '.join(effect.outputs)}"
+            )
+        if effect.needs_angle and self.units.position != "rad":
+            raise InputError(
+                f"effect {name} needs an angle, and model {self.name} has positions in {self.units.position}"
             )
         added = self._effect_parameters(active, values, output.unit if output else "")
         return replace(self, effects=(*self.effects, active), parameters=(*self.parameters, *added))

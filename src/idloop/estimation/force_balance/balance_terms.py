@@ -429,10 +429,15 @@ class _Commands:
         around = self.around
         return np.concatenate([np.arange(len(around.mean)), around.jumps, around.jumps])
 
+    @cached_property
+    def motion(self) -> Instants:
+        """The motion at the instant of every command."""
+        return self._along.whole.at(self.instants)
+
     @property
     def nbytes(self) -> int:
         """Memory in bytes."""
-        return 7 * self.command.nbytes
+        return int(self.command.nbytes) * (9 + 4 * len(self._along.inertial[0]))
 
     def both(self, force: Array) -> tuple[Array, Array]:
         """A force at these commands in every window, and near rest."""
@@ -741,7 +746,7 @@ class BalanceTerms:
         if not any(one.effect.command is not None for one in self.inputs):
             return lambda command: command
         layout = lay_out(self.model, values, final=False)
-        motion = along.whole.at(commands.instants)
+        motion = commands.motion
         drive = layout.under(motion.conditions if layout.wanted else None).axis
         position, velocity = motion.position[:, 0].copy(), motion.velocity[:, 0].copy()
 
