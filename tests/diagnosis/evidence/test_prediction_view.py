@@ -140,3 +140,16 @@ def test_a_command_that_acts_before_its_stamps_is_found(early: float) -> None:
     shift, gain = earlier_command(estimation, refit(estimation, model))
     assert shift == pytest.approx(-early / RATE, abs=0.003 / RATE)
     assert (gain > 100.0) is (early > 0.0)
+
+
+def test_no_command_is_taken_as_earlier_where_an_effect_explains_far_more(start: Model) -> None:
+    """A delay would be found too long by as much."""
+    record = record_of(start.with_values(load_model("axis").values).with_effects(["input_delay@input(delay=0.01)"]), 1)
+    estimation = prepare_estimation(start, [record], "prediction")
+    view = PredictionView(estimation, start, Options(effects=["input_delay"]))
+    step = view.evaluate(refit(estimation, start))
+    assert step.names == ("input_delay@input",)
+    shift, gain = earlier_command(estimation, step.parent)
+    assert shift < 0.0
+    assert gain > step.threshold()
+    assert view.with_timing(step) is None

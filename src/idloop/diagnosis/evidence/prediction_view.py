@@ -54,6 +54,8 @@ from idloop.validation.measures import NEGLIGIBLE
 _LEAST_FREE_RUN_ERROR = 0.01
 # Accuracy of the shift of a command [samples], and rounds of the search at each.
 _SHIFT_STEP, _SHIFT_ROUNDS = 0.001, 2
+# An earlier command explains what an effect explains where it gains at least this part of its log-likelihood.
+_COMPARABLE = 0.5
 # Effects, one or two, and the model that has them fitted.
 _Fitted = tuple[tuple[Proposal, ...], Refit]
 
@@ -360,10 +362,11 @@ class PredictionView(View[Refit]):
         return search_repeatedly(self.estimation, fit) if has_contacts(fit.model) else fit
 
     def with_timing(self, step: SearchStep[Refit]) -> tuple[PredictionView, Refit] | None:
-        """The view with an earlier command and the parent fitted in it, where that explains something by itself.
+        """The view with an earlier command and the parent fitted in it, where that may be what an effect explains.
 
         No effect acts before its command. Stamps may be late, and a simulation that integrates in steps is early by
-        half a step: a resonance resembles that.
+        half a step: a resonance resembles that. Where the best effect explains far more, that shows first, and the time
+        of the command is looked for beside it: another one would be found without it.
         """
         if self.timed or self.estimation.kind != PREDICTION:
             return None
@@ -373,6 +376,9 @@ class PredictionView(View[Refit]):
             return None
         shift, gain = earlier_command(some, parent)
         if gain < step.threshold():
+            return None
+        best = refit_or_none(some, step.tied[0].fit.model, None, parent) if step.tied else None
+        if best is not None and gain < _COMPARABLE * (best.log_likelihood - parent.log_likelihood):
             return None
         held_out = None if self.held_out is None else self.held_out.with_later_command(shift)
         view = replace(self, estimation=self.estimation.with_later_command(shift), held_out=held_out, timed=True)
