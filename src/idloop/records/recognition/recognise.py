@@ -18,6 +18,7 @@ from idloop.records.formats.clock_names import known_clock_unit
 from idloop.records.formats.known_columns import recognise as known_drive
 from idloop.records.inspection.coupled import has_slack
 from idloop.records.recognition.column_name import ColumnName, parse_column_name
+from idloop.records.recognition.control_error import without_control_error
 from idloop.records.recognition.guess import (
     LOAD,
     MOTION,
@@ -254,6 +255,7 @@ def _by_names(
     named = {one.column for role, one in given.items() if role != LOAD}
     every = columns
     columns = one_joint(_without_load(columns, given), named, doubts, by_path=paths is not None)
+    columns = without_control_error(columns, {one.column for one in given.values()})
     chosen: dict[str, Guess] = {}
     for role in ROLES:
         said = given.get(role, Given())

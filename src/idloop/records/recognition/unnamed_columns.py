@@ -116,9 +116,11 @@ def _velocity_by_slope(
         return
     spare = "command" in chosen or "effort" in chosen or given.get("command", Given()).column == NONE
     spare = spare or any(not one.moves and not one.by_name.role for one in columns.values())
-    last = len(free) - (place is None) < 2 - spare
     found = []
     for position in positions:
+        # Beside a motion and its set-point one more column is the command.
+        left = [one for one in free if one is position or not run_together(position.value, one.value)]
+        last = len(left) - (place is None) < 2 - spare
         value = position.unwrapped("counts" if "scale" in position.options else position.parsed.unit)
         for one in free[:_MOST_COMPARED]:
             if one is position or not one.value.size == value.size == base.seconds.size:
