@@ -31,6 +31,7 @@ _SHORTEST_NAME = 2  # letters that several names must have in common to give one
 _OVERLAP = 0.5  # share of the shorter file that two files of one run have at least in common
 # What one file shows holds for the others: values that start again, and negative ones logged as unsigned.
 _OF_ALL = ("wrap", "decode")
+_FEW = 5  # columns that are not used, of which the names are said
 _TEXT = "its cells are text"
 _COUNTERS, _ON = (16, 24, 32), 5.0  # bits of counters, and intervals by which they go on from full to zero at most
 _FEW_SAMPLES = 100  # rows of a piece below which it is not worth a record
@@ -103,7 +104,7 @@ class Log:
         named = [name for name in why if why[name] == _TEXT and is_named_as_signal(name)]
         unused = [f"{name} ({why[name]})" if why[name] else name for name in dict.fromkeys([*named, *why])]
         lines = {"not used": unused, "empty": empty}
-        return [f"{title}: {listed(names, 12)}" for title, names in lines.items() if names]
+        return [f"{title}: {listed(names, _FEW)}" for title, names in lines.items() if names]
 
     @property
     def doubts(self) -> list[str]:

@@ -10,7 +10,7 @@ import pytest
 import idloop
 from idloop.records.inspection.checks import check_record
 from idloop.records.inspection.faults.checks import inspect_axis
-from idloop.records.inspection.repeats import without_repeats
+from idloop.records.inspection.repeats import repeats, without_repeats
 
 
 @pytest.fixture(scope="module")
@@ -49,3 +49,11 @@ def test_repeats_do_not_turn_the_command(make_axis):
     axis = make_axis(rate=1000.0, count=8000)
     kinds = [one.kind for one in inspect_axis(replace(axis, position=_held(axis.position, 4), velocity=None))]
     assert kinds == ["repeated_samples"]
+
+
+@pytest.mark.parametrize("share", [0.002, 0.01])
+def test_a_slow_motion_on_steps_of_the_sensor_repeats_nothing_where_a_level_comes_in_several_last_digits(share):
+    angle = np.sin(0.006 * np.arange(4000))
+    coarse = np.round(angle / (2.0 * share)) * 2.0 * share
+    coarse[::397] = np.nextafter(coarse[::397], np.inf)
+    assert repeats(coarse)[0].size == 0

@@ -42,6 +42,20 @@ NAMES = {
     "motor_cmd_v": (("motor", "cmd"), "V", ""),
     "cmd_voltage_v": (("cmd", "voltage"), "V", ""),
     "bus_v": (("bus",), "V", ""),
+    # A unit without a separator.
+    "yrad": (("y",), "rad", ""),
+    "motor thetadeg": (("motor", "theta"), "deg", ""),
+    "posmm": (("pos",), "mm", ""),
+    "wrads": (("w",), "rad/s", ""),
+    "vmms_2": (("v",), "mm/s", "2"),
+    "omegarpm": (("omega",), "rpm", ""),
+    "enccounts": (("enc",), "counts", ""),
+    "uV": (("u",), "V", ""),
+    # ... and what only looks like one.
+    "vin": (("vin",), "", ""),
+    "yrot": (("yrot",), "", ""),
+    "num": (("num",), "", ""),
+    "xin": (("xin",), "", ""),
     # Velocities of a vehicle, of a joint and of a motor.
     "cmd_v": (("cmd", "v"), "", ""),
     "joint_v": (("joint", "v"), "", ""),

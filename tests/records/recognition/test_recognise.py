@@ -934,3 +934,42 @@ def test_numbered_states_beside_a_position_are_no_joints():
 def test_a_velocity_that_is_known_tells_its_position(columns, options):
     roles, _ = _roles({"t": T, **columns}, **options)
     assert roles["position"] == (list(columns)[1], "rad")
+
+
+def test_of_one_motion_in_counts_and_in_a_unit_the_unit_is_taken_and_its_distance_from_the_mean_is_no_set_point():
+    counts = np.round(ANGLE / 0.0015)
+    angle = counts * 0.0015
+    columns = {"t": T, "u": U, "y": counts, "yrad": angle, "ymean": angle - angle.mean()}
+    for order in (list(columns), list(columns)[::-1]):
+        roles, found = _roles({name: columns[name] for name in order})
+        assert roles["position"] == ("yrad", "rad")
+        assert roles.keys() == {"command", "position"}
+        place = found.of("position")
+        assert "the same as y but for a factor" in place.reason
+        assert not any("y could be meant" in doubt for doubt in found.all_doubts())
+
+
+def test_a_second_encoder_is_not_the_same_motion():
+    beside = np.round(ANGLE / 0.0015) + np.round(2.0 * np.sin(5.0 * ANGLE))
+    roles, found = _roles({"t": T, "u": U, "enc": beside, "angle [rad]": np.round(ANGLE / 0.0015) * 0.0015})
+    assert roles["position"] == ("angle [rad]", "rad")
+    assert "but for a factor" not in found.of("position").reason
+
+
+@given(factor=st.floats(1e-4, 1e4), start=st.floats(-1e3, 1e3), digits=st.integers(3, 6))
+def test_a_column_is_a_multiple_of_another_whatever_factor_and_start(factor, start, digits):
+    from idloop.records.recognition.column_name import parse_column_name
+    from idloop.records.recognition.roles import role_by_name
+    from idloop.records.recognition.table_column import TableColumn
+
+    name = parse_column_name("x")
+    one, other, noisy = (
+        TableColumn("x", name, role_by_name(name), value)
+        for value in (
+            np.round(ANGLE / factor, digits + max(0, int(np.log10(factor)))),
+            factor * ANGLE + start,
+            ANGLE + 0.05 * np.sin(40.0 * T),
+        )
+    )
+    assert one.times(other) == pytest.approx(1.0 / factor**2, rel=1e-3)
+    assert one.times(noisy) == 0.0

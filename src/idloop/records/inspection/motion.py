@@ -16,7 +16,7 @@ Beginning = Literal["from rest", "late", "moving", "unseen"]
 # von Neumann's ratio var(x) / (var(diff x) / 2) is 1 for white noise and grows with anything slower.
 _NOISE_RATIO = 1.3
 # Part of the range below which values are the same but for rounding in their computation.
-_ROUNDING = 1e-12
+ROUNDING = 1e-12
 # Shares of the final speed: below the first an axis is at rest at the beginning, at the second it has started, at the
 # third it is under way.
 _REST, _OFF, _UNDER_WAY = 0.4, 0.15, 0.5
@@ -63,7 +63,7 @@ def analyse_motion(value: Array, *, velocity: bool = False) -> Motion | None:
     levels = np.unique(known)
     gaps = np.diff(levels)
     # One level may come in several ways that differ in the last digits.
-    gaps = gaps[gaps > _ROUNDING * (levels[-1] - levels[0])]
+    gaps = gaps[gaps > ROUNDING * (levels[-1] - levels[0])]
     resolution = float(gaps.min()) if gaps.size else 0.0
     noise = 0.5 * float(np.mean(np.diff(known) ** 2)) if known.size > 1 else 0.0
     moves = levels.size > 1 and bool(np.var(known) > _NOISE_RATIO * noise)

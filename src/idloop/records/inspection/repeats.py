@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from idloop.arrays import Array, Integers
+from idloop.records.inspection.motion import ROUNDING
 
 # Samples on each side that give the speed, the steps of the sensor that pass in a sample, and repeats that count.
 _BESIDE, _STEPS = 8, 4.0
@@ -43,6 +44,8 @@ def repeats(value: Array) -> tuple[Integers, int]:
     if value.size < 8 * _BESIDE:
         return nothing, 0
     step = np.diff(value)
+    # One level may come in several ways that differ in the last digits.
+    step[np.abs(step) <= ROUNDING * np.ptp(value)] = 0.0
     changes = np.abs(step[step != 0.0])
     if not changes.size:
         return nothing, 0

@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from unicodedata import normalize
 
-from idloop.records.recognition.unit_behind_name import is_in_volts, is_unit_behind
+from idloop.records.recognition.unit_behind_name import is_in_volts, is_unit_behind, unit_within
 from idloop.records.tables.base_units import known_unit, read_unit
 
 # A unit behind a name: in brackets, or as in "speed in rpm" and "n / rpm". A bracket without its other half is none.
@@ -174,4 +174,7 @@ def _unit_of_last_words(words: list[str]) -> tuple[str, float, list[str]]:
             # Behind a name rated and nominal say which, and are no unit.
             if unit not in ("", "-") and written and is_unit_behind(unit, map(str.lower, words[:-count])):
                 return unit, factor, words[:-count] or list(last)
+    if words:
+        name, unit = unit_within(words[-1])
+        return unit, 1.0, [*words[:-1], name]
     return "", 1.0, words

@@ -463,8 +463,17 @@ def _by_name(
         return None
     # Of motions whose names say as much, what has far fewer values is held or coarse, such as a set-point.
     best = max(moving or free, key=lambda one: (one.by_name.rank, one.decades if role in MOTION else 0))
+    # One motion in counts and in a unit is one signal.
+    same = [one for one in moving if role in MOTION and one is not best and one.times(best)]
+    if best.parsed.unit in ("", *COUNTS) and (known := [one for one in same if one.parsed.unit not in ("", *COUNTS)]):
+        same = [best, *(one for one in same if one is not known[0])]
+        best = known[0]
     guess = best.as_guess(role)
-    also = [one.name for one in moving if one is not best and one.by_name.rank > best.by_name.rank - 1.0]
+    if same:
+        said = f"{guess.reason}; the same as {listed(one.name for one in same)} but for a factor"
+        guess = replace(guess, reason=said)
+    others = (one for one in moving if one is not best and one not in same)
+    also = [one.name for one in others if one.by_name.rank > best.by_name.rank - 1.0]
     if role == "position":
         also = [name for name in also if not _slack_between(best, columns[name])]
     if role == "command" and best.by_name.reason == BY_UNIT:

@@ -10,6 +10,7 @@ import numpy as np
 
 from idloop.arrays import Array
 from idloop.errors import InputError
+from idloop.records.inspection.motion import ROUNDING
 from idloop.records.recognition.column_name import ColumnName, parse_column_name
 from idloop.records.recognition.guess import MOTION, Guess
 from idloop.records.recognition.roles import RoleByName, role_by_name
@@ -23,6 +24,8 @@ from idloop.records.tables.table import Table
 _PER_SECOND = {unit: f"{unit}/s" for unit in ("rad", "mrad", "deg", "rev", "m", "cm", "mm", "um", "in")}
 _FEWEST_STAMPS = 10  # a motion may have the values of a few stamps
 _STEADY = 0.1  # of its mean, for a supply
+# Of the step of a column, and of its variance, by which rounding leaves it beside a multiple of another.
+_HALF_STEP, _UNLIKE = 0.6, 1e-3
 _LINE = 1e-3  # of the spread of a column, by which one that runs with the time or the rows leaves a straight line
 
 
@@ -123,6 +126,21 @@ class TableColumn:
     def is_held(self) -> bool:
         """Whether it is constant in each of several runs."""
         return len(self.runs) > 1 and all(float(np.ptp(self.value[run])) == 0.0 for run in self.runs)
+
+    def times(self, other: TableColumn) -> float:
+        """Factor by which it is another column, but for a constant and its rounding; 0 where it is another signal."""
+        if self.value.size != other.value.size:
+            return 0.0
+        known = np.isfinite(self.value) & np.isfinite(other.value)
+        one, beside = self.value[known], other.value[known]
+        if one.size < _FEWEST_STAMPS or not (np.ptp(one) and np.ptp(beside)):
+            return 0.0
+        one, beside = one - one.mean(), beside - beside.mean()
+        factor = float(one @ beside / (beside @ beside))
+        left = one - factor * beside
+        step = max(float(np.diff(np.unique(one)).min()), ROUNDING * float(np.ptp(one)))
+        rounded = float(np.abs(left).max()) < _HALF_STEP * step or float(np.std(left)) < ROUNDING * float(np.ptp(one))
+        return factor if rounded and float(np.var(left)) < _UNLIKE * float(np.var(one)) else 0.0
 
     def wrap(self, unit: str) -> float:
         """Range after which it starts again within a run, in its unit; 0 where it does not."""

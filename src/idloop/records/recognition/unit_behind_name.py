@@ -4,31 +4,37 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterable
 
-_VOLTAGES, _CURRENTS, _TIMES = {"V"}, {"A"}, {"s"}
-# Units of the quantities that words of a name state, among the units that mean other things behind a name as well.
+from idloop.records.tables.base_units import base_of, read_unit
+
+_VOLTAGES, _CURRENTS, _TIMES, _SPEEDS = {"V"}, {"A"}, {"s"}, {"rad/s", "m/s", "counts/s"}
+# Units, as the topics have them, of the quantities that words of a name state.
 _UNITS_OF_WORDS: tuple[tuple[set[str], set[str]], ...] = (
     ({"voltage", "volt", "volts", "vin", "vbus", "uq", "vq", "ud", "vd", "spannung"}, _VOLTAGES),
     ({"current", "i", "iq", "id", "strom", "corriente", "courant", "corrente"}, _CURRENTS),
     ({"force", "kraft", "tension"}, {"N"}),
-    ({"torque", "tau", "moment", "drehmoment", "couple"}, set()),
-    ({"u", "effort", "efforts", "stellgroesse", "stellgröße"}, {"V", "A", "N"}),
+    ({"torque", "tau", "moment", "drehmoment", "couple"}, {"N·m"}),
+    ({"u", "effort", "efforts", "stellgroesse", "stellgröße"}, {"V", "A", "N", "N·m"}),
     ({"pwm", "duty", "dutycycle", "throttle", "pulse", "pulsewidth"}, _TIMES),
     (
+        {"theta", "phi", "alpha", "beta", "angle", "winkel", "angulo", "angolo", "enc", "encoder"},
+        {"rad", "counts"},
+    ),
+    (
         {
-            "theta", "phi", "alpha", "beta", "angle", "winkel", "angulo", "angolo", "omega", "w", "rpm", "erpm", "rps",
-            "qd", "dq", "qdot", "thetadot", "dtheta", "angvel", "drehzahl", "n", "tacho", "tachometer", "velocity",
-            "velocities", "vel", "speed", "geschwindigkeit", "velocidad", "vitesse", "velocita", "enc", "encoder",
+            "omega", "w", "rpm", "erpm", "rps", "qd", "dq", "qdot", "thetadot", "dtheta", "angvel", "drehzahl", "n",
+            "tacho", "tachometer", "velocity", "velocities", "vel", "speed", "geschwindigkeit", "velocidad", "vitesse",
+            "velocita",
         },
-        set(),
+        _SPEEDS,
     ),
     # A small v is a voltage or a velocity.
-    ({"v"}, _VOLTAGES),
+    ({"v"}, _VOLTAGES | _SPEEDS),
     (
         {
             "position", "positions", "pos", "x", "y", "z", "q", "lage", "weg", "posicion", "posizione", "displacement",
             "distance", "stroke", "stage", "slide", "carriage", "height", "cart",
         },
-        {"m", "in"},
+        {"rad", "m", "counts"},
     ),
 )  # fmt: skip
 # A small v behind these is in volts, and so is one behind the command of a motor; other ones are velocities.
@@ -56,4 +62,24 @@ def is_unit_behind(suffix: str, words: Iterable[str]) -> bool:
         return True
     rest = set(words)
     said = [units for some, units in _UNITS_OF_WORDS if some & rest]
-    return any(suffix in units for units in said) if said else suffix != _WAY_IN
+    return any(base_of(suffix) in units for units in said) if said else suffix != _WAY_IN
+
+
+def unit_within(word: str) -> tuple[str, str]:
+    """Return the name and the unit that a word has one behind the other: ``yrad``, ``wrads`` in rad/s.
+
+    Returns: an empty unit where the word has none: the symbol of one, of two letters at least, that fits the name.
+    """
+    small = word.lower()
+    if any(small in some for some, _ in _UNITS_OF_WORDS):
+        return word, ""
+    for some, units in _UNITS_OF_WORDS:
+        for name in some:
+            symbol = small.removeprefix(name) if small.startswith(name) else ""
+            per_second = f"{symbol[:-1]}/s" if symbol.endswith("s") else ""
+            for text in (per_second, symbol):
+                unit, factor = read_unit(text)
+                plain = unit.casefold() == text and factor == 1.0 and text != _WAY_IN
+                if plain and len(symbol) > 1 and base_of(unit) in units:
+                    return word[: len(name)], unit
+    return word, ""

@@ -76,6 +76,8 @@ def find_set_point(columns: dict[str, TableColumn], chosen: dict[str, Guess], gi
             and one.moves
             and not one.by_name.role
             and run_together(columns[place.column].value, one.value)
+            # ... and is no copy of it, such as its distance from its mean.
+            and not one.times(columns[place.column])
         ):
             chosen["reference"] = one.as_guess("reference", f"it runs with {place.column!r}").with_doubt(
                 f"{one.name!r} is taken as the set-point of {place.column!r}: --reference COLUMN"

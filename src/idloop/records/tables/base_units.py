@@ -115,7 +115,12 @@ _FIELDS = {
 
 def is_unit_of(unit: str, field: str) -> bool:
     """Whether a unit of a file may be that of a field, as `base_unit` takes both."""
-    return _BASE.get(_ALIASES.get(unit, unit), ("", 1.0))[0] in _FIELDS[field]
+    return base_of(unit) in _FIELDS[field]
+
+
+def base_of(unit: str) -> str:
+    """Return the unit of the topics that a unit of a file becomes; of one that becomes none, the unit itself."""
+    return _BASE.get(_ALIASES.get(unit, unit), (unit, 1.0))[0]
 
 
 def base_unit(unit: str, field: str, where: str) -> tuple[str, float]:
