@@ -104,3 +104,18 @@ def test_a_position_that_stands_still_beside_other_motions_is_no_error():
     signals = _signals(1)
     columns = {"u": signals["command"], "position": 0.0 * T, "velocity": np.random.default_rng(1).normal(size=T.size)}
     assert "--position 'a'" in _doubt(columns | {"a": signals["position"], "b": signals["velocity"]})
+
+
+@pytest.mark.parametrize("kind", ["right", "of another joint", "noise", "filtered"])
+@pytest.mark.parametrize("seed", range(5))
+def test_no_column_is_both_the_velocity_and_unrelated_to_the_slope_of_the_position(kind, seed):
+    signals, rng = _signals(seed), np.random.default_rng(100 + seed)
+    columns = {"t [s]": T} | {NAMES[role]: value for role, value in signals.items()}
+    columns["velocity"] = WRONG[kind](signals["velocity"], rng)
+    found = recognise_table(Table(Path("log.csv"), columns))
+    said = [one for one in found.all_doubts() if "unrelated to the slope" in one]
+    assert len(said) == (kind == "of another joint")
+    assert (found.of("velocity") is None) == bool(said)
+    assert ("velocity" in found.other) == bool(said)
+    kept = recognise_table(Table(Path("log.csv"), columns), {"velocity": Given("velocity", "rad/s")})
+    assert kept.of("velocity").column == "velocity"

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping as Map
 
+from idloop.records.inspection.velocity_check import velocity_slope
 from idloop.records.recognition.guess import MOTION, Given, Guess
 from idloop.records.recognition.role_units import base_field
 from idloop.records.recognition.signal_units import slope_of
 from idloop.records.recognition.smoothness import smoothest_first
 from idloop.records.recognition.table_column import TableColumn
 from idloop.records.recognition.time_base import TimeBase
+from idloop.records.recognition.unnamed_columns import longest_way
 from idloop.records.tables.base_units import COUNTS, is_unit_of
 
 # What a swapped name may stand at: not at a set-point, whose slope is often logged beside it.
@@ -57,6 +59,34 @@ def doubt_of_names(
     return (
         f"{speed.name!r} is not the slope of {place.name!r}, but {second.name!r} is that of {first.name!r}: the names"
         f" may be exchanged; if they are, {flags}"
+    )
+
+
+def leave_out_unrelated(
+    base: TimeBase, chosen: dict[str, Guess], columns: Map[str, TableColumn], given: Map[str, Given]
+) -> str:
+    """Take no column for the velocity that is unrelated to the slope of the position, and say so.
+
+    Where the command is that slope, the two may be exchanged, which an inspection tells.
+
+    Returns: empty where the velocity is left, such as one that the user names.
+    """
+    place, speed, command = (
+        columns.get(chosen[role].column) if role in chosen else None for role in (*MOTION, "command")
+    )
+    if place is None or speed is None or given.get("velocity", Given()).column:
+        return ""
+    if not place.value.size == speed.value.size == base.seconds.size:
+        return ""
+    value = place.unwrapped(place.parsed.unit or "counts")
+    run = longest_way(value, place.runs)
+    found = velocity_slope(base.seconds[run], value[run], speed.value[run])
+    if found is None or not found.unrelated or (command is not None and _slope(base, place, command)):
+        return ""
+    del chosen["velocity"]
+    return (
+        f"velocity: {speed.name!r} is unrelated to the slope of {place.name!r} and not taken: --velocity COLUMN if it"
+        " is the velocity, or --position COLUMN if another column is the position"
     )
 
 

@@ -35,7 +35,7 @@ from idloop.records.recognition.joint_blocks import in_blocks
 from idloop.records.recognition.joint_choice import joints_by_name, joints_by_side, joints_with_command, one_joint
 from idloop.records.recognition.loop_in_drive import loop_beside_command
 from idloop.records.recognition.lost_rows import doubt_of_lost_rows
-from idloop.records.recognition.names_against_values import doubt_of_names
+from idloop.records.recognition.names_against_values import doubt_of_names, leave_out_unrelated
 from idloop.records.recognition.role_units import LINEAR_UNITS, doubt_of_left_out, set_units, set_wraps, unit_by_words
 from idloop.records.recognition.roles import (
     BY_UNIT,
@@ -165,7 +165,9 @@ def recognise_table(
     if LOAD in chosen and "position" not in chosen:
         raise InputError(f"{table.path}: a load is beside the position of the axis: name that with --position COLUMN")
     base = set_units(base, chosen, columns, given)
-    of_values = (doubt_of_left_out(base, chosen, columns, given), doubt_of_names(base, chosen, columns, given))
+    exchanged = doubt_of_names(base, chosen, columns, given)
+    unrelated = "" if exchanged else leave_out_unrelated(base, chosen, columns, given)
+    of_values = (doubt_of_left_out(base, chosen, columns, given), exchanged, unrelated)
     of_rows = (doubt_of_decimation(table, base), doubt_of_lost_rows(table, numbers, base))
     doubts += [doubt for doubt in (*of_rows, *of_values) if doubt]
     set_wraps(chosen, columns)
