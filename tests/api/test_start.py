@@ -872,3 +872,39 @@ def test_an_axis_that_holds_a_weight_is_fitted_with_it(tmp_path, header, force, 
     assert begun.fit.values["axis.inertia"] == pytest.approx(0.3, rel=0.1)
     assert any(f"{effect.split('.')[0]} is in the model" in line for line in begun.done.notes)
     assert begun.model.effects
+
+
+def _steps(tmp_path, levels, steps=15):
+    """Logs of one step each, of an axis of inertia 0.01 and viscous friction 0.05 beside a coarse sensor of speed."""
+    t = np.arange(0.0, 3.0, 0.005)
+    logs = []
+    for number, level in enumerate(levels):
+        speed = level / 0.05 * -np.expm1(-5.0 * np.maximum(t - 0.3, 0.0))
+        step = 2.0 / 0.05 / steps
+        command = np.where(t >= 0.3, level, 0.0)
+        logs.append(_write(tmp_path / f"step{number}.csv", "t,torque,speed", t, command, np.round(speed / step) * step))
+    return logs
+
+
+def test_levels_are_judged_over_the_records_and_one_that_hardly_moves_is_left_out(tmp_path):
+    begun = idloop.start(_steps(tmp_path, [2.0, -1.2, -2.0, 0.3, 1.3]), tmp_path / "begun")
+    assert begun.fit is not None
+    assert begun.fit.values["axis.inertia"] == pytest.approx(0.01, rel=0.1)
+    assert begun.fit.values["axis.viscous_friction"] == pytest.approx(0.05, rel=0.05)
+    assert [bag.name for bag in begun.done.bags] == ["step0", "step1", "step2", "step4"]
+    (note,) = (one for one in begun.done.notes if "left out of the fit" in one)
+    assert note.startswith("left out of the fit: step3: axis.velocity moves by only 2 steps of the sensor")
+    grades = {one.path.name: one.grade for one in begun.inspections}
+    assert grades.pop("step3") == "not usable for identification"
+    assert set(grades.values()) == {"usable with care"}
+    assert not any("step3" in command for command in begun.commands)
+
+
+def test_alone_and_beside_the_same_levels_two_levels_show_no_dead_zone(tmp_path):
+    for name, levels in (("alone", [2.0]), ("alike", [2.0, 2.0])):
+        folder = tmp_path / name
+        folder.mkdir()
+        begun = idloop.start(_steps(folder, levels), folder / "begun", fitted=False)
+        kinds = {fault.kind for one in begun.inspections for fault in one.faults}
+        assert "two_levels" in kinds
+        assert all("dead zone" in one.grade for one in begun.inspections)

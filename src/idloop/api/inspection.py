@@ -63,7 +63,7 @@ def without_modelled_faults(model: Model, inspection: Inspection) -> Inspection:
     from idloop.records.inspection.measured_input import KIND as MEASURED
 
     kinds = [*([SET_POINT] if model.loop is not None else []), *([MEASURED] if model.input.kind == "measured" else [])]
-    return inspection.with_modelled(*kinds) if kinds else inspection
+    return inspection.with_notes(*kinds) if kinds else inspection
 
 
 def bag_grades(bags: Sequence[Path], model: Model) -> list[BagGrade]:
@@ -72,18 +72,19 @@ def bag_grades(bags: Sequence[Path], model: Model) -> list[BagGrade]:
     `model`: names the command and the joint.
     Raises InputError: a bag cannot be read, or does not hold the command.
     """
-    return [_grade(bag, model) for bag in bags]
-
-
-def _grade(bag: Path, model: Model) -> BagGrade:
     from idloop.records.bags.topics import REQUESTED_COMMAND
-    from idloop.records.inspection.grade import USABLE, grade
+    from idloop.records.inspection.together import judged_together
 
     own = model.input.topic
     # Of a requested command, the one that the drive applied counts.
-    inspection = without_modelled_faults(
-        model, inspect_bag(bag, command=None if own.rpartition("/")[2] == REQUESTED_COMMAND else own)
-    )
+    command = None if own.rpartition("/")[2] == REQUESTED_COMMAND else own
+    inspections = [without_modelled_faults(model, inspect_bag(bag, command=command)) for bag in bags]
+    return [_grade(bag, model, one) for bag, one in zip(bags, judged_together(inspections), strict=True)]
+
+
+def _grade(bag: Path, model: Model, inspection: Inspection) -> BagGrade:
+    from idloop.records.inspection.grade import USABLE, grade
+
     joints = {output.joint for output in model.outputs} | {model.input.joint}
     others = tuple(f"{name}." for name in inspection.joints if name not in joints)
     faults = tuple(one for one in inspection.faults if not one.where.startswith(others))

@@ -19,6 +19,7 @@ from idloop.errors import InputError
 from idloop.reporting.text.blocks import Block
 from idloop.reporting.text.first_fit import held_inertia, referred_load, verdict
 from idloop.reporting.text.inspection import between_lines, recording_lines
+from idloop.spelling import listed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -83,7 +84,8 @@ class Start(Result):
     @property
     def verdict(self) -> str:
         """What recording and fit are worth together; empty without a fit."""
-        return "" if self.fit is None else verdict(self.inspections, self.fit.rows)
+        fitted = [one for one in self.inspections if one.path in self.done.bags]
+        return "" if self.fit is None else verdict(fitted, self.fit.rows)
 
     @property
     def set_point_unit(self) -> str:
@@ -391,6 +393,7 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
     from idloop.records.inspection.faults.late_velocity import KIND as LATE
     from idloop.records.inspection.grade import what
     from idloop.records.inspection.measured_input import KIND as MEASURED
+    from idloop.records.inspection.together import judged_together
     from idloop.records.recognition.guess import LOAD
     from idloop.records.recognition.mapping_file import load_of, motion_of, text_of
     from idloop.records.recognition.role_units import base_unit_of
@@ -424,26 +427,30 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
         load=(load_of(joint), base_unit_of(driven)) if driven is not None else None,
     )
     plain = kind.model()
-    inspections = tuple(without_modelled_faults(plain, one) for one in inspections)
+    inspections = judged_together([without_modelled_faults(plain, one) for one in inspections])
     between = tuple(compare_inspections(inspections))
+    used, unexcited = _excited(inspections)
+    excited = tuple(one.path for one in used)
     if command is None:
         done = FirstFit(kind.model(), why_not="no command", asked=False, possible=False)
-    elif apart := _apart(bags, inspections, between):
+    elif apart := _apart(excited, used, between):
         rough = kind.model()
         if apart.groups:
             rough = first_fit(kind, apart.groups[0], fitted=False, progress=progress).model
         done = FirstFit(rough, why_not=apart.why, asked=fitted, reversed=apart.turned, apart=apart.groups)
     else:
-        refused = inspections[0].grade_reason if _is_useless(inspections) else ""
-        done = first_fit(kind, bags, fitted=fitted, refused=refused, progress=part(progress, 0.4, 0.9))
+        refused = used[0].grade_reason if _is_useless(used) else ""
+        done = first_fit(kind, excited, fitted=fitted, refused=refused, progress=part(progress, 0.4, 0.9))
         if kind.load is not None and fitted and not refused and _is_massless(done, kind.load[0]):
-            done = _with_one_body(done, kind, bags, part(progress, 0.9, 1.0))
+            done = _with_one_body(done, kind, excited, part(progress, 0.9, 1.0))
     done = beside_weight(done, progress=part(progress, 0.9, 1.0))
     if done.reversed:
-        done = forwards_beside_position(done, inspections)
+        done = forwards_beside_position(done, used)
     if done.unmoved:
-        done = more_than_one_axis(done, inspections, log.recognition.joints)
-    done = with_causes(done, inspections, f"{joint}.velocity is late and left out of the model" if late else "")
+        done = more_than_one_axis(done, used, log.recognition.joints)
+    done = with_causes(done, used, f"{joint}.velocity is late and left out of the model" if late else "")
+    if unexcited:
+        done = replace(done, notes=(unexcited, *done.notes))
     if shown is not None:
         done = replace(done, notes=(*done.notes, f"{what(shown)}: the model takes it so (`input: {{kind: measured}}`)"))
     write_text(folder / MODEL, done.model.to_yaml())
@@ -531,6 +538,18 @@ def with_causes(done: FirstFit, inspections: Sequence[Inspection], note: str) ->
 
 def _spoils_nothing(fault: Finding) -> bool:
     return not fault.spoils
+
+
+def _excited(inspections: tuple[Inspection, ...]) -> tuple[tuple[Inspection, ...], str]:
+    """Return the records whose motion a fit can use, all of them where there is none; and what is left out, and why."""
+    from idloop.records.inspection.faults.excitation import SMALL
+    from idloop.records.inspection.grade import what
+
+    small = {one.path: fault for one in inspections for fault in one.faults if fault.kind == SMALL}
+    used = tuple(one for one in inspections if one.path not in small)
+    if not small or not used:
+        return inspections, ""
+    return used, f"left out of the fit: {listed(path.name for path in small)}: {what(next(iter(small.values())))}"
 
 
 def _is_useless(inspections: Sequence[Inspection]) -> bool:

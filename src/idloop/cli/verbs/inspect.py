@@ -25,6 +25,7 @@ def command(
     """
     from idloop.api.inspection import inspect_bag
     from idloop.records import compare_inspections
+    from idloop.records.inspection.together import judged_together
     from idloop.reporting.text.inspection import comparison_blocks, inspection_blocks
 
     if plot is not None and len(bags) > 1:
@@ -40,7 +41,7 @@ def command(
         else:
             print_blocks(inspection_blocks(found[0]))
         return
-    between = compare_inspections(found)
+    between, found = compare_inspections(found), list(judged_together(found))
     if as_json:
         records = [one.to_dict() for one in found]
         print_json({"schema": "idloop/inspections/1", "bags": records, "between": [one.to_dict() for one in between]})

@@ -116,8 +116,8 @@ class Inspection:
         """The findings that lower the grade."""
         return tuple(one for one in self.findings if one.level == "warning")
 
-    def with_modelled(self, *kinds: str) -> Inspection:
-        """Return the inspection for a model that describes faults of these kinds: they are notes and spoil nothing."""
+    def with_notes(self, *kinds: str) -> Inspection:
+        """Return the inspection with faults of these kinds as notes that spoil nothing."""
         findings = tuple(replace(one, level="note", spoils=()) if one.kind in kinds else one for one in self.findings)
         graded, reason = grade(self.verdict, findings)
         joints = {}

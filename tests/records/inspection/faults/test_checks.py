@@ -365,9 +365,12 @@ def test_two_levels_and_a_motion_that_is_lost_in_noise(make_axis):
     noise = np.std(axis.position) * np.random.default_rng(0).normal(size=3000)
     found = the(replace(axis, position=axis.position + noise, velocity=None), "small_motion")
     assert "the motion is lost in the noise" in found.text
-    # A coarse sensor says nothing of an axis at rest.
-    step = np.ptp(axis.velocity) / 15.0
-    coarse = np.round(axis.velocity / step) * step
+    # A coarse sensor says nothing of an axis at rest. Rounding to 15 steps is the noise of a usable sensor.
+    rounded = {count: np.ptp(axis.velocity) / count for count in (5, 15)}
+    coarse, fine = (np.round(axis.velocity / step) * step for step in rounded.values())
+    found = kinds(replace(axis, position=None, velocity=fine))
+    assert "coarse" in found
+    assert "small_motion" not in found
     found = the(replace(axis, position=None, velocity=coarse), "small_motion")
     assert "steps of the sensor" in found.text
     assert "too coarse" in found.text

@@ -11,16 +11,17 @@ from idloop.records.inspection.faults.fault import fault
 from idloop.records.inspection.motion import white_noise
 from idloop.records.inspection.response import PLAIN, response, responses
 
-# The axis moves by at least so many times its noise or its steps.
-_SMALL = 20.0
+TWO_LEVELS, SMALL, STILL, SLOW = "two_levels", "small_motion", "standstill", "weak_excitation"
+# The axis moves by at least so many standard deviations of its noise, or of that of rounding to steps of its sensor.
+_LEAST, _OF_ROUNDING = 20.0, 12.0**-0.5
 _STEPS = "steps of the sensor"
 # Share of the time under a command in which the axis stands still.
-_STILL = 0.85
+_HELD = 0.85
 # Shares of the largest speed below which an axis stands still: at least, and at most for noise.
 _REST = (0.002, 0.02)
 # Standard errors of the gain below which the command shows no effect, and share of the command that friction and
 # position explain where it is too slow.
-_ERRORS, _SLOW = 3.0, 0.8
+_ERRORS, _FOLLOWS = 3.0, 0.8
 # ... and how many times as many where the balance contains a resonance.
 _RESONANT = 4.0
 # ... and the share of the acceleration, beside friction, above which it is visible all the same, in one part only.
@@ -45,7 +46,7 @@ def _levels(axis: Axis, command: np.ndarray[tuple[int], np.dtype[np.float64]]) -
     name, unit = axis.command_name, axis.unit("command")
     return [
         fault(
-            "two_levels",
+            TWO_LEVELS,
             name,
             f"{name} has two levels only ({levels[0]:.4g} and {levels[1]:.4g} {unit}): a dead zone, a saturation or a"
             " curved input characteristic looks like a gain and an offset",
@@ -65,18 +66,17 @@ def _small(axis: Axis) -> list[Finding]:
         low, high = np.percentile(values, [1.0, 99.0])
         if signal == "velocity":
             low, high = min(low, 0.0), max(high, 0.0)
-        noise = white_noise(values)
-        unit = _STEPS if axis.resolution[signal] > noise else "standard deviations of the noise"
-        found.append((float(high - low) / max(noise, axis.resolution[signal], 1e-300), signal, unit))
-    if not found or max(found)[0] >= _SMALL:
+        noise, step = white_noise(values), axis.resolution[signal]
+        found.append((float(high - low) / max(noise, _OF_ROUNDING * step, 1e-300), signal, step > noise))
+    if not found or max(found)[0] >= _LEAST:
         return []
-    ratio, signal, unit = max(found)
+    ratio, signal, coarse = max(found)
+    ratio, unit = (ratio * _OF_ROUNDING, _STEPS) if coarse else (ratio, "standard deviations of the noise")
     largest = float(np.nanmax(np.abs(axis.command)))
-    coarse = unit == _STEPS
     why = "its sensor is too coarse, or the motion too small" if coarse else "the motion is lost in the noise"
     return [
         fault(
-            "small_motion",
+            SMALL,
             axis.name(signal),
             f"{axis.name(signal)} moves by only {ratio:.2g} {unit} under {axis.command_name} up to {largest:.3g}"
             f" {axis.unit('command')}: {why}",
@@ -98,11 +98,11 @@ def _still(axis: Axis) -> list[Finding]:
     top = float(np.max(speed[known], initial=0.0))
     still = speed < np.clip(3.0 * grid.noise, _REST[0] * top, _REST[1] * top)
     share = float(np.mean(still[acts])) if acts.any() else 0.0
-    if share < _STILL:
+    if share < _HELD:
         return []
     return [
         fault(
-            "standstill",
+            STILL,
             axis.joint,
             f"{axis.joint} stands still in {100 * share:.0f} % of the time in which {axis.command_name} acts: friction"
             " holds it",
@@ -110,6 +110,11 @@ def _still(axis: Axis) -> list[Finding]:
             evidence={"share": share},
         )
     ]
+
+
+def is_slow(fault: Finding) -> bool:
+    """Whether a weak excitation is one that is too slow, and not one that shows no effect at all."""
+    return fault.evidence["motion_share"] > _FOLLOWS
 
 
 def _slow(axis: Axis) -> list[Finding]:
@@ -129,7 +134,7 @@ def _slow(axis: Axis) -> list[Finding]:
     if visible and found.motion_share < _ALL:
         return []
     name, lost = axis.command_name, dict[str, float]()
-    if found.motion_share > _SLOW:
+    if found.motion_share > _FOLLOWS:
         why = (
             f"speed, friction and position explain {100 * found.motion_share:.0f} % of {name}: what is left"
             " does not show the inertia"
@@ -148,7 +153,7 @@ def _slow(axis: Axis) -> list[Finding]:
             )
     return [
         fault(
-            "weak_excitation",
+            SLOW,
             name,
             why,
             cure,

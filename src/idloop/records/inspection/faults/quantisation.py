@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from idloop.arrays import Array
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import fault
 
-# Steps as a share of the range.
-_COARSE = 0.01
+COARSE = "coarse"
+_SHARE = 0.01  # steps of the range
 
 
 def check(axis: Axis) -> list[Finding]:
@@ -18,15 +19,13 @@ def check(axis: Axis) -> list[Finding]:
     for signal, value in (("position", axis.place), ("velocity", axis.velocity)):
         if value is None:
             continue
-        ends = [float(np.nanmin(value)), float(np.nanmax(value))]
-        # A steady speed is a motion as well.
-        step, span = axis.resolution[signal], float(np.ptp([*ends, 0.0] if signal == "velocity" else ends))
-        if not step > _COARSE * span:
+        step, span = axis.resolution[signal], _span(value, signal)
+        if not step > _SHARE * span:
             continue
         name, unit = axis.name(signal), axis.unit(signal)
         found.append(
             fault(
-                "coarse",
+                COARSE,
                 name,
                 f"{name} is coarse, steps of {step:.3g} {unit} over a range of {span:.3g} {unit}"
                 f" ({100 * step / span:.2g} %): quantisation is a large part of its noise",
@@ -36,3 +35,14 @@ def check(axis: Axis) -> list[Finding]:
             )
         )
     return found
+
+
+def is_coarse(fault: Finding, value: Array) -> bool:
+    """Whether the steps of a coarse signal are a large part of the range of further values (n,) of it as well."""
+    return fault.evidence["step"] > _SHARE * _span(value, fault.where.rpartition(".")[2])
+
+
+def _span(value: Array, signal: str) -> float:
+    """Range of values (n,); a steady speed is a motion as well."""
+    ends = [float(np.nanmin(value)), float(np.nanmax(value))]
+    return float(np.ptp([*ends, 0.0] if signal == "velocity" else ends))
