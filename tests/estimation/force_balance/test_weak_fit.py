@@ -217,6 +217,21 @@ def test_no_balance_is_reliable_with_an_inertia_from_sensor_noise(memory: float,
     assert found is None or not found.reliable or found.theta[0] == pytest.approx(TRUE_INERTIA, rel=0.2)
 
 
+def test_noise_takes_no_inertia_away_beside_a_weight_that_the_model_lacks() -> None:
+    """A pendulum under a torque that changes fast: its weight hides the inertia of the plain model at any width."""
+    plain = load_model("axis")
+    plain = replace(plain, outputs=plain.outputs[:1])
+    machine = plain.with_values({"axis.inertia": 0.18, "axis.viscous_friction": 0.03})
+    machine = machine.with_effects(["gravity@axis(moment=3.5)"])
+    time = 0.005 * np.arange(2000)
+    command = np.sign(np.random.default_rng(2).normal(size=len(time))) + 0.6 * np.sign(np.sin(4.3 * time))
+    position = simulate(machine, time, command, time).output[:, 0] + wandering(0.9, 2e-3)[: len(time)]
+    names, units = plain.output_names, tuple(one.unit for one in plain.outputs)
+    record = Record("swing", time, command, time, position[:, None], "axis.effort", "N·m", names, units)
+    found = fit_by_force(CachingEngine(plain), prepare(plain, [record]), plain.theta)
+    assert found is None
+
+
 @pytest.mark.parametrize("memory", [0.9, 0.95])
 @pytest.mark.parametrize("share", [0.02, 0.05, 0.1])
 def test_noise_of_a_velocity_that_has_a_memory_takes_no_inertia_away(memory: float, share: float) -> None:

@@ -42,6 +42,8 @@ _DISAGREE = 0.02
 # Narrow windows agree with those wider by these ratios where they show at least that part of the inertia, or where
 # their values lose at most this log-likelihood there. Noise with a memory averages out slowly: the first shows little.
 _FAR_WIDER, _SAME_INERTIA, _AS_LIKELY = (2.5, 6.25), 0.95, 3.0
+# Noise hides an inertia from narrow windows where wide ones show it with so many times the log-likelihood.
+_FAR_BETTER = 2.0
 # Least share of the acceleration's power without noise, as the inertia is biased by the rest.
 _RELIABLE = 0.8
 # A fit to prediction errors with so many times the unexplained force of a disturbance takes a force for a disturbance,
@@ -550,7 +552,7 @@ def fit_by_force(
         noisy = noisy or any(name.endswith(".inertia") for name, at in zip(free, _at_limit(found), strict=True) if at)
         if form.reliability >= _RELIABLE and found.resolved:
             attenuated = _underestimates_inertia(found, start, forms, noisy=noisy)
-            noisy = noisy if attenuated is None else attenuated
+            noisy = noisy if attenuated is None else attenuated or _noise_hides_inertia(found, forms)
             if not noisy and np.all(found.noise_share <= MOST_NOISE):
                 return found
             partly_resolved = partly_resolved or (None if noisy else found)
@@ -621,6 +623,40 @@ def _shows_more_inertia(
         return False
     lost = cost_at(wider.form, fit.point) + wider.log_likelihood
     return lost > (_AS_LIKELY if noisy else -log(_RELIABLE) * wider.form.starts[-1])
+
+
+def _noise_hides_inertia(fit: WeakFit, forms: dict[int, WeakForm]) -> bool:
+    """Whether far wider windows show an inertia, beside forces that the model lacks, and these hardly any.
+
+    Where a force that is missing makes an inertia, as dry friction of a slow motion does, all windows show it alike.
+    """
+    bodies = range(len(fit.scale))
+    narrow = [_inertia_beside_all(fit.form, fit, body) for body in bodies]
+    for ratio in _FAR_WIDER:
+        form = _windows(fit.form.engine, fit.form.data, round(ratio * fit.form.width), forms)
+        if form is None:
+            continue
+        for (least, known), body in zip(narrow, bodies, strict=True):
+            inertia, shown = _inertia_beside_all(form, fit, body)
+            if shown > _FAR_BETTER * known + _AS_LIKELY and inertia > max(least / _SAME_INERTIA, 0.0):
+                return True
+    return False
+
+
+def _inertia_beside_all(form: WeakForm, fit: WeakFit, body: int) -> tuple[float, float]:
+    """The inertia that windows show beside what a model may lack, and the log-likelihood that it gains.
+
+    That is forces over velocity, direction and position: beside a pendulum's weight, say, an inertia shows that the
+    plain model hides. The values of the fit give the force of the drive and of the couplings.
+    """
+    theta, shift = _split(form, fit.point)
+    acceleration = form.inertial[:, body]
+    force = form.inertia(theta)[body] * acceleration - form.residual(theta, shift)[:, body]
+    both, others = np.column_stack([acceleration, force]), form.beside_inertia(body)
+    own, left = (both - others @ np.linalg.lstsq(others, both, rcond=None)[0]).T
+    inertia = float(own @ left) / max(float(own @ own), 1e-300)
+    before, after = np.linalg.norm(left), np.linalg.norm(left - inertia * own)
+    return inertia, len(left) * log(max(float(before), 1e-300) / max(float(after), 1e-300))
 
 
 def fit_by_force_if_possible(engine: Engine, data: Sequence[Data], start: Array) -> WeakFit | None:

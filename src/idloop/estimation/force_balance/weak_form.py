@@ -392,12 +392,17 @@ class WeakForm:
         """Part of every window in which the driven body counts as at rest, shape (rows,)."""
         return self._along.weak((np.abs(self._along.whole.velocity[:, 0]) < self.rest_speed).astype(float))
 
-    @cached_property
-    def _beside_inertia(self) -> Array:
-        """Velocity, its sign and a constant in every window, shape (rows, 3): regressors besides the acceleration."""
-        velocity = self._along.whole.velocity[:, 0]
+    def _along_velocity(self, body: int) -> Array:
+        """Velocity of a body, its sign and a constant in every window, shape (rows, 3)."""
+        velocity = self._along.whole.velocity[:, body]
         series = (velocity, np.sign(velocity), np.ones_like(velocity))
         return np.column_stack([self._along.weak(values) for values in series])
+
+    def beside_inertia(self, body: int) -> Array:
+        """The same and forces over the position, shape (rows, k): regressors beside the acceleration."""
+        position = self._along.whole.position[:, body]
+        series = (np.sin(position), np.cos(position)) if self.engine.model.units.position == "rad" else (position,)
+        return np.column_stack([self._along_velocity(body), *(self._along.weak(values) for values in series)])
 
     @cached_property
     def motion_per_input(self) -> Array:
@@ -417,8 +422,8 @@ class WeakForm:
         *Measurement Error Models*, 1987).
         """
         acceleration = self.inertial[:, 0]
-        coefficients = np.linalg.lstsq(self._beside_inertia, acceleration, rcond=None)[0]
-        left = float(np.var(acceleration - self._beside_inertia @ coefficients))
+        beside = self._along_velocity(0)
+        left = float(np.var(acceleration - beside @ np.linalg.lstsq(beside, acceleration, rcond=None)[0]))
         return 1.0 - float(self.noise[0]) ** 2 / max(left, 1e-300)
 
     @property
