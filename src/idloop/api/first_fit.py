@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from idloop.physics import Model
     from idloop.records import Record
     from idloop.validation import Comparison
+    from idloop.validation.drive import ForceError
 
 
 _NOTHING = 1.0  # FIT of a prediction that is no better than a constant [%]
@@ -218,20 +219,27 @@ def _describes_nothing(compared: Sequence[Comparison]) -> str:
     velocities = [fit for one in compared for fit in _free_runs(one, "velocity")]
     if velocities and max(velocities) < _ASTRAY:
         return "the values describe nothing: the free run of the velocity is off by more than twice what it varies by"
-    forces = [one.force.relative for one in compared if one.force is not None]
+    known = [one.force for one in compared if one.force is not None]
+    forces = [one.relative for one in known]
     if velocities and max(velocities) < 0.0 and len(forces) == len(compared) and min(forces) > HALF_OF_POWER:
         return (
             "the values describe nothing: the free run of the velocity is worse than a constant, and the force error is"
-            f" {force_text(min(forces), 3, ' %')}"
+            f" {_least(known)}"
         )
     # A position is the integral of the velocity and shows less of the values.
     runs = velocities or [fit for one in compared for fit in _free_runs(one, "position")]
     if len(forces) < len(compared) or min(forces) < 1.0 - _EXPLAINED or max(runs, default=-np.inf) > _FOLLOWS:
         return ""
     return (
-        "the values describe nothing: the free run does not follow the motion, and the force error is"
-        f" {force_text(min(forces), 3, ' %')}"
+        f"the values describe nothing: the free run does not follow the motion, and the force error is {_least(known)}"
     )
+
+
+def _least(known: Sequence[ForceError]) -> str:
+    """The least force error in words, and what sensor noise alone makes of it where that is much."""
+    least = min(known, key=lambda one: one.relative)
+    noise = "" if least.trusted else f", of which sensor noise alone makes {force_text(least.noise, 3, ' %')}"
+    return f"{force_text(least.relative, 3, ' %')}{noise}"
 
 
 def _free_runs(one: Comparison, field: str) -> list[float]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from idloop.reporting.residual_findings import residual_findings
 from idloop.reporting.text.blocks import Block, Table, number
+from idloop.spelling import listed
 from idloop.validation.words import fit_text, force_text
 
 if TYPE_CHECKING:
@@ -52,6 +53,20 @@ def measures_of(rows: Rows) -> Iterator[Block]:
     yield Table.of(header, table)
     for reason in dict.fromkeys(comparison.no_force for _, comparison in rows if comparison.no_force):
         yield f"no force error: {reason}"
+    yield from _force_of_noise(rows)
+
+
+def _force_of_noise(rows: Rows) -> Iterator[Block]:
+    """Yield why force errors that sensor noise makes are far larger than what a fit leaves of the force."""
+    noisy = [(one.force, one.record.name) for _, one in rows if one.force is not None and not one.force.trusted]
+    if noisy:
+        worst = max((force for force, _ in noisy), key=lambda force: force.noise)
+        yield (
+            f"force error of {listed(name for _, name in noisy)}: sensor noise alone makes"
+            f" {force_text(worst.noise, 3, ' %')}, as the motion is differentiated up to {worst.band:.3g} Hz: it says"
+            " nothing of the model. The force balance of a fit is over smooth windows, where noise averages out, and so"
+            " leaves a smaller part"
+        )
 
 
 def misses_every_output(comparisons: Iterable[Comparison]) -> bool:
