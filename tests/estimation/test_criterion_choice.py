@@ -36,6 +36,8 @@ DATA = [SimpleNamespace(output=np.linspace(-1.0, 1.0, 100)[:, None])]
         (fitted([84.0, -24.0], [6.0, 150.0]), fitted([21000.0, 20000.0], [np.nan, np.nan]), "simulation"),
         (fitted([84.0, -24.0], [6.0, 150.0]), fitted([21000.0, 20000.0], [np.nan, np.nan], error=1.0), "prediction"),
         (fitted([84.0, -24.0], [6.0, 150.0]), fitted([2.0, 8.0], [np.nan, np.nan], converged=False), "prediction"),
+        # Small values with small errors: a disturbance has taken most of the drive's force over.
+        (fitted([4.0, 0.12], [1.9, 0.05]), fitted([24.6, 0.68], [1.3, 0.04]), "simulation"),
         # A friction that may be nothing is one.
         (fitted([0.1, 8.0], [0.2, 0.1]), fitted([0.1, 8.0], [0.2, 0.1]), "prediction"),
     ],

@@ -6,7 +6,8 @@ underestimate friction.
 
 Otherwise the model is fitted by prediction, and by free run for comparison. With a correct noise model prediction is
 the more precise of the two. Where its standard errors are three times those of the free run on average, or eight times
-for one parameter, its noise model explains model error as noise. The free run is then used if its error is below half
+for one parameter, its noise model explains model error as noise; of a value that is smaller by prediction, they are
+compared as parts of the values. The free run is then used if its error is below half
 of the measured standard deviation, averaged over the outputs. It is also used where prediction does not determine a
 parameter at all, as with a constant force beside the disturbance, or a drive gain that may be zero, and where the
 values of prediction miss the measurement in free run by eight times as much. Parameters that neither determines are not
@@ -54,6 +55,9 @@ def choose_criterion(
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = np.log(prediction.stderr / simulation.stderr)
+        # Of each value its own part: one that a disturbance has taken over is small, and so is its error.
+        smaller = np.log(simulation.values / prediction.values)
+        ratios += np.where(np.isfinite(smaller), np.maximum(smaller, 0.0), 0.0)
     # A parameter without a standard error by prediction is explained by the disturbance.
     ratios = np.where(np.isnan(prediction.stderr) & np.isfinite(simulation.stderr), np.inf, ratios)
     hidden = ratios > np.log(BLIND_RATIO)
