@@ -483,7 +483,7 @@ def test_values_that_leave_the_force_and_the_motion_unexplained_are_no_fit(recor
     def refused(simulated, relative):
         changed = SimpleNamespace(
             fit=one.fit, fit_ahead=one.fit_ahead, model=one.model, time=one.time, measured=one.measured,
-            simulated=simulated, force=SimpleNamespace(relative=relative),
+            simulated=simulated, force=replace(one.force, relative=relative),
         )  # fmt: skip
         return judged(replace(done, fit=replace(found, train=(changed,)))).why_not
 
