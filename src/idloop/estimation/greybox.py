@@ -147,8 +147,10 @@ def fit(
     try:
         rival = _search(engine, model, data, [result.values, *starts], lambda share, text: None)
         free = _conclude(model, data, _of_solution(rival), "", noise)
-        # The free run of the predicted values, from its own best initial state.
+        # The free run of the predicted values, from its own best initial state: a search for that begins where the best
+        # free run does.
         rule = SimulationCriterion(engine, data)
+        rule.keep(rival.nuisance)
         held = solve(rule, result.values, result.values, result.values, draft=True, typical=model.theta)
         missed = _residuals(model, data, rule, held.theta, held.nuisance)
     except (IdloopError, np.linalg.LinAlgError):
