@@ -365,8 +365,8 @@ class PredictionView(View[Refit]):
         """The view with an earlier command and the parent fitted in it, where that may be what an effect explains.
 
         No effect acts before its command. Stamps may be late, and a simulation that integrates in steps is early by
-        half a step: a resonance resembles that. Where the best effect explains far more, that shows first, and the time
-        of the command is looked for beside it: another one would be found without it.
+        half a step: a resonance resembles that. Where the best effect explains far more, it is named first, and the
+        time of the command is looked for beside it: without the effect another time would be found.
         """
         if self.timed or self.estimation.kind != PREDICTION:
             return None

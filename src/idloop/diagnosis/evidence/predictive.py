@@ -145,7 +145,7 @@ def evidence_of(sums: Array, lengths: Array, squares: float, start: float = 0.0)
 
 
 def scores_of(fit: WeakFit) -> Scores:
-    """Scores of a model fitted by its force balance; the fits on the other folds are linear around it."""
+    """Scores of a model fitted by its force balance; the fits to the other folds begin with its slopes."""
     folds, blocks = deal(fit.form.starts)
     found = [fit.refitted(np.sort(others(folds, index))).log_densities()[fold] for index, fold in enumerate(folds)]
     return Scores(np.concatenate(found), blocks)

@@ -166,8 +166,7 @@ class WeakFit:
     def along(self, form: WeakForm) -> WeakFit:
         """The same values, without a fit, in other windows."""
         residual = form.residual(*_split(form, self.point))
-        rows = np.arange(form.starts[-1])
-        scale = _scales(form, self.point, residual, rows)
+        scale, rows = _scales(form, self.point, residual), np.arange(form.starts[-1])
         likelihood = -_cost(_Target(form)(self.point))
         return WeakFit(form, self.point, scale, rows, likelihood, self.iterations, self.converged, np.zeros((0, 0)))
 
@@ -335,7 +334,7 @@ def _log_densities(form: WeakForm, point: Array, scale: Array) -> Array:
     return np.asarray(total)
 
 
-def _scales(form: WeakForm, point: Array, residual: Array, rows: Rows) -> Array:
+def _scales(form: WeakForm, point: Array, residual: Array, rows: Rows | slice = slice(None)) -> Array:
     """Scale of every body's unexplained force, shape (bodies,)."""
     shares = _shares(form, point)
     errors = _errors(form, _split(form, point)[0], residual, shares.standing)
@@ -575,7 +574,7 @@ def _mostly_noise(form: WeakForm, point: Array) -> bool:
     if form.reliability < _RELIABLE:
         return True
     theta, shift = _split(form, point)
-    left = _scales(form, point, form.residual(theta, shift), np.arange(form.starts[-1]))
+    left = _scales(form, point, form.residual(theta, shift))
     return bool(np.all(form.inertia(theta) * form.noise > MOST_NOISE * left))
 
 
@@ -626,7 +625,7 @@ def _shows_more_inertia(
 
 
 def _noise_hides_inertia(fit: WeakFit, forms: dict[int, WeakForm]) -> bool:
-    """Whether far wider windows show an inertia, beside forces that the model lacks, and these hardly any.
+    """Whether far wider windows show an inertia beside forces that the model lacks, where these show hardly any.
 
     Where a force that is missing makes an inertia, as dry friction of a slow motion does, all windows show it alike.
     """
