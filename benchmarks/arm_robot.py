@@ -28,9 +28,9 @@ from idloop.ending_signals import ending_signals
 from idloop_nodes import qos
 from idloop_nodes.codec import JointWriter, decode_trajectory
 from idloop_nodes.codec.joints import FIELDS
-from idloop_nodes.deadlines import become_urgent
+from idloop_nodes.middleware import use_sockets_only
 from idloop_nodes.runtime import make_executor
-from idloop_nodes.sockets_only import use_sockets_only
+from idloop_nodes.timing import become_urgent
 
 Array = NDArray[np.float64]
 

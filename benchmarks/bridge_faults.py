@@ -30,7 +30,7 @@ from rich.console import Console
 from rich.progress import track
 from robot_graph import RobotGraph
 
-from idloop_nodes.deadlines import become_urgent
+from idloop_nodes.timing import become_urgent
 
 _WANTED = 0.05
 _SLEEP = 0.002

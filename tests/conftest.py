@@ -182,7 +182,7 @@ def ros_environment(ros_domain_id: int, monkeypatch: pytest.MonkeyPatch, tmp_pat
 def _use_sockets_only(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let this process speak as its nodes do, until the end of the test."""
     try:
-        from idloop_nodes.sockets_only import PROFILE_VARIABLES, use_sockets_only
+        from idloop_nodes.middleware import PROFILE_VARIABLES, use_sockets_only
     except ImportError:
         return
     for name in PROFILE_VARIABLES:

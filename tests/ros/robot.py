@@ -21,9 +21,9 @@ from std_msgs.msg import Float64MultiArray
 from idloop.physics import Plant, load_model
 from idloop_nodes import qos
 from idloop_nodes.codec import JointSample, decode_floats, encode_joint_state
-from idloop_nodes.deadlines import become_urgent
+from idloop_nodes.middleware import use_sockets_only
 from idloop_nodes.runtime import make_executor
-from idloop_nodes.sockets_only import use_sockets_only
+from idloop_nodes.timing import become_urgent
 
 NAMES = ("wrist", "elbow", "shoulder")
 

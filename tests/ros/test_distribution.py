@@ -8,8 +8,8 @@ import pytest
 
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
-from idloop_nodes import distribution
-from idloop_nodes.distribution import NEWEST, ros_distribution
+from idloop_nodes import middleware
+from idloop_nodes.middleware import NEWEST, ros_distribution
 
 
 def test_what_is_sourced_counts(monkeypatch):
@@ -27,5 +27,5 @@ def test_wheels_are_known_by_their_version(monkeypatch, found, name):
         return found
 
     monkeypatch.delenv("ROS_DISTRO", raising=False)
-    monkeypatch.setattr(distribution, "version", version)
+    monkeypatch.setattr(middleware, "version", version)
     assert ros_distribution() == name

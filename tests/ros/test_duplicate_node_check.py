@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
-from idloop_nodes.duplicate_node_check import DISCOVERY_TIME, NEW, DuplicateNodeCheck
+from idloop_nodes.graph_start import DISCOVERY_TIME, NEW, DuplicateNodeCheck
 
 
 def test_it_looks_around_first_and_then_is_alone():

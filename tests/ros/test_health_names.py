@@ -9,7 +9,7 @@ pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip i
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idloop_nodes.health_names import check_name, node_seen_from, seen_from
+from idloop_nodes.codec.diagnostics import check_name, node_seen_from, seen_from
 
 WORDS = st.from_regex("[a-z][a-z_0-9]{0,8}", fullmatch=True)
 SPACES = st.lists(WORDS, max_size=3).map(lambda parts: "/" + "/".join(parts))

@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
-from idloop_nodes.pace import SLACK, Pace
+from idloop_nodes.timing import SLACK, Pace
 
 
 def test_an_instant_is_due_when_its_time_has_passed():

@@ -10,11 +10,11 @@ import pytest
 
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
-from idloop_nodes import scheduling
+from idloop_nodes import timing
 
 SCRIPT = """
 import os, sys, threading
-from idloop_nodes import scheduling
+from idloop_nodes import timing
 ask = {ask}
 asked, found = threading.Event(), []
 def early():
@@ -34,7 +34,7 @@ print(*found, {tell})
 
 
 def answers(ask, tell):
-    script = SCRIPT.format(ask=f"scheduling.{ask}", tell=tell)
+    script = SCRIPT.format(ask=f"timing.{ask}", tell=tell)
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=200)
     return done.stdout.split()
 
@@ -48,7 +48,7 @@ def test_every_thread_is_scheduled_in_batches():
 def test_every_thread_gets_a_larger_share_where_that_is_allowed():
     before = os.getpriority(os.PRIO_PROCESS, 0)
     allowed = os.geteuid() == 0
-    wanted = scheduling.PREFERENCE if allowed else before
+    wanted = timing.PREFERENCE if allowed else before
     assert answers("raise_share", "os.getpriority(os.PRIO_PROCESS, threading.get_native_id())") == [str(wanted)] * 3
 
 
@@ -58,5 +58,5 @@ def test_a_system_that_forbids_it_changes_nothing(monkeypatch, ask):
         raise PermissionError
 
     for name in ("sched_setscheduler", "setpriority"):
-        monkeypatch.setattr(scheduling.os, name, forbid, raising=False)
-    getattr(scheduling, ask)()
+        monkeypatch.setattr(timing.os, name, forbid, raising=False)
+    getattr(timing, ask)()

@@ -13,13 +13,13 @@ import pytest
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 pytest.importorskip("rclpy", reason="no rclpy: run launch_scripts/test, or source a ROS 2")
 
-from idloop_nodes.sockets_only import PROFILE_VARIABLES, RANGE, TRANSPORTS, use_sockets_only
+from idloop_nodes.middleware import PROFILE_VARIABLES, RANGE, TRANSPORTS, use_sockets_only
 
 pytestmark = [pytest.mark.ros]
 SCRIPT = """
 import rclpy
 from std_msgs.msg import Header
-from idloop_nodes.sockets_only import use_sockets_only
+from idloop_nodes.middleware import use_sockets_only
 SET
 rclpy.init()
 node = rclpy.create_node('alone')  # kept: with it the memory would go

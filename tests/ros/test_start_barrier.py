@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from idloop.errors import IdloopError
-from idloop_nodes.start_barrier import NOTICE, RUNNING_PEER_FACTOR, StartBarrier
+from idloop_nodes.graph_start import NOTICE, RUNNING_PEER_FACTOR, StartBarrier
 
 PEERS = ["controller", "plant", "estimator"]
 SETS = st.sets(st.sampled_from([*PEERS, "plotter"]))

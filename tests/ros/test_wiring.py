@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
 from idloop_nodes.descriptions import describe
-from idloop_nodes.wiring import command_topic, expected_publishers, expected_subscribers, subscriptions
+from idloop_nodes.graph_start import command_topic, expected_publishers, expected_subscribers, subscriptions
 
 
 def test_the_wiring_is_closed():

@@ -248,7 +248,7 @@ def test_the_evidence_on_the_page_is_that_of_the_estimator(machine, tmp_path, vi
 def published(model, record, effects):
     """Documents of ``estimator/evidence`` as a graph would publish them over a recording, read back."""
     from idloop_nodes.codec.evidence import evidence_from_statuses, evidence_to_statuses
-    from idloop_nodes.estimation.evidence_jobs import summarise_evidence
+    from idloop_nodes.estimation.evidence import summarise_evidence
 
     found = LiveEvidence(model, effects=effects)
     for stop in (6.0, 8.0, 10.0, 12.0):

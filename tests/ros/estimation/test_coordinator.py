@@ -49,7 +49,7 @@ class Office:
 
     def answer(self, verb=None, **more):
         verb = verb or self.coordinator.ordered
-        answer = DiagnosisAnswer(1, verb, 5, **({"state": verb.encode()} | more))
+        answer = DiagnosisAnswer(verb, 5, **({"state": verb.encode()} | more))
         taken = self.coordinator.take(answer)
         if taken is not None:
             self.coordinator.go_on(taken)

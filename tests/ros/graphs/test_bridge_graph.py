@@ -21,8 +21,8 @@ from robot_graph import PATIENCE, RobotGraph
 
 from idloop.ending_signals import ending_signals
 from idloop_nodes.codec import JointSample, encode_joint_state
+from idloop_nodes.middleware import LEASE
 from idloop_nodes.qos import stream
-from idloop_nodes.safety.standstill import LEASE
 
 pytestmark = [pytest.mark.ros, pytest.mark.whole_graph]
 

@@ -29,7 +29,7 @@ def test_a_node_that_meets_another_of_its_name_ends(bench):
 
 
 def test_a_node_that_has_run_for_a_while_goes_on_when_another_comes(bench, monkeypatch):
-    monkeypatch.setattr("idloop_nodes.duplicate_node_check.NEW", 0.0)
+    monkeypatch.setattr("idloop_nodes.graph_start.NEW", 0.0)
     one = bench("plant", model="dc_motor", sample_time=0.01)
     other = one.talk("progress")
     one.matched(other)
@@ -42,7 +42,7 @@ def test_a_node_that_has_run_for_a_while_goes_on_when_another_comes(bench, monke
 def test_a_node_is_silent_while_another_of_its_name_may_be_there(bench, monkeypatch):
     import rclpy
 
-    monkeypatch.setattr("idloop_nodes.duplicate_node_check.NEW", 1e9)
+    monkeypatch.setattr("idloop_nodes.graph_start.NEW", 1e9)
     one = bench("excitation", peers="[bench]", sample_time=0.01)
     namesake = rclpy.create_node("excitation")
     clock = one.talk("/clock")
@@ -54,7 +54,7 @@ def test_a_node_is_silent_while_another_of_its_name_may_be_there(bench, monkeypa
     clock.publish(encode_time(10**9))
     one.until(lambda: heard)
     assert one.node.start.waiting
-    monkeypatch.setattr("idloop_nodes.duplicate_node_check.NEW", 0.0)  # it has had its time
+    monkeypatch.setattr("idloop_nodes.graph_start.NEW", 0.0)  # it has had its time
     one.until(lambda: not one.node.start.waiting)
     assert not one.got["reference"]
     clock.publish(encode_time(10**9))

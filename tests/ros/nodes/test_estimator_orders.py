@@ -197,10 +197,10 @@ def test_what_the_user_takes_back_is_not_added_again(bench):
     # What was added is diagnosed again, and nothing is left.
     one.bench.until(lambda: one.bench.node.estimator.diagnosis.coordinator.missing is not None)
     one.bench.until(lambda: not one.bench.node.estimator.diagnosis.coordinator.busy)
-    assert one.bench.node.estimator.diagnosis.health(None).values["automatic"] == "diagnose add experiment"
+    assert one.bench.node.estimator.diagnosis.health().values["automatic"] == "diagnose add experiment"
     answer, _ = one.after("ladder", lambda: one.call("undo"))
     assert "auto_add and auto_experiment switched off" in answer.message
-    assert one.bench.node.estimator.diagnosis.health(None).values["automatic"] == "diagnose"
+    assert one.bench.node.estimator.diagnosis.health().values["automatic"] == "diagnose"
     _, missing = one.after("missing_effects", lambda: one.call("diagnose"))
     assert missing.set == ("dead_zone@input",)
     one.bench.until(lambda: not one.bench.node.estimator.diagnosis.coordinator.busy)
@@ -240,7 +240,7 @@ def test_the_evidence_rises_with_the_samples_and_ends_the_experiment_if_asked(be
 
 @pytest.mark.slow
 def test_an_excitation_that_is_not_there_is_said(bench, monkeypatch):
-    monkeypatch.setattr("idloop_nodes.estimation.experiment_client.TIMEOUT", 0.5)
+    monkeypatch.setattr("idloop_nodes.service_calls.EXPERIMENT_TIMEOUT", 0.5)
     one = EstimatorBench(bench, catalogue="[dead_zone]")
     one.drive()
     one.after("missing_effects", lambda: one.call("diagnose"))

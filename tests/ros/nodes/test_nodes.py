@@ -18,7 +18,7 @@ pytest.importorskip("rclpy", reason="no rclpy: run launch_scripts/test, or sourc
 from idloop.errors import IdloopError, InputError
 from idloop.physics import load_model
 from idloop_nodes.codec import JointSample, decode_diagnostics, decode_joint_state, encode_joint_state, encode_time
-from idloop_nodes.streams.effective_time import effective_time
+from idloop_nodes.streams.stream_watch import effective_time
 
 pytestmark = [pytest.mark.ros, pytest.mark.usefixtures("ros_environment")]
 MS = 1_000_000
@@ -96,7 +96,7 @@ def test_controller_waits_for_the_reference_of_that_time(bench):
 
 @pytest.mark.slow
 def test_a_controller_that_waits_in_vain_says_for_what(bench, monkeypatch, capfd):
-    monkeypatch.setattr("idloop_nodes.safety.stall_notice.TIMEOUT", 0.0)
+    monkeypatch.setattr("idloop_nodes.streams.rates.TIMEOUT", 0.0)
     one = ControllerBench(bench)
     one.states.publish(measurement(10**9, 0.0))
     told = ""

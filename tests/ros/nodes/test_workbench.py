@@ -277,7 +277,7 @@ def test_what_an_excitation_allows_is_said_with_its_units():
 
 
 def test_without_a_controller_the_page_says_that_nothing_was_stopped(bench, monkeypatch):
-    monkeypatch.setattr("idloop_nodes.workbench_page.motor_stop.TIMEOUT", 0.5)
+    monkeypatch.setattr("idloop_nodes.workbench_page.orders.TIMEOUT", 0.5)
     one = bench("workbench", port=0, controller_node="nobody")
     one.node.source.stop()
     one.until(lambda: one.node.source.state.snapshot.note is not None)

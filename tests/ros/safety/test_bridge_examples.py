@@ -10,8 +10,8 @@ pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip i
 from idloop.graph import load_graph
 from idloop_nodes.descriptions import KINDS, describe
 from idloop_nodes.parameters import accept_all
-from idloop_nodes.safety.gate_settings import gate_settings
 from idloop_nodes.safety.robot_joints import RobotJoints
+from idloop_nodes.safety.safety_gate import gate_settings
 
 EXAMPLES = ["effort", "servo", "driver"]
 

@@ -23,8 +23,8 @@ from idloop_nodes.codec import (
 )
 from idloop_nodes.descriptions import describe
 from idloop_nodes.parameters import accept_all
-from idloop_nodes.safety.gate_settings import gate_settings
 from idloop_nodes.safety.robot_joints import RobotJoints
+from idloop_nodes.safety.safety_gate import gate_settings
 
 ARM = ("wrist", "elbow", "shoulder")
 

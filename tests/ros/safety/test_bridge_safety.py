@@ -13,9 +13,7 @@ pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip i
 
 from idloop_nodes.excitation.experiment import Limits
 from idloop_nodes.safety.command_limiter import CommandLimiter, CommandLimits
-from idloop_nodes.safety.gate_settings import GateSettings
-from idloop_nodes.safety.safety_gate import SafetyGate
-from idloop_nodes.safety.velocity_estimator import VelocityEstimator
+from idloop_nodes.safety.safety_gate import GateSettings, SafetyGate, VelocityEstimator
 from idloop_nodes.streams.stream_watch import Arrival, StreamWatch
 
 MS = 1_000_000

@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 pytest.importorskip("std_srvs", reason="no rclpy: run launch_scripts/test, or source a ROS 2")
 
-from idloop_nodes.safety.emergency_stop import STOPPED, EmergencyStop
+from idloop_nodes.managed_node import STOPPED, EmergencyStop
 
 
 class Node:

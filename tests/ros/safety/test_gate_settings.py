@@ -11,7 +11,7 @@ pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip i
 from idloop.errors import InputError
 from idloop_nodes.excitation.experiment import Limits
 from idloop_nodes.safety.command_limiter import CommandLimits
-from idloop_nodes.safety.gate_settings import GateSettings, gate_settings
+from idloop_nodes.safety.safety_gate import GateSettings, gate_settings
 
 VALUES = {
     "limit.command": 2.0, "limit.command_rate": 3.0, "limit.rms": 1.5, "limit.rms_time": 4.0, "limit.energy_time": 5.0,

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
-from idloop_nodes.safety.path_timing import AT_REST, PathTiming
+from idloop_nodes.safety.trajectory_gate import AT_REST, PathTiming
 
 timings = st.builds(
     PathTiming, st.floats(0.0, 30.0), st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.floats(0.05, 5.0)

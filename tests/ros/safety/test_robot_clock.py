@@ -9,7 +9,7 @@ pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip i
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idloop_nodes.safety.robot_clock import PLAUSIBLE_NS, STRETCH_NS, RobotClock
+from idloop_nodes.safety.robot_joints import PLAUSIBLE_NS, STRETCH_NS, RobotClock
 from idloop_nodes.streams.stream_watch import JUMP_NS
 
 NOW = 1_800_000_000 * 10**9

@@ -10,9 +10,8 @@ pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip i
 
 from idloop_nodes.excitation.experiment import Limits
 from idloop_nodes.safety.command_limiter import CommandLimits
-from idloop_nodes.safety.gate_settings import GateSettings
 from idloop_nodes.safety.interlock import AFTER_END_NS, CREDIBLE
-from idloop_nodes.safety.safety_gate import SafetyGate
+from idloop_nodes.safety.safety_gate import GateSettings, SafetyGate
 from idloop_nodes.streams.stream_watch import JUMP_NS
 
 MS = 1_000_000

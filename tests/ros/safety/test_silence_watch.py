@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
-from idloop_nodes.safety.silence_watch import AFTER_END_NS, SilenceWatch
+from idloop_nodes.safety.guardian_link import AFTER_END_NS, SilenceWatch
 
 MS = 1_000_000
 SILENCE = 30 * MS

@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
 from idloop_nodes.progress import BackPressure
-from idloop_nodes.safety.stall_notice import TIMEOUT, StallNotice
+from idloop_nodes.streams.rates import TIMEOUT, StallNotice
 
 
 def test_a_wait_is_told_once_and_anew_for_the_next():

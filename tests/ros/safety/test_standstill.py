@@ -13,7 +13,7 @@ pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip i
 from pathlib import Path
 
 import idloop_nodes
-from idloop_nodes.safety.standstill import LEASE, StandstillWatch
+from idloop_nodes.middleware import LEASE, StandstillWatch
 
 
 @given(gap=st.floats(LEASE - 0.99, 1e6))

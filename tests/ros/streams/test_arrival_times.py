@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from idloop_nodes.codec import JointSample, encode_joint_state
-from idloop_nodes.streams.arrival_times import ArrivalTimes
-from idloop_nodes.streams.stream_watch import JUMP_NS
+from idloop_nodes.streams.stream_watch import JUMP_NS, ArrivalTimes
 
 
 @given(st.lists(st.integers(0, JUMP_NS - 1), min_size=1))

@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
-from idloop_nodes.streams.bursts import ARRIVED, LITTLE_SHARE, LONGEST, MOST_SHARE, WEIGH_PERIOD, Bursts
+from idloop_nodes.timing import ARRIVED, LITTLE_SHARE, LONGEST, MOST_SHARE, WEIGH_PERIOD, Bursts
 
 
 def test_the_first_burst_is_due_at_once_and_the_next_after_its_time():

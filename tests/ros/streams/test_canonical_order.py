@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
-from idloop_nodes.streams.canonical_order import CanonicalOrder, rank_topics
+from idloop_nodes.streams.bag_writer import CanonicalOrder, rank_topics
 from idloop_nodes.topics import TOPICS
 
 

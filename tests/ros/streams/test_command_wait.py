@@ -1,6 +1,6 @@
 import pytest
 
-from idloop_nodes.streams.command_wait import EVER, PERIODS, SILENCE, CommandWait
+from idloop_nodes.streams.held_stream import EVER, PERIODS, SILENCE, CommandWait
 
 PERIOD = 1_000_000
 FAR = 10 * PERIODS * PERIOD

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
-from idloop_nodes.streams.decimator import BURST, Decimator
+from idloop_nodes.streams.rates import BURST, Decimator
 
 SECOND = 1_000_000_000
 

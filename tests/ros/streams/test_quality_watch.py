@@ -14,7 +14,7 @@ from sensor_msgs.msg import JointState
 
 from idloop_nodes.codec import Level, decode_diagnostics
 from idloop_nodes.qos import stream
-from idloop_nodes.streams.quality_watch import QualityWatch, mismatch
+from idloop_nodes.streams.stream_match import QualityWatch, mismatch
 
 pytestmark = [pytest.mark.ros]
 BEST_EFFORT, RELIABLE = ReliabilityPolicy.BEST_EFFORT, ReliabilityPolicy.RELIABLE

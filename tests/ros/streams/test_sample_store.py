@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
-from idloop_nodes.streams.sample_store import SampleStore
+from idloop_nodes.streams.sample_buffer import SampleStore
 
 
 @given(st.lists(st.integers(1, 40), min_size=1, max_size=3000), st.integers(0, 500), st.integers(0, 2000))

@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
-from idloop_nodes.streams.sequence_check import SequenceCheck
+from idloop_nodes.streams.stream_watch import SequenceCheck
 
 
 def number(value, source=b"a"):

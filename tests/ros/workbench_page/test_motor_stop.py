@@ -10,7 +10,7 @@ pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip i
 pytest.importorskip("rclpy", reason="no rclpy: run launch_scripts/test, or source a ROS 2")
 
 from idloop.reporting.workbench.state import ERROR, FREE, RELEASING, SENT, STOPPED, Snapshot, State
-from idloop_nodes.workbench_page.motor_stop import FRESH, HEALTH_LIMIT, HOLD, ON_ITS_WAY, MotorStop
+from idloop_nodes.workbench_page.orders import FRESH, HEALTH_LIMIT, HOLD, ON_ITS_WAY, MotorStop
 
 
 class Services:

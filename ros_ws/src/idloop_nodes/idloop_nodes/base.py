@@ -21,15 +21,15 @@ from std_srvs.srv import Trigger
 from idloop.errors import InputError
 from idloop_nodes import qos
 from idloop_nodes.codec import Status, decode_header, encode_diagnostics, encode_header
+from idloop_nodes.codec.diagnostics import check_name
 from idloop_nodes.descriptions import describe
 from idloop_nodes.graph_start import GraphStart
-from idloop_nodes.health_names import check_name
 from idloop_nodes.parameters import NodeParameters, Table
 from idloop_nodes.progress import DONE, END, READY, Progress
 from idloop_nodes.qos import topic_qos, topic_type
-from idloop_nodes.scheduling import Scheduling
-from idloop_nodes.streams.polled_stream import PolledStream
-from idloop_nodes.streams.quality_watch import QualityWatch
+from idloop_nodes.streams.held_stream import PolledStream
+from idloop_nodes.streams.stream_match import QualityWatch
+from idloop_nodes.timing import Scheduling
 from idloop_nodes.topics import RESULTS
 
 EVENTS_KEPT = 200

@@ -3,17 +3,142 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Collection, Iterable, Sequence
 from typing import TYPE_CHECKING
 
-from idloop.errors import InputError
-from idloop_nodes import wiring
-from idloop_nodes.duplicate_node_check import DISCOVERY_TIME, DuplicateNodeCheck
+from idloop.errors import IdloopError, InputError
+from idloop.records.bags.topics import APPLIED_COMMAND, REQUESTED_COMMAND
+from idloop_nodes.descriptions import KINDS, describe
 from idloop_nodes.progress import READY
-from idloop_nodes.start_barrier import StartBarrier
-from idloop_nodes.streams import stream_match
+from idloop_nodes.streams.stream_match import Endpoints, StreamMatch, publishers, subscribers
 
 if TYPE_CHECKING:
     from idloop_nodes.base import StreamNode
+
+
+def command_topic(topic: str, family: Iterable[str]) -> str:
+    """Return the topic of the commands that a machine received: behind a bridge the applied command, after all limits.
+
+    `topic`: of the command, as the model names it; `family`: kinds of the nodes of the graph.
+    """
+    return APPLIED_COMMAND if topic == REQUESTED_COMMAND and "bridge" in family else topic
+
+
+def subscriptions(kind: str, family: Iterable[str]) -> tuple[str, ...]:
+    """Return the topics that a kind of node subscribes to in a graph of these kinds."""
+    if kind not in KINDS:
+        return ()
+    node = describe(kind)
+    if not node.uses_applied_command:
+        return node.subscribes
+    return tuple(command_topic(topic, family) for topic in node.subscribes)
+
+
+def expected_subscribers(topic: str, peers: Collection[str]) -> int:
+    """Return how many of `peers` subscribe `topic`."""
+    return sum(topic in subscriptions(peer, peers) for peer in peers)
+
+
+def expected_publishers(topic: str, peers: Iterable[str]) -> int:
+    """Return how many of `peers` publish `topic`."""
+    return sum(topic in describe(peer).publishes for peer in peers if peer in KINDS)
+
+
+# A running peer may need minutes before it is ready: on the first start it compiles.
+RUNNING_PEER_FACTOR = 20.0
+NOTICE = 10.0  # seconds after which a node reports for whom it waits; then whenever that has changed
+
+
+class StartBarrier:
+    """Watches the time that the other nodes of a graph take to get ready.
+
+    `peers`: their names. `limit`: longest wait for one that does not appear [s]; a running one has
+    `RUNNING_PEER_FACTOR` times as long. `born`: beginning of the wait, of a clock that never jumps [s].
+    """
+
+    def __init__(self, peers: Sequence[str], limit: float, born: float) -> None:
+        self._peers = tuple(peers)
+        self._limit = limit
+        self._born = born
+        self._reported = ""
+
+    def notice(self, ready: Collection[str], running: Collection[str], unconnected: Sequence[str], now: float) -> str:
+        """Return for whom the node waits when that has changed; else nothing.
+
+        `ready`, `running`: names of the nodes that are ready, and of those that run; `unconnected`: streams of this
+        node that are not connected to all of their partners; `now`: time [s]. Raises IdloopError: the time limit is
+        over.
+        """
+        late = [name for name in self._peers if name not in ready]
+        absent = [name for name in late if name not in running]
+        compiling = [name for name in late if name in running]
+        waited = now - self._born
+        if absent and waited > self._limit:
+            raise IdloopError(
+                f"{', '.join(absent)} did not appear within {self._limit:g} s (parameter start_timeout); check the "
+                "parameter peers, the names of the nodes, and that all of them run in one ROS domain and namespace"
+            )
+        what = "; ".join(
+            f"{', '.join(names)} {state}"
+            for names, state in (
+                (absent, "not there yet"),
+                (compiling, "there, not ready (a first start compiles)"),
+                ([] if late else unconnected, "not connected with all who are there"),
+            )
+            if names
+        )
+        longest = RUNNING_PEER_FACTOR * self._limit
+        if waited > longest:
+            raise IdloopError(f"gave up after {longest:g} s (20 times start_timeout): {what or 'nobody is ready'}")
+        if waited < NOTICE or what in ("", self._reported):
+            return ""
+        self._reported = what
+        return f"waits: {what}"
+
+
+NEW = 1.0  # seconds after its announcement in which a node that meets another of its name counts as the second
+DISCOVERY_TIME = 1.0  # seconds after its start in which a node discovers the others: two of their announcements
+
+
+class DuplicateNodeCheck:
+    """What a node knows of others of its name.
+
+    `now`: time at which the node was made, of a clock that never jumps [s]; `discovery_time`: time from then on in
+    which others may still be discovered [s].
+    """
+
+    def __init__(self, now: float, discovery_time: float) -> None:
+        self._discovered_at = now + discovery_time
+        self._announced: float | None = None
+        self._announcements = 0
+        self._known: float | None = None
+
+    def is_unique(self, count: int, now: float) -> bool:
+        """Whether no other node of this name will announce itself.
+
+        `count`: known nodes of this name, this one included. A dead node stays known for a while. `now`: [s].
+        """
+        if now < self._discovered_at:
+            return False
+        if count < 2:
+            return True
+        self._known = now if self._known is None else self._known
+        return now - self._known >= NEW
+
+    def announced(self, now: float) -> None:
+        """Remember that this node announces itself now."""
+        self._announced = now
+
+    def is_second(self, now: float) -> bool:
+        """Take in an announcement of a node of this name; return whether this node is the second one.
+
+        The node that has run for longer goes on. The announcements of a dead node are not delivered any more.
+        """
+        self._announcements += 1
+        if self._announced is None:
+            return True
+        return self._announcements > 1 and now - self._announced < NEW
+
 
 CHECK_PERIOD = 0.5  # seconds between two checks for missing peers
 
@@ -29,7 +154,7 @@ class GraphStart:
         self.ready = False
         self.duplicate = DuplicateNodeCheck(now, DISCOVERY_TIME if node.others else 0.0)
         self._node = node
-        self._match = stream_match.StreamMatch()
+        self._match = StreamMatch()
         self._barrier = StartBarrier(node.others, node.parameters["start_timeout"], now)
         self._next_check = 0.0
 
@@ -38,17 +163,16 @@ class GraphStart:
         """Whether the node is not connected to its graph yet; a node without named peers belongs to any graph."""
         return not self.ready and bool(self._node.others)
 
-    def partners(self) -> list[tuple[str, stream_match.Endpoints]]:
+    def partners(self) -> list[tuple[str, Endpoints]]:
         """Return for every stream its topic, its connections, and how many of them the peers make expect."""
         node = self._node
         family = [*node.others, node.kind]
-        publishers, subscriptions = node.publishers_by_topic, node.subscriptions_by_topic
         return [
-            (topic, stream_match.subscribers(node, publisher, wiring.expected_subscribers(topic, family), family))
-            for topic, publisher in publishers.items()
+            (topic, subscribers(node, publisher, expected_subscribers(topic, family), family))
+            for topic, publisher in node.publishers_by_topic.items()
         ] + [
-            (topic, stream_match.publishers(node, subscription, wiring.expected_publishers(topic, family), family))
-            for topic, subscription in subscriptions.items()
+            (topic, publishers(node, subscription, expected_publishers(topic, family), family))
+            for topic, subscription in node.subscriptions_by_topic.items()
         ]
 
     def unconnected(self) -> list[str]:

@@ -18,9 +18,8 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from idloop_nodes.safety.standstill import StandstillWatch
-from idloop_nodes.scheduling import use_scheduling
-from idloop_nodes.sockets_only import use_sockets_only
+from idloop_nodes.middleware import StandstillWatch, use_sockets_only
+from idloop_nodes.timing import use_scheduling
 
 WRONG_USE, COULD_NOT, DONE = 2, 1, 0
 # Of the linear algebra behind NumPy: a second thread only waits actively for matrices as small as ours.

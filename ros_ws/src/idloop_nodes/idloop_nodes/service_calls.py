@@ -1,10 +1,11 @@
-"""Service calls that never block: every call is answered, or given up with a reason."""
+"""Service calls that never block, and what is ordered by them: an experiment, its end, another effect."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from rcl_interfaces.msg import ParameterType
@@ -12,16 +13,38 @@ from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
+from idloop_nodes.estimation.diagnosis_jobs import MotionLimits
+
 TIMEOUT = 30.0  # seconds within which a node has to be there and answer, on a machine that does other work as well
+EXPERIMENT_TIMEOUT = 10.0  # seconds likewise, for what concerns an experiment
+LIMITS = ("amplitude", "position_min", "position_max", "velocity")
 
 Answered = Callable[[bool, str], None]
+Refused = Callable[[str], None]
+
+
+@dataclass(eq=False)
+class _Call:
+    """One call that is under way."""
+
+    service: str
+    request: Any
+    done: Callable[[Any], None]
+    refused: Answered
+    limit: float
+    sent: bool = False
+    finished: bool = False
 
 
 class ServiceCalls:
-    """Service clients of one node."""
+    """Service clients of one node; every call is answered, or given up with a reason.
 
-    def __init__(self, node: Any) -> None:
+    `timeout`: time within which a node has to answer [s].
+    """
+
+    def __init__(self, node: Any, timeout: float = TIMEOUT) -> None:
         self._node = node
+        self._timeout = timeout
         self._clients: dict[str, Any] = {}
         self._waiting: list[_Call] = []
 
@@ -41,12 +64,7 @@ class ServiceCalls:
         self._begin(Trigger, service, request, lambda one: answered(one.success, one.message), answered, timeout)
 
     def get_parameters(
-        self,
-        node: str,
-        names: Sequence[str],
-        done: Callable[[list[Any]], None],
-        refused: Answered,
-        timeout: float | None = None,
+        self, node: str, names: Sequence[str], done: Callable[[list[Any]], None], refused: Answered
     ) -> None:
         """Ask for parameters of a node; `done` receives a number, text, list of texts or None for each name."""
         request = GetParameters.Request(names=list(names))
@@ -55,11 +73,9 @@ class ServiceCalls:
             values = [_plain(value) for value in response.values]
             done(values + [None] * (len(names) - len(values)))
 
-        self._begin(GetParameters, f"{node}/get_parameters", request, taken, refused, timeout)
+        self._begin(GetParameters, f"{node}/get_parameters", request, taken, refused)
 
-    def set_parameter(
-        self, node: str, name: str, value: Any, message: str, answered: Answered, timeout: float | None = None
-    ) -> None:
+    def set_parameter(self, node: str, name: str, value: Any, message: str, answered: Answered) -> None:
         """Set a parameter of a node; `answered` receives the reason of a refusal, else `message`."""
         request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
 
@@ -67,7 +83,7 @@ class ServiceCalls:
             result = response.results[0]
             answered(result.successful, result.reason or message)
 
-        self._begin(SetParameters, f"{node}/set_parameters", request, taken, answered, timeout)
+        self._begin(SetParameters, f"{node}/set_parameters", request, taken, answered)
 
     def add_effect(self, node: str, effect: str, answered: Answered) -> None:
         """Add an effect to the parameter `effects` of a node."""
@@ -106,10 +122,10 @@ class ServiceCalls:
         request: Any,
         done: Callable[[Any], None],
         refused: Answered,
-        timeout: float | None,
+        timeout: float | None = None,
     ) -> None:
         self._client(kind, service)
-        limit = time.monotonic() + (TIMEOUT if timeout is None else timeout)
+        limit = time.monotonic() + (self._timeout if timeout is None else timeout)
         self._waiting.append(_Call(service, request, done, refused, limit))
         self.poll()
 
@@ -124,27 +140,88 @@ class ServiceCalls:
         self._clients[call.service].call_async(call.request).add_done_callback(arrived)
 
 
-@dataclass(eq=False)
-class _Call:
-    """One call that is under way."""
-
-    service: str
-    request: Any
-    done: Callable[[Any], None]
-    refused: Answered
-    limit: float
-    sent: bool = False
-    finished: bool = False
+_FIELDS = {
+    ParameterType.PARAMETER_DOUBLE: ("double_value", float),
+    ParameterType.PARAMETER_INTEGER: ("integer_value", float),
+    ParameterType.PARAMETER_STRING: ("string_value", str),
+    ParameterType.PARAMETER_STRING_ARRAY: ("string_array_value", list),
+}
 
 
-def _plain(value: Any) -> float | str | list[str] | None:
-    """Return a parameter's value in its plain type; None for any other."""
-    if value.type == ParameterType.PARAMETER_DOUBLE:
-        return float(value.double_value)
-    if value.type == ParameterType.PARAMETER_INTEGER:
-        return float(value.integer_value)
-    if value.type == ParameterType.PARAMETER_STRING:
-        return str(value.string_value)
-    if value.type == ParameterType.PARAMETER_STRING_ARRAY:
-        return list(value.string_array_value)
-    return None
+def _plain(value: Any) -> Any:
+    """Return a parameter's value as a number, text or list of texts; None for any other."""
+    if value.type not in _FIELDS:
+        return None
+    field, kind = _FIELDS[value.type]
+    return kind(getattr(value, field))
+
+
+class ExperimentClient:
+    """Hands experiments over to the excitation node of a name, by its parameters and one service."""
+
+    def __init__(self, node: Any, excitation: str) -> None:
+        self._name = excitation
+        self._calls = ServiceCalls(node, EXPERIMENT_TIMEOUT)
+        self._calls.expect(f"{excitation}/run_experiment")
+        self.poll = self._calls.poll
+
+    @property
+    def busy(self) -> bool:
+        """Whether an answer is still to come."""
+        return self._calls.busy
+
+    def ask_limits(self, done: Callable[[MotionLimits], None], refused: Refused) -> None:
+        """Ask what an experiment may do."""
+
+        def answered(values: list[Any]) -> None:
+            target, *limits = values
+            if target is None:
+                refused(f"node {self._name} has no parameter target: it is no excitation of idloop")
+                return
+            known = {name: one if isinstance(one, float) else None for name, one in zip(LIMITS, limits, strict=True)}
+            adds_to = "command" if target == "effort" else "reference"
+            done(MotionLimits(**known, adds_to=adds_to, absolute=target == "reference"))
+
+        names = ["target", *(f"limit.{name}" for name in LIMITS)]
+        self._calls.get_parameters(self._name, names, answered, lambda _, reason: refused(reason))
+
+    def run(self, experiment: str, done: Callable[[str], None], refused: Refused) -> None:
+        """Hand an experiment over and start it."""
+
+        def then(go_on: Callable[[str], None]) -> Answered:
+            return lambda success, text: go_on(text) if success else refused(f"{self._name}: {text}")
+
+        def start(_: str) -> None:
+            self._calls.trigger(f"{self._name}/run_experiment", then(done))
+
+        self._calls.set_parameter(self._name, "experiment", experiment, "", then(start))
+
+
+class ExperimentEnd:
+    """Stops the motor and the excitation at the end of an experiment, as a user does, without waiting for them.
+
+    `guards`: nodes with the service ``~/emergency_stop``, the nearest to the motor first; `excitation`: node with the
+    service ``~/stop``; `warn`: receives one line when a node refuses or does not answer.
+    """
+
+    def __init__(self, node: Any, guards: Sequence[str], excitation: str, warn: Callable[[str], object]) -> None:
+        self._calls, self._warn = ServiceCalls(node, EXPERIMENT_TIMEOUT), warn
+        self._services = (*(f"{guard}/emergency_stop" for guard in guards), f"{excitation}/stop")
+        self._waiting: set[str] = set()
+        self.poll = self._calls.poll
+
+    @property
+    def busy(self) -> bool:
+        """Whether an answer is still to come."""
+        return bool(self._waiting)
+
+    def end(self) -> None:
+        """Call all of them at once."""
+        self._waiting = set(self._services)
+        for service in self._services:
+            self._calls.trigger(service, partial(self._answered, service))
+
+    def _answered(self, service: str, done: bool, text: str) -> None:
+        self._waiting.discard(service)
+        if not done:
+            self._warn(f"the experiment was to end, but {service}: {text}")

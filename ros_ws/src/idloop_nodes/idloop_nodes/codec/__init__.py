@@ -5,6 +5,15 @@ bytes of equal values are equal.
 """
 
 from idloop.records.bags.cdr import CdrError
+from idloop_nodes.codec.commands import (
+    TrajectoryPoint,
+    decode_float,
+    decode_floats,
+    decode_trajectory,
+    encode_float,
+    encode_floats,
+    encode_trajectory,
+)
 from idloop_nodes.codec.diagnostics import Level, Status, decode_diagnostics, encode_diagnostics
 from idloop_nodes.codec.effects import (
     EffectSummary,
@@ -20,7 +29,6 @@ from idloop_nodes.codec.evidence import (
     evidence_from_statuses,
     evidence_to_statuses,
 )
-from idloop_nodes.codec.floats import decode_float, decode_floats, encode_float, encode_floats
 from idloop_nodes.codec.joints import (
     JointReader,
     JointSample,
@@ -49,7 +57,6 @@ from idloop_nodes.codec.results import (
     parameters_from_statuses,
     parameters_to_statuses,
 )
-from idloop_nodes.codec.trajectories import TrajectoryPoint, decode_trajectory, encode_trajectory
 from idloop_nodes.codec.wear import WatchSummary, WearSummary, wear_from_statuses, wear_to_statuses
 
 __all__ = [

@@ -1,6 +1,6 @@
-"""The estimator's jobs about missing effects: diagnose, add the best effect, undo, suggest an experiment.
+"""The estimator's orders about missing effects: diagnose, add the best effect, undo, suggest an experiment.
 
-The ladder stays with the worker: the estimator keeps it as a pickle that it sends with the next job, because building
+The ladder stays with the worker: the estimator keeps it as a pickle that it sends with the next order, because building
 its models again would hold up the samples.
 """
 
@@ -44,27 +44,25 @@ class MotionLimits:
 
 @dataclass(frozen=True)
 class DiagnosisAnswer:
-    """Result of a job."""
+    """Result of an order."""
 
-    number: int  # of the job
     verb: str  # what was ordered
     stamp: int  # of the newest sample that was used [ns]
-    state: bytes = b""  # pickle of the ladder and the newest diagnosis, for the next job; as before when the job failed
-    model: Model | None = None  # model to continue with where the job changed it
+    state: bytes = b""  # pickle of the ladder and the newest diagnosis, for the next order; as before when it failed
+    model: Model | None = None  # model to continue with where the order changed it
     missing: MissingSummary | None = None  # new contents of ``estimator/missing_effects``
     ladder: LadderSummary | None = None  # new contents of ``estimator/ladder``
-    error: str = ""  # why the job could not be done, one line
+    error: str = ""  # why the order could not be carried out, one line
 
 
 @dataclass(frozen=True)
-class DiagnosisJob:
-    """One order."""
+class DiagnosisOrder:
+    """One order for the worker."""
 
-    number: int
-    verb: str  # method of `LadderState` that does it
+    verb: str  # method of `LadderState` that carries it out
     stamp: int  # of the newest sample [ns]
     model: Model  # as it is now; where there is no ladder yet, its start
-    state: bytes = b""  # state that the last job returned; empty at the start
+    state: bytes = b""  # state that the last order returned; empty at the start
     records: tuple[Record, ...] = ()
     validation: tuple[Record, ...] = ()
     windows: tuple[tuple[int, int], ...] = ()  # first and last stamp of each stretch of data [ns]
@@ -76,19 +74,18 @@ class DiagnosisJob:
     seed: int = 0
     experiments: int = 0  # experiments among the records
     limits: MotionLimits = MotionLimits()  # for SUGGEST
-    replaceable: bool = False
 
-    def work(self, report: Report) -> DiagnosisAnswer:
-        """Do it."""
+    def carry_out(self, report: Report) -> DiagnosisAnswer:
+        """Carry it out, in the worker."""
         from idloop_nodes.estimation.ladder_state import LadderState
 
         state = pickle.loads(self.state) if self.state else LadderState()  # noqa: S301  (our own estimator's)
         return getattr(state, self.verb)(self, report)  # type: ignore[no-any-return]
 
     def failed(self, reason: str) -> DiagnosisAnswer:
-        """Return the answer of a job that could not be done; earlier results stay."""
+        """Return the answer when it could not be carried out; earlier results stay."""
         missing = None
         if self.verb == DIAGNOSE:
             effects = tuple(self.model.effect_names)
             missing = MissingSummary(self.model.name, effects, criterion=self.criterion, level=self.level, error=reason)
-        return DiagnosisAnswer(self.number, self.verb, self.stamp, self.state, None, missing, None, reason)
+        return DiagnosisAnswer(self.verb, self.stamp, self.state, missing=missing, error=reason)

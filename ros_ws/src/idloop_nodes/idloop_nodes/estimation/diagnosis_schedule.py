@@ -7,18 +7,17 @@ from typing import TYPE_CHECKING, Any
 
 from idloop.errors import InputError
 from idloop.records.bags.cdr import SECOND
-from idloop_nodes.codec import Level, Status, encode_diagnostics, ladder_to_statuses, missing_to_statuses
+from idloop_nodes.codec import LadderSummary, Level, Status, ladder_to_statuses, missing_to_statuses
 from idloop_nodes.estimation.coordinator import Autopilot, Coordinator
-from idloop_nodes.estimation.diagnosis_jobs import DIAGNOSE, DiagnosisAnswer, DiagnosisJob
-from idloop_nodes.estimation.estimator_context import SHORTEST, EstimatorContext, Publish
-from idloop_nodes.estimation.experiment_client import ExperimentClient
+from idloop_nodes.estimation.diagnosis_jobs import DIAGNOSE, DiagnosisAnswer, DiagnosisOrder
+from idloop_nodes.estimation.estimator_context import SHORTEST, EstimatorContext
 from idloop_nodes.estimation.whiteness_watch import WhitenessWatch
+from idloop_nodes.service_calls import ExperimentClient
 from idloop_nodes.streams.sample_buffer import DiagnosisData
 
 if TYPE_CHECKING:
     from idloop.physics import Model
     from idloop_nodes.codec import FitSummary
-    from idloop_nodes.estimation.job_queue import JobProgress
     from idloop_nodes.progress import Progress
 
 MAXIMUM_LINES = 4  # of where the model fails, in the log; the message has all of them
@@ -27,25 +26,18 @@ MAXIMUM_LINES = 4  # of where the model fails, in the log; the message has all o
 class DiagnosisSchedule:
     """Orders diagnoses of the newest data and publishes their results.
 
-    `client`: of the excitation node; `publish_missing`, `publish_ladder`: of ``estimator/missing_effects`` and
-    ``estimator/ladder``. Attributes: `last`: stamp of the newest sample that was processed [ns]; `model`: the
-    estimator's present model.
+    `client`: of the excitation node; `adopt`: continues with the model of a new step of the ladder. Attributes: `last`:
+    stamp of the newest sample that was processed [ns]; `model`: the estimator's present model.
     """
 
     def __init__(
-        self,
-        context: EstimatorContext,
-        client: ExperimentClient,
-        model: Model,
-        publish_missing: Publish,
-        publish_ladder: Publish,
+        self, context: EstimatorContext, client: ExperimentClient, model: Model, adopt: Callable[[Model], None]
     ) -> None:
         self.model = model
         self.last: int | None = None
         self._context = context
         self._client = client
-        self._publish_missing = publish_missing
-        self._publish_ladder = publish_ladder
+        self._adopt = adopt
         self._whiteness = WhitenessWatch()
         self._data = DiagnosisData()
         self._logged = ""  # newest line on the ladder
@@ -53,15 +45,14 @@ class DiagnosisSchedule:
         self._seen: tuple[int, int] | None = None
         self.coordinator = Coordinator(
             submit=self._submit,
-            hand_over=self._hand_over,
-            ask_limits=self._ask_limits,
+            hand_over=lambda experiment: client.run(experiment, self.coordinator.handed_over, self._refused),
+            ask_limits=lambda: client.ask_limits(self.coordinator.limits_known, self._refused),
             autopilot=self._autopilot,
             log=context.info,
         )
 
     def _autopilot(self) -> Autopilot:
-        values = self._context.parameters
-        return Autopilot(values["auto_diagnose"], values["auto_add"], values["auto_experiment"])
+        return Autopilot(*(self._context.parameters[f"auto_{name}"] for name in ("diagnose", "add", "experiment")))
 
     def restart(self) -> None:
         """Forget everything: another model, or a new run of the clock."""
@@ -87,11 +78,10 @@ class DiagnosisSchedule:
 
     def take_fit(self, summary: FitSummary) -> None:
         """Diagnose when the residuals of the fits are not white any more."""
-        if summary.effects != tuple(self.model.effect_names) or not self._context.parameters["auto_diagnose"]:
+        if summary.effects != tuple(self.model.effect_names) or not self._autopilot().diagnose:
             return
-        if self.coordinator.span is not None:
-            return  # a diagnosis follows the experiment in any case
-        if self._whiteness.look(summary.whiteness, summary.fit):
+        # After an experiment a diagnosis follows in any case.
+        if self.coordinator.span is None and self._whiteness.look(summary.whiteness, summary.fit):
             self._diagnose("the residual is not white")
 
     def take_evidence(self, reason: str) -> None:
@@ -134,7 +124,7 @@ class DiagnosisSchedule:
             return
         self._context.info(f"{reason}: {text}")
 
-    # orders to the worker and the excitation
+    # orders to the worker
 
     @property
     def _share(self) -> float:
@@ -145,87 +135,77 @@ class DiagnosisSchedule:
         values, data = self._context.parameters, self._data
         if self.last is None:
             raise InputError("no samples yet")
-        end = self.last + self._context.period_ns
         if verb == DIAGNOSE or not data.records:
             length = round((values["diagnose_window"] + values["validation"]) * SECOND)
+            end = self.last + self._context.period_ns
             data.renew(self._context.buffer, self.model, end, length, self._share, SHORTEST)
         if not data.records:
             raise InputError("too few samples yet")
-        self._context.jobs.submit(
-            DiagnosisJob(
-                self._context.next_number(),
-                verb,
-                self.last,
-                self.model,
-                state,
-                data.records,
-                data.validation,
-                data.spans,
-                catalogue=values["catalogue"],
-                level=values["level"],
-                criterion=values["criterion"],
-                minimum_improvement=values["minimum_improvement"],
-                seed=values["seed"],
-                experiments=data.experiments,
-                **more,
-            )
+        names = ("catalogue", "level", "criterion", "minimum_improvement", "seed")
+        order = DiagnosisOrder(
+            verb,
+            self.last,
+            self.model,
+            state,
+            data.records,
+            data.validation,
+            data.spans,
+            experiments=data.experiments,
+            **{name: values[name] for name in names},
+            **more,
         )
+        self._context.jobs.submit(order.carry_out, self._take, lambda reason: self._take(order.failed(reason)))
         seconds = " + ".join(f"{(stop - start) / SECOND:.1f} s" for start, stop in data.spans)
         return f"{verb} on {seconds} of data; the result comes on estimator/missing_effects and estimator/ladder"
-
-    def _hand_over(self, experiment: str) -> None:
-        self._client.run(experiment, self.coordinator.handed_over, self._refused)
-
-    def _ask_limits(self) -> None:
-        self._client.ask_limits(self.coordinator.limits_known, self._refused)
 
     def _refused(self, reason: str) -> None:
         self.coordinator.refused(reason)
         if self.coordinator.ladder is not None and self.last is not None:
-            statuses = ladder_to_statuses(self._context.name, self.coordinator.ladder)
-            self._publish_ladder(encode_diagnostics(self.last, statuses))
+            self._publish_ladder(self.last, self.coordinator.ladder)
 
     # results
 
-    def take(self, answer: DiagnosisAnswer, adopt: Callable[[Model], None]) -> None:
+    def _take(self, answer: DiagnosisAnswer) -> None:
         """Publish an answer of the worker, continue with its model, order what follows."""
         taken = self.coordinator.take(answer)
         if taken is None:
             return
         if taken.missing is not None:
-            statuses = missing_to_statuses(self._context.name, taken.missing)
-            self._publish_missing(encode_diagnostics(taken.stamp, statuses))
+            self._context.publish(
+                "missing_effects", taken.stamp, missing_to_statuses(self._context.name, taken.missing)
+            )
             for line in taken.missing.where[:MAXIMUM_LINES]:
                 self._context.info(f"where: {line.strip()}")
-            self._context.info(f"diagnosis: {statuses[0].message}")
+            self._context.info(f"diagnosis: {taken.missing.line}")
         if taken.model is not None:
-            adopt(taken.model)
+            self._adopt(taken.model)
         if taken.ladder is not None:
-            statuses = ladder_to_statuses(self._context.name, taken.ladder)
-            self._publish_ladder(encode_diagnostics(taken.stamp, statuses))
-            if statuses[0].message != self._logged:
-                self._logged = statuses[0].message
+            self._publish_ladder(taken.stamp, taken.ladder)
+            if taken.ladder.line != self._logged:
+                self._logged = taken.ladder.line
                 self._context.info(f"ladder: {self._logged}")
         self.coordinator.go_on(taken)
 
-    def health(self, progress: JobProgress | None) -> Status:
+    def _publish_ladder(self, stamp: int, ladder: LadderSummary) -> None:
+        self._context.publish("ladder", stamp, ladder_to_statuses(self._context.name, ladder))
+
+    def health(self) -> Status:
         """Return what is under way, or the newest result."""
-        coordinator = self.coordinator
+        coordinator, progress = self.coordinator, self._context.jobs.progress
+        order = coordinator.ordered or coordinator.waiting
         values = {
-            "order": coordinator.ordered or coordinator.waiting,
+            "order": order,
             "experiment": "" if coordinator.span is None else "running",
             "experiments": str(self._data.experiments),
             "armed": str(self._whiteness.armed).lower(),
             "automatic": str(self._autopilot()),
         }
+        text, level = "none yet", Level.OK
         if coordinator.busy:
-            share = (
-                ""
-                if progress is None or not coordinator.ordered
-                else f" {100.0 * progress.share:.0f} %, {progress.text}"
-            )
-            return Status("diagnosis", f"{coordinator.ordered or coordinator.waiting}{share}", Level.OK, values)
-        if coordinator.missing is None:
-            return Status("diagnosis", "none yet", Level.OK, values)
-        head = missing_to_statuses("", coordinator.missing)[0]
-        return Status("diagnosis", head.message, head.level, values)
+            text = order
+            if progress is not None and coordinator.ordered:
+                text += f" {100.0 * progress[0]:.0f} %, {progress[1]}"
+        elif coordinator.missing is not None:
+            head = missing_to_statuses("", coordinator.missing)[0]
+            text, level = head.message, head.level
+        return Status("diagnosis", text, level, values)

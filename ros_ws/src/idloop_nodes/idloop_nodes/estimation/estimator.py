@@ -3,28 +3,21 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 from idloop.errors import InputError
 from idloop.records.bags.cdr import SECOND
-from idloop_nodes.codec import Level, Status
-from idloop_nodes.estimation.diagnosis_jobs import DiagnosisAnswer
+from idloop_nodes.codec import FitSummary, Level, ParameterSummary, Status
+from idloop_nodes.codec.joints import OutputPacker, output_columns
 from idloop_nodes.estimation.diagnosis_schedule import DiagnosisSchedule
-from idloop_nodes.estimation.estimator_context import EstimatorContext, Publish
-from idloop_nodes.estimation.evidence_jobs import EvidenceAnswer
-from idloop_nodes.estimation.evidence_schedule import EvidenceSchedule
-from idloop_nodes.estimation.experiment_client import ExperimentClient
-from idloop_nodes.estimation.experiment_end import ExperimentEnd
-from idloop_nodes.estimation.fit_jobs import FitAnswer
-from idloop_nodes.estimation.fit_schedule import FitSchedule
-from idloop_nodes.estimation.job_queue import JobQueue
-from idloop_nodes.estimation.monitor_jobs import MonitorAnswer
-from idloop_nodes.estimation.monitor_schedule import MonitorSchedule
-from idloop_nodes.estimation.prediction import Prediction
-from idloop_nodes.estimation.recursive_model import RecursiveModel
+from idloop_nodes.estimation.estimator_context import EstimatorContext
+from idloop_nodes.estimation.evidence import EvidenceSchedule
+from idloop_nodes.estimation.fits import FitSchedule
+from idloop_nodes.estimation.prediction import Prediction, RecursiveModel
 from idloop_nodes.estimation.sample_input import Sample, SampleInput
-from idloop_nodes.streams.joint_layout import OutputPacker, output_columns
+from idloop_nodes.estimation.wear import WearSchedule
+from idloop_nodes.service_calls import ExperimentClient, ExperimentEnd
 from idloop_nodes.streams.rates import RateCounter
 
 if TYPE_CHECKING:
@@ -35,55 +28,37 @@ FORGET_PERIOD = SECOND // 2  # between two deletions of old samples [ns]
 
 
 class Estimator:
-    """Gives each block of samples to the parts, and each answer of the worker to the part that ordered it.
+    """Gives each block of samples to the parts.
 
-    `publisher`: returns the publish function of a topic; `adopted`: called with the effects of a new step of the
-    ladder, beside those of the model file. Attributes: `model`: the present one.
+    `publisher`: returns the publish function of a topic of samples; `adopted`: called with the model of a new step of
+    the ladder. Attributes: `model`: the present one.
     """
 
     def __init__(
         self,
         context: EstimatorContext,
-        jobs: JobQueue,
         model: Model,
-        publisher: Callable[[str], Publish],
+        publisher: Callable[[str], Callable[[bytes], None]],
         client: ExperimentClient,
         end: ExperimentEnd,
         adopted: Callable[[Model], None],
     ) -> None:
         self.model = model
-        self._context, self._jobs, self._adopted = context, jobs, adopted
-        self._buffer = context.buffer
+        self._context, self._jobs, self._buffer, self._adopted = context, context.jobs, context.buffer, adopted
         self.input = SampleInput(model, context.period_ns, context.lockstep, self._buffer, self.restart)
 
-        def publish(name: str) -> Publish:
-            return publisher(f"estimator/{name}")
+        def samples(name: str) -> Callable[[int, Sequence[float]], None]:
+            publish, packer = publisher(f"estimator/{name}"), OutputPacker(output_columns(model))
+            return lambda stamp, row: publish(packer.pack(stamp, row))
 
-        columns = output_columns(model)
-        self._prediction = Prediction(
-            context.parameters, OutputPacker(columns), publish("prediction"), publish("residual")
-        )
-        self._recursion = RecursiveModel(
-            context, model, OutputPacker(columns), publish("innovation"), publish("coefficients")
-        )
-        self.fits = FitSchedule(context, publish("fit"))
-        self.diagnosis = DiagnosisSchedule(context, client, model, publish("missing_effects"), publish("ladder"))
+        self._prediction = Prediction(context.parameters, samples("prediction"), samples("residual"))
+        self._recursion = RecursiveModel(context, model, samples("innovation"))
+        self.fits = FitSchedule(context, self._judged)
+        self.diagnosis = DiagnosisSchedule(context, client, model, self._adopt)
         self._evidence = EvidenceSchedule(
-            context,
-            model,
-            lambda: self.diagnosis.coordinator.missing,
-            self.diagnosis.take_evidence,
-            end,
-            publish("evidence"),
-            publish("parameters"),
+            context, model, lambda: self.diagnosis.coordinator.missing, self.diagnosis.take_evidence, end
         )
-        self._monitor = MonitorSchedule(context, model, publish("wear"))
-        self._takers: dict[type, Callable[[Any], None]] = {
-            FitAnswer: self._take_fit,
-            DiagnosisAnswer: lambda answer: self.diagnosis.take(answer, self._adopt),
-            EvidenceAnswer: self._evidence.take,
-            MonitorAnswer: self._monitor.take,
-        }
+        self._wear = WearSchedule(context, model)
         self._samples = RateCounter()
         self._forgot = 0
         self._warned = 0
@@ -100,7 +75,7 @@ class Estimator:
         if other_machine:
             self.diagnosis.restart()
             self.diagnosis.last = last
-            self._monitor.begin(model)
+            self._wear.begin(model)
         self.diagnosis.another_model(model)
         self._evidence.begin(model)
         with contextlib.suppress(InputError):  # too few samples
@@ -122,15 +97,12 @@ class Estimator:
         """Forget everything: the clock was set back, a new run begins."""
         self._resets += 1
         self._buffer.clear()
-        self.input.restart()
-        self.fits.restart()
-        self.diagnosis.restart()
-        self._evidence.restart()
-        self._monitor.restart()
+        for part in (self.input, self.fits, self.diagnosis, self._evidence, self._wear):
+            part.restart()
         self._prediction.begin(self.model)
         self._recursion.begin()
 
-    # samples and answers
+    # samples and results
 
     @property
     def holding(self) -> bool:
@@ -141,8 +113,7 @@ class Estimator:
 
     def update(self, progress: Progress) -> None:
         """Take the answers of the worker, then process the samples whose commands are known."""
-        for answer in self._jobs.answers():
-            self._takers[type(answer)](answer)
+        self._jobs.deliver()
         self.diagnosis.follow(progress)
         self._evidence.poll()
         while not self.holding:
@@ -162,7 +133,7 @@ class Estimator:
                 self._context.error(follower.failure)
         self.fits.follow(self.model, last)
         self._evidence.follow(last)
-        self._monitor.follow(last)
+        self._wear.follow(last)
         self.diagnosis.follow(progress)
         for one in self._buffer.computed[self._warned :]:
             self._context.warn(one.text)
@@ -177,22 +148,20 @@ class Estimator:
         window, validation = self.fits.spans
         longest = max(window, self._context.nanoseconds("diagnose_window")) + validation
         oldest = last - max(longest, self._context.nanoseconds("fit_period")) - 2 * SECOND
-        needed = (self.diagnosis.oldest, self._evidence.oldest, self._monitor.oldest)
+        needed = (self.diagnosis.oldest, self._evidence.oldest, self._wear.oldest)
         self._buffer.forget(min([oldest, *(one for one in needed if one is not None)]))
 
-    def _take_fit(self, answer: FitAnswer) -> None:
-        stamp = self.fits.take(answer)
-        if answer.parameters:
-            self._evidence.take_fit(answer.summary, answer.parameters, stamp)
-            self.diagnosis.take_fit(answer.summary)
+    def _judged(self, fit: FitSummary, estimates: Sequence[ParameterSummary], stamp: int) -> None:
+        self._evidence.take_fit(fit, estimates, stamp)
+        self.diagnosis.take_fit(fit)
 
     # end and health
 
     def finish(self, last: int) -> bool:
         """Order what is left at the end of a run, its last sample at `last` [ns]; return whether all is done."""
-        if not self._monitor.busy:
-            self._monitor.finish(last)
-        if any(one.busy for one in (self.diagnosis.coordinator, self._evidence, self._monitor, self._jobs)):
+        if not self._wear.busy:
+            self._wear.finish(last)
+        if any(one.busy for one in (self.diagnosis.coordinator, self._evidence, self._wear, self._jobs)):
             return False
         self._recursion.publish_coefficients(last)
         return True
@@ -209,9 +178,9 @@ class Estimator:
         }
         return [
             Status("prediction", failure or f"{rate:.0f} samples/s", Level.ERROR if failure else Level.OK, values),
-            self.fits.health(skipped=self._jobs.skipped, failures=self._jobs.failures),
+            self.fits.health(),
             *self._recursion.health(),
-            *self._monitor.health(),
+            *self._wear.health(),
             *self._evidence.health(),
-            self.diagnosis.health(self._jobs.progress),
+            self.diagnosis.health(),
         ]

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 from idloop.records.bags.cdr import SECOND
-from idloop_nodes.streams.sample_buffer import SampleBuffer
 
 if TYPE_CHECKING:
-    from idloop_nodes.estimation.job_queue import Job
+    from idloop_nodes.codec import Status
+    from idloop_nodes.estimation.job_queue import JobQueue
+    from idloop_nodes.streams.sample_buffer import SampleBuffer
 
 SHORTEST = 20  # samples below which a stretch of data is neither fitted nor judged
-
-Publish = Callable[[bytes], None]
-Log = Callable[[str], object]
 
 
 class Values(Protocol):
@@ -25,30 +23,19 @@ class Values(Protocol):
         """Return a value."""
 
 
-class Jobs(Protocol):
-    """Where jobs go."""
-
-    @property
-    def busy(self) -> bool:
-        """Whether a job runs or waits."""
-
-    def submit(self, job: Job) -> None:
-        """Take in a job."""
-
-
 @dataclass
 class EstimatorContext:
-    """Name, log, parameters, samples and worker of one estimator."""
+    """Log, parameters, samples, worker and results of one estimator."""
 
     name: str  # name of the node
     # Take one line for the log
-    info: Log
-    warn: Log
-    error: Log
+    info: Callable[[str], object]
+    warn: Callable[[str], object]
+    error: Callable[[str], object]
     parameters: Values
     buffer: SampleBuffer
-    jobs: Jobs
-    submitted: int = 0  # number of the newest job
+    jobs: JobQueue
+    publish: Callable[[str, int, Sequence[Status]], None]  # publishes a result: name of its topic, stamp [ns], content
 
     @property
     def period_ns(self) -> int:
@@ -63,8 +50,3 @@ class EstimatorContext:
     def nanoseconds(self, parameter: str) -> int:
         """Return a parameter in seconds as nanoseconds."""
         return round(float(self.parameters[parameter]) * SECOND)
-
-    def next_number(self) -> int:
-        """Return the number of the next job."""
-        self.submitted += 1
-        return self.submitted

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import queue
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from functools import partial
+from typing import Any
 
 from idloop.errors import IdloopError
 from idloop.worker_process import Report, WorkerLostError, WorkerProcess
@@ -13,30 +15,14 @@ from idloop.worker_process import Report, WorkerLostError, WorkerProcess
 PROCESS_NAME = "estimator work"
 
 
-class Job(Protocol):
-    """Something for the worker to do; travels as a pickle."""
-
-    @property
-    def number(self) -> int:
-        """Which job this is."""
-
-    @property
-    def replaceable(self) -> bool:
-        """Whether a newer job of this kind makes it pointless while it waits."""
-
-    def work(self, report: Report) -> Any:
-        """Do it, in the worker, and return the answer."""
-
-    def failed(self, reason: str) -> Any:
-        """Return the answer of a job that could not be done: why, in one line."""
-
-
 @dataclass(frozen=True)
-class JobProgress:
-    """How far a job is: share from 0 to 1, and what it does."""
+class Job:
+    """Work for the worker process, and what receives its result, or the reason why there is none, in one line."""
 
-    share: float
-    text: str
+    work: Callable[[Report], Any]  # travels as a pickle
+    done: Callable[[Any], None]
+    failed: Callable[[str], None]
+    replaceable: bool  # a newer job of this kind makes it pointless while it waits
 
 
 class JobQueue:
@@ -44,19 +30,19 @@ class JobQueue:
 
     `keep_all`: True does every job (lock-step: equal runs give equal results); False lets a newer job replace a waiting
     one of its kind (real time: only the newest window is of interest). Attributes: `progress`: how far the running job
-    is; `skipped`, `failures`: jobs that were replaced while they waited, and worker processes that were lost.
+    is, a share from 0 to 1, and what it does; `submitted`, `skipped`, `failures`: jobs, those that were replaced while
+    they waited, and worker processes that were lost.
     """
 
     def __init__(self, *, keep_all: bool) -> None:
-        self.skipped = 0
-        self.failures = 0
-        self.progress: JobProgress | None = None
+        self.submitted = self.skipped = self.failures = 0
+        self.progress: tuple[float, str] | None = None
         self._keep_all = keep_all
         self._waiting: list[Job] = []
         self._running: Job | None = None
         self._process = WorkerProcess(PROCESS_NAME)
         self._jobs: queue.SimpleQueue[Job | None] = queue.SimpleQueue()
-        self._answers: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._answers: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._run, name="jobs", daemon=True)
         self._thread.start()
 
@@ -70,23 +56,30 @@ class JobQueue:
         """Number of the worker process; None while it starts."""
         return self._process.pid
 
-    def submit(self, job: Job) -> None:
+    def submit(
+        self,
+        work: Callable[[Report], Any],
+        done: Callable[[Any], None],
+        failed: Callable[[str], None],
+        *,
+        replaceable: bool = False,
+    ) -> None:
         """Take in a job."""
-        if not self._keep_all and job.replaceable:
+        self.submitted += 1
+        if not self._keep_all and replaceable:
             keep = [one for one in self._waiting if not one.replaceable]
             self.skipped += len(self._waiting) - len(keep)
             self._waiting = keep
-        self._waiting.append(job)
+        self._waiting.append(Job(work, done, failed, replaceable))
         self._next()
 
-    def answers(self) -> list[Any]:
-        """Return the answers since the last call."""
-        result: list[Any] = []
+    def deliver(self) -> None:
+        """Hand out the answers since the last call."""
         while not self._answers.empty():
-            result.append(self._answers.get())
+            answer = self._answers.get()
             self._running = self.progress = None
             self._next()
-        return result
+            answer()
 
     def close(self) -> None:
         """End the worker process."""
@@ -103,15 +96,10 @@ class JobQueue:
         self._process.start()  # its imports take a second: they are done before the first job
         while (job := self._jobs.get()) is not None:
             try:
-                answer = self._process.call(_work, job, report=self._take_progress)
+                self._answers.put(partial(job.done, self._process.call(job.work, report=self._take_progress)))
             except IdloopError as error:
                 self.failures += isinstance(error, WorkerLostError)
-                answer = job.failed(str(error))
-            self._answers.put(answer)
+                self._answers.put(partial(job.failed, str(error)))
 
     def _take_progress(self, share: float, text: str) -> None:
-        self.progress = JobProgress(share, text)
-
-
-def _work(job: Job, report: Report) -> Any:
-    return job.work(report)
+        self.progress = share, text

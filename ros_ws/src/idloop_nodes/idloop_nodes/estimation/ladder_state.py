@@ -13,7 +13,7 @@ from idloop.errors import InputError
 from idloop.physics import parse_effect
 from idloop.validation import compare
 from idloop.worker_process import Report
-from idloop_nodes.estimation.diagnosis_jobs import DiagnosisAnswer, DiagnosisJob
+from idloop_nodes.estimation.diagnosis_jobs import DiagnosisAnswer, DiagnosisOrder
 from idloop_nodes.estimation.summaries import summarise_diagnosis, summarise_ladder
 
 if TYPE_CHECKING:
@@ -30,15 +30,15 @@ class LadderState:
     # The next experiment, as `idloop suggest` writes it, and under ``experiment`` what the excitation receives
     suggested: dict[str, Any] | None = None
 
-    def diagnose(self, job: DiagnosisJob, report: Report) -> DiagnosisAnswer:
+    def diagnose(self, order: DiagnosisOrder, report: Report) -> DiagnosisAnswer:
         """Find out what is missing."""
-        found = diagnose(job.model, job.records, effects=job.catalogue or None, **_settings(job, report))
+        found = diagnose(order.model, order.records, effects=order.catalogue or None, **_settings(order, report))
         self.diagnosis = found
         self.suggested = None
         if self.ladder is None:
-            self.ladder = Ladder((_step(found.model, job),), criterion=found.criterion, level=job.level)
+            self.ladder = Ladder((_step(found.model, order),), criterion=found.criterion, level=order.level)
         else:
-            self.ladder = _measured_anew(self.ladder, job)
+            self.ladder = _measured_anew(self.ladder, order)
         self.ladder = replace(
             self.ladder,
             verdict=found.verdict,
@@ -48,10 +48,10 @@ class LadderState:
             unknown=found.unknown,
             passed_over=found.passed_over,
         )
-        where = compare(self.ladder.model, job.validation[-1]).where.lines() if job.validation else []
-        return self._answer(job, missing=summarise_diagnosis(found, where, job.windows))
+        where = compare(self.ladder.model, order.validation[-1]).where.lines() if order.validation else []
+        return self._answer(order, missing=summarise_diagnosis(found, where, order.windows))
 
-    def add_best_effect(self, job: DiagnosisJob, report: Report) -> DiagnosisAnswer:
+    def add_best_effect(self, order: DiagnosisOrder, report: Report) -> DiagnosisAnswer:
         """Add what the newest diagnosis names first: an effect, or both of a pair."""
         best = None if self.diagnosis is None else self.diagnosis.best
         if self.ladder is None or self.diagnosis is None or best is None:
@@ -60,79 +60,79 @@ class LadderState:
         if self.diagnosis.pair is not None:
             for rung in self.diagnosis.rungs:
                 if rung.added.model is not None:
-                    step = _step(rung.added.model, job, rung.added)
+                    step = _step(rung.added.model, order, rung.added)
                     gone = rung.added.replaces
                     steps = [
                         s for s in ladder.steps if s.added is None or s.added.name != gone or s.chosen_by == "user"
                     ]
                     ladder = replace(ladder, steps=(*steps, replace(step, set=rung.set, p_value=rung.added.p_value)))
-            return self._climb(job, ladder)
+            return self._climb(order, ladder)
         if ladder.added:
             # Earlier effects may be needless now: that takes a refit of its own.
             ladder = refine(
                 ladder.model,
-                job.records,
-                job.validation,
+                order.records,
+                order.validation,
                 effects=[best.name],
                 most=len(ladder.added) + 1,
                 ladder=ladder,
-                **_settings(job, report),
+                **_settings(order, report),
             )
         if best.name not in ladder.added and best.model is not None:
-            ladder = replace(ladder, steps=(*ladder.steps, _step(best.model, job, best)))
+            ladder = replace(ladder, steps=(*ladder.steps, _step(best.model, order, best)))
         # The evidence is that of the whole catalogue.
         last = ladder.steps[-1]
         if last.added is not None:
             added = replace(last.added, p_value=best.p_value, explains=best.explains, why=best.why)
             last = replace(last, added=added, set=self.diagnosis.set, p_value=best.p_value)
-        return self._climb(job, replace(ladder, steps=(*ladder.steps[:-1], last)))
+        return self._climb(order, replace(ladder, steps=(*ladder.steps[:-1], last)))
 
-    def undo(self, job: DiagnosisJob, report: Report) -> DiagnosisAnswer:
+    def undo(self, order: DiagnosisOrder, report: Report) -> DiagnosisAnswer:
         """Take the last step back."""
         if self.ladder is None:
             raise InputError("there is no step to take back")
-        return self._climb(job, self.ladder.undo())
+        return self._climb(order, self.ladder.undo())
 
-    def effects(self, job: DiagnosisJob, report: Report) -> DiagnosisAnswer:
+    def effects(self, order: DiagnosisOrder, report: Report) -> DiagnosisAnswer:
         """Climb to exactly the effects of the order, from the highest step that has none but these."""
-        names = ["@".join(parse_effect(text)[:2]) for text in job.effects]
+        names = ["@".join(parse_effect(text)[:2]) for text in order.effects]
         ladder = self.ladder
         if ladder is None:
-            # The job's model has the effects already; the ladder begins without them.
+            # The order's model has the effects already; the ladder begins without them.
             ladder = refine(
-                job.model.without_effects(names),
-                job.records,
-                job.validation,
-                effects=job.catalogue or None,
+                order.model.without_effects(names),
+                order.records,
+                order.validation,
+                effects=order.catalogue or None,
                 most=0,
-                **_settings(job, report),
+                **_settings(order, report),
             )
         own = set(ladder.steps[0].model.effect_names)
         while len(ladder.steps) > 1 and not set(ladder.model.effect_names) - own <= set(names):
             ladder = ladder.undo()
-        for text, name in zip(job.effects, names, strict=True):
+        for text, name in zip(order.effects, names, strict=True):
             if name not in ladder.model.effect_names:
-                ladder = add_effect(ladder, text, job.records, job.validation, seed=job.seed, progress=report)
-        return self._climb(job, ladder)
+                ladder = add_effect(ladder, text, order.records, order.validation, seed=order.seed, progress=report)
+        return self._climb(order, ladder)
 
-    def suggest(self, job: DiagnosisJob, report: Report) -> DiagnosisAnswer:
+    def suggest(self, order: DiagnosisOrder, report: Report) -> DiagnosisAnswer:
         """Work out the experiment that settles what the newest diagnosis has left open."""
         from idloop.diagnosis.design.next_experiment import suggest_next
         from idloop.diagnosis.design.suggest import Limits
 
         if self.diagnosis is None:
             raise InputError("nothing is undecided: diagnose first")
-        limits = job.limits
+        limits = order.limits
         found = suggest_next(
             self.diagnosis,
-            job.records,
+            order.records,
             Limits(
                 command=limits.amplitude if limits.adds_to == "command" else None,
                 position=limits.position,
                 velocity=limits.velocity,
             ),
-            seed=job.seed,
-            start=_newest_position(job),
+            seed=order.seed,
+            start=_newest_position(order),
             progress=report,
         )
         if found is None:
@@ -140,52 +140,55 @@ class LadderState:
         self.suggested = found.to_dict()
         shift = found.start if limits.absolute else 0.0
         self.suggested["experiment"] = {"signal": _for_excitation(found.signal, shift), "adds_to": found.adds_to}
-        return self._answer(job)
+        return self._answer(order)
 
     # answers
 
-    def _climb(self, job: DiagnosisJob, ladder: Ladder) -> DiagnosisAnswer:
+    def _climb(self, order: DiagnosisOrder, ladder: Ladder) -> DiagnosisAnswer:
         self.ladder = replace(ladder, candidates=(), suggested_experiment=None)
         self.diagnosis = self.suggested = None
-        return self._answer(job, model=ladder.model)
+        return self._answer(order, model=ladder.model)
 
-    def _answer(self, job: DiagnosisJob, **more: Any) -> DiagnosisAnswer:
+    def _answer(self, order: DiagnosisOrder, **more: Any) -> DiagnosisAnswer:
         ladder = None
         if self.ladder is not None:
-            ladder = summarise_ladder(self.ladder, self.suggested, job.experiments)
-        return DiagnosisAnswer(job.number, job.verb, job.stamp, pickle.dumps(self), ladder=ladder, **more)
+            ladder = summarise_ladder(self.ladder, self.suggested, order.experiments)
+        return DiagnosisAnswer(order.verb, order.stamp, pickle.dumps(self), ladder=ladder, **more)
 
 
-def _settings(job: DiagnosisJob, report: Report) -> dict[str, Any]:
+def _settings(order: DiagnosisOrder, report: Report) -> dict[str, Any]:
     """Arguments that `diagnose` and `refine` share."""
     names = ("level", "criterion", "minimum_improvement", "seed")
-    return {name: getattr(job, name) for name in names} | {"progress": report}
+    return {name: getattr(order, name) for name in names} | {"progress": report}
 
 
-def _step(model: Model, job: DiagnosisJob, added: Candidate | None = None) -> Step:
+def _step(model: Model, order: DiagnosisOrder, added: Candidate | None = None) -> Step:
     return Step(
-        added=added, model=model, train=model_errors(model, job.records), validation=model_errors(model, job.validation)
+        added=added,
+        model=model,
+        train=model_errors(model, order.records),
+        validation=model_errors(model, order.validation),
     )
 
 
-def _measured_anew(ladder: Ladder, job: DiagnosisJob) -> Ladder:
+def _measured_anew(ladder: Ladder, order: DiagnosisOrder) -> Ladder:
     """New data may have come in: every step is judged on the same."""
-    if len(ladder.steps[-1].train.get("records", {})) == len(job.records):
+    if len(ladder.steps[-1].train.get("records", {})) == len(order.records):
         return ladder
     steps = []
     for step in ladder.steps:
-        errors = model_errors(step.model, job.records), model_errors(step.model, job.validation)
+        errors = model_errors(step.model, order.records), model_errors(step.model, order.validation)
         steps.append(replace(step, train=errors[0], validation=errors[1]))
     return replace(ladder, steps=tuple(steps))
 
 
-def _newest_position(job: DiagnosisJob) -> float | None:
+def _newest_position(order: DiagnosisOrder) -> float | None:
     """Position at which the axis is, as far as the data show."""
     import numpy as np
 
-    for column, output in enumerate(job.model.outputs):
-        if output.field == "position" and output.body == job.model.bodies[0] and job.validation:
-            measured = job.validation[-1].output[:, column]
+    for column, output in enumerate(order.model.outputs):
+        if output.field == "position" and output.body == order.model.bodies[0] and order.validation:
+            measured = order.validation[-1].output[:, column]
             known = measured[np.isfinite(measured)]
             return float(known[-1]) / output.scale if len(known) else None
     return None

@@ -8,10 +8,8 @@ from typing import TYPE_CHECKING
 
 from idloop.records.bags.cdr import SECOND
 from idloop_nodes.codec import CdrError, JointReader
-from idloop_nodes.streams.command_wait import CommandWait
-from idloop_nodes.streams.held_stream import HeldStream
-from idloop_nodes.streams.joint_layout import output_columns
-from idloop_nodes.streams.polled_stream import PolledStream
+from idloop_nodes.codec.joints import output_columns
+from idloop_nodes.streams.held_stream import CommandWait, HeldStream, PolledStream
 from idloop_nodes.streams.sample_buffer import SampleBuffer
 
 if TYPE_CHECKING:

@@ -1,8 +1,8 @@
-"""An experiment that the excitation is handed over: read, built, held against the limits."""
+"""An experiment that the excitation is handed over: read, built, held against the limits while it plays."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,8 +11,11 @@ from numpy.typing import NDArray
 
 from idloop.documents import read_yaml
 from idloop.errors import InputError
-from idloop.signals import build_signal
+from idloop.signals import SIGNALS, build_signal
 from idloop.spelling import did_you_mean, listed
+from idloop_nodes.codec import CdrError, JointReader
+from idloop_nodes.parameters import Values
+from idloop_nodes.streams.held_stream import PolledStream
 
 Array = NDArray[np.float64]
 
@@ -105,3 +108,59 @@ def read_experiment(text: str, target: str, sample_time: float) -> Experiment:
     built = build_signal(str(signal.pop("name")), **signal)
     rate = np.zeros_like(built.value) if built.rate is None else built.rate
     return Experiment(built.value, rate, adds_to, sample_time)
+
+
+class AxisGuard:
+    """Compares the measurements during an experiment with its limits.
+
+    `poll_topic`: subscribes to a topic.
+    """
+
+    def __init__(self, poll_topic: Callable[[str], PolledStream], joint: str) -> None:
+        self._poll_topic = poll_topic
+        self._reader = JointReader([(joint, "position"), (joint, "velocity")])
+        self._measurements: PolledStream | None = None
+
+    def prepare(self, limits: Limits) -> None:
+        """Subscribe to the measurements as soon as a limit needs them."""
+        if limits.watched and self._measurements is None:
+            self._measurements = self._poll_topic("joint_states")
+
+    def breach(self, limits: Limits, span: tuple[int, int] | None) -> str:
+        """Take in what has arrived; return which limit was exceeded in the span of an experiment, empty when none."""
+        if self._measurements is None:
+            return ""
+        found = ""
+        for data, _ in self._measurements.take():
+            if span is None or found:
+                continue
+            try:
+                stamp, (position, velocity) = self._reader.read(data)
+            except CdrError:
+                continue
+            if span[0] <= stamp < span[1]:
+                found = limits.breach(position, velocity)
+        return found
+
+
+LIMITS = ("amplitude", "position_min", "position_max", "velocity")
+COMMON = ("sample_time", "duration", "amplitude", "offset", "seed", "ramp_in")
+
+
+def normal_signal(values: Values) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return value and rate of the whole normal signal, each of shape (n,)."""
+    kind = values["signal"]
+    own = {spec.name: values[f"{kind}.{spec.name}"] for spec in SIGNALS[kind].parameters}
+    given = own | {name: values[name] for name in COMMON}
+    signal = build_signal(kind, **{name: value for name, value in given.items() if value is not None})
+    return signal.value, np.zeros_like(signal.value) if signal.rate is None else signal.rate
+
+
+def return_time(values: Values) -> float | None:
+    """Return the time of the way back to the beginning of a signal that repeats [s]; None where it ends."""
+    return float(values["handover_time"]) if values["repeat"] else None
+
+
+def experiment_limits(values: Values) -> Limits:
+    """Return what an experiment must keep within."""
+    return Limits(**{name: values[f"limit.{name}"] for name in LIMITS})

@@ -8,13 +8,11 @@ from sensor_msgs.msg import JointState
 
 from idloop_nodes import qos
 from idloop_nodes.codec import CdrError, JointReader, JointWriter, Status
-from idloop_nodes.safety.competing_publishers import refuse_loops, several_commanders
-from idloop_nodes.safety.gate_settings import gate_settings
 from idloop_nodes.safety.guarded_node import GuardedNode
-from idloop_nodes.safety.last_node import prepare
+from idloop_nodes.safety.last_node import prepare, refuse_loops, several_commanders
 from idloop_nodes.safety.robot_joints import RobotJoints
-from idloop_nodes.safety.safety_gate import SafetyGate
-from idloop_nodes.streams.decimator import Decimator
+from idloop_nodes.safety.safety_gate import SafetyGate, gate_settings
+from idloop_nodes.streams.rates import Decimator
 
 __all__ = ["BridgeNode", "make", "prepare"]
 

@@ -9,20 +9,18 @@ import time
 from idloop.physics import load_model
 from idloop.records.bags.cdr import SECOND
 from idloop_nodes.codec import CdrError, JointReader, JointWriter, Level, Status, peek_stamp
-from idloop_nodes.control.from_parameters import (
+from idloop_nodes.codec.joints import output_topic
+from idloop_nodes.control_loop import (
+    LoopInputs,
     compensated_effects,
     compensation_lines,
     controller_columns,
     controller_from_parameters,
 )
-from idloop_nodes.control.loop_inputs import LoopInputs
-from idloop_nodes.deadlines import Deadlines, become_urgent
-from idloop_nodes.managed_node import ManagedNode
-from idloop_nodes.safety.emergency_stop import EmergencyStop
-from idloop_nodes.safety.stall_notice import StallNotice
-from idloop_nodes.streams.joint_layout import output_topic
-from idloop_nodes.streams.rates import RateCounter
+from idloop_nodes.managed_node import EmergencyStop, ManagedNode
+from idloop_nodes.streams.rates import RateCounter, StallNotice
 from idloop_nodes.streams.stream_watch import JUMP_NS
+from idloop_nodes.timing import Deadlines, become_urgent
 
 
 class ControllerNode(ManagedNode):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from functools import partial
 
 from rclpy.parameter import Parameter
@@ -11,20 +12,19 @@ from idloop.errors import InputError
 from idloop.physics import Model, load_model
 from idloop.records.bags.cdr import SECOND
 from idloop_nodes.base import StreamNode
-from idloop_nodes.codec import Status
+from idloop_nodes.codec import Status, encode_diagnostics
+from idloop_nodes.codec.joints import output_columns, output_topic
 from idloop_nodes.estimation.diagnosis_jobs import ADD_BEST, DIAGNOSE, SUGGEST, UNDO
 from idloop_nodes.estimation.estimator import Estimator
 from idloop_nodes.estimation.estimator_context import EstimatorContext
-from idloop_nodes.estimation.experiment_client import ExperimentClient
-from idloop_nodes.estimation.experiment_end import ExperimentEnd
 from idloop_nodes.estimation.job_queue import JobQueue
+from idloop_nodes.graph_start import command_topic
 from idloop_nodes.parameters import Values
 from idloop_nodes.progress import DONE, due
-from idloop_nodes.service_calls import ServiceCalls
-from idloop_nodes.streams.bursts import Bursts
-from idloop_nodes.streams.joint_layout import output_columns, output_topic
+from idloop_nodes.service_calls import ExperimentClient, ExperimentEnd
 from idloop_nodes.streams.sample_buffer import SampleBuffer
-from idloop_nodes.wiring import command_topic
+from idloop_nodes.timing import Bursts
+from idloop_nodes.topics import RESULTS
 
 BURST, LOCKSTEP_BURST = 0.003, 0.04  # seconds between bursts of samples
 # Parameters of the evidence: another value restarts the scores.
@@ -47,14 +47,18 @@ class EstimatorNode(StreamNode):
         self._always = [outputs, *([commands] if self._lockstep else [])]
         self._jobs = JobQueue(keep_all=self._lockstep)
         buffer = SampleBuffer(len(output_columns(model)))
+        results = {topic: self.publisher(topic) for topic in RESULTS}
+
+        def publish(name: str, stamp: int, statuses: Sequence[Status]) -> None:
+            results[f"estimator/{name}"](encode_diagnostics(stamp, statuses))
+
         context = EstimatorContext(
-            self.get_name(), logger.info, logger.warning, logger.error, values, buffer, self._jobs
+            self.get_name(), logger.info, logger.warning, logger.error, values, buffer, self._jobs, publish
         )
         guards = [one for one in (values["bridge_node"], values["controller_node"]) if one]
         excitation = values["excitation_node"]
-        end = ExperimentEnd(ServiceCalls(self), guards, excitation, logger.warning)
-        client = ExperimentClient(self, excitation)
-        self.estimator = Estimator(context, self._jobs, model, self.publisher, client, end, self._adopted)
+        client, end = ExperimentClient(self, excitation), ExperimentEnd(self, guards, excitation, logger.warning)
+        self.estimator = Estimator(context, model, self.publisher, client, end, self._adopted)
         self._period_ns = context.period_ns
         self._reported: int | None = None
         self._done = False

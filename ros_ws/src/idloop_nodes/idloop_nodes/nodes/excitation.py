@@ -10,10 +10,15 @@ from rclpy.parameter import Parameter
 from idloop.errors import InputError
 from idloop.records.bags.cdr import SECOND
 from idloop_nodes.codec import JointWriter, Level, Status, peek_stamp
-from idloop_nodes.excitation.axis_guard import AxisGuard
 from idloop_nodes.excitation.excitation_sequence import ExcitationSequence
-from idloop_nodes.excitation.experiment import read_experiment
-from idloop_nodes.excitation.from_parameters import LIMITS, experiment_limits, normal_signal, return_time
+from idloop_nodes.excitation.experiment import (
+    LIMITS,
+    AxisGuard,
+    experiment_limits,
+    normal_signal,
+    read_experiment,
+    return_time,
+)
 from idloop_nodes.managed_node import ManagedNode
 from idloop_nodes.parameters import Values
 from idloop_nodes.progress import EXPERIMENT, HANDED_BACK

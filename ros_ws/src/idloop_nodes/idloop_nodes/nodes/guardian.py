@@ -11,10 +11,9 @@ from idloop.records.bags.cdr import SECOND
 from idloop_nodes import qos
 from idloop_nodes.base import StreamNode
 from idloop_nodes.codec import Level, Status
-from idloop_nodes.deadlines import become_urgent
-from idloop_nodes.safety.guardian_link import STOPPED, WAITS, WATCHES, GuardianEnd, Hello, address
+from idloop_nodes.safety.guardian_link import STOPPED, WAITS, WATCHES, GuardianEnd, Hello, SilenceWatch, address
 from idloop_nodes.safety.last_node import MESSAGES, PRIORITY, TICK, prepare
-from idloop_nodes.safety.silence_watch import SilenceWatch
+from idloop_nodes.timing import become_urgent
 
 __all__ = ["GuardianNode", "make", "prepare"]
 

@@ -11,16 +11,14 @@ from idloop.physics import Machine, Plant, load_model
 from idloop.records.bags.cdr import SECOND
 from idloop_nodes.base import StreamNode
 from idloop_nodes.codec import CdrError, JointReader, Level, Status, encode_time
-from idloop_nodes.deadlines import Deadlines, become_urgent
+from idloop_nodes.codec.joints import OutputPacker, output_columns, output_topic
 from idloop_nodes.descriptions import describe
-from idloop_nodes.pace import Pace
+from idloop_nodes.graph_start import RUNNING_PEER_FACTOR
 from idloop_nodes.parameters import NodeParameters
 from idloop_nodes.progress import DONE, END, BackPressure
-from idloop_nodes.safety.stall_notice import FIRST_TIMEOUT, TIMEOUT, StallNotice
-from idloop_nodes.start_barrier import RUNNING_PEER_FACTOR
-from idloop_nodes.streams.effective_time import effective_time
-from idloop_nodes.streams.joint_layout import OutputPacker, output_columns, output_topic
-from idloop_nodes.streams.rates import RateCounter
+from idloop_nodes.streams.rates import FIRST_TIMEOUT, TIMEOUT, RateCounter, StallNotice
+from idloop_nodes.streams.stream_watch import effective_time
+from idloop_nodes.timing import Deadlines, Pace, become_urgent
 
 REPEAT = 1.0  # seconds without an answer, in lock-step, after which a measurement is published again
 

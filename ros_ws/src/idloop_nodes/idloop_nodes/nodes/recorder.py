@@ -9,14 +9,12 @@ from idloop.errors import IdloopError
 from idloop.records.bags.cdr import SECOND
 from idloop_nodes.base import StreamNode
 from idloop_nodes.codec import Level, Status, peek_stamp
-from idloop_nodes.distribution import ros_distribution
+from idloop_nodes.middleware import ros_distribution
 from idloop_nodes.progress import DONE, due
-from idloop_nodes.streams.arrival_times import ArrivalTimes
-from idloop_nodes.streams.bag_writer import BagWriter, choose_folder
-from idloop_nodes.streams.canonical_order import CanonicalOrder, rank_topics
-from idloop_nodes.streams.polled_stream import PolledStream
+from idloop_nodes.streams.bag_writer import BagWriter, CanonicalOrder, choose_folder, rank_topics
+from idloop_nodes.streams.held_stream import PolledStream
 from idloop_nodes.streams.rates import RateCounter
-from idloop_nodes.streams.sequence_check import SequenceCheck
+from idloop_nodes.streams.stream_watch import ArrivalTimes, SequenceCheck
 from idloop_nodes.topics import JOINT_STATE, TOPICS
 
 SLACK = 1200  # samples by which streams may run apart before they are written in order

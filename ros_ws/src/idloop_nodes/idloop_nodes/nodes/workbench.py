@@ -11,13 +11,12 @@ from idloop.physics import load_model
 from idloop.reporting.workbench.server import Place, Site
 from idloop_nodes.base import StreamNode
 from idloop_nodes.codec import CdrError, JointReader, Level, Status, decode_diagnostics
+from idloop_nodes.codec.diagnostics import node_seen_from, seen_from
+from idloop_nodes.codec.joints import output_columns, output_topic
 from idloop_nodes.estimation.diagnosis_jobs import MotionLimits
-from idloop_nodes.estimation.experiment_client import ExperimentClient
-from idloop_nodes.health_names import node_seen_from, seen_from
-from idloop_nodes.service_calls import ServiceCalls
-from idloop_nodes.streams.joint_layout import output_columns, output_topic
+from idloop_nodes.graph_start import command_topic
+from idloop_nodes.service_calls import ExperimentClient, ServiceCalls
 from idloop_nodes.streams.rates import RateCounter
-from idloop_nodes.wiring import command_topic
 from idloop_nodes.workbench_page.orders import PageOrders
 from idloop_nodes.workbench_page.reading import activity_of, automatic_of, health_of, limits_of
 from idloop_nodes.workbench_page.results import PageResults

@@ -11,14 +11,54 @@ from rclpy.duration import Duration
 
 from idloop_nodes import qos
 from idloop_nodes.codec import Level, Status
-from idloop_nodes.deadlines import become_urgent
-from idloop_nodes.managed_node import ManagedNode
-from idloop_nodes.safety.bridge_counters import BridgeCounters
-from idloop_nodes.safety.competing_publishers import competing_publishers
-from idloop_nodes.safety.emergency_stop import EmergencyStop
+from idloop_nodes.managed_node import EmergencyStop, ManagedNode
 from idloop_nodes.safety.guardian_link import BridgeEnd, Hello, address
-from idloop_nodes.safety.last_node import MESSAGES, PRIORITY, TICK
-from idloop_nodes.safety.robot_clock import RobotClock
+from idloop_nodes.safety.last_node import MESSAGES, PRIORITY, TICK, competing_publishers
+from idloop_nodes.safety.robot_joints import RobotClock
+from idloop_nodes.streams.rates import RateCounter
+from idloop_nodes.timing import become_urgent
+
+FULL_LOAD = 0.9  # share of a processor core beyond which messages begin to wait
+
+
+class BridgeCounters:
+    """Measurements, commands and sent messages of a bridge.
+
+    Attributes: `load`: processor time of the thread that forwards messages [s]; `unreadable`: messages that could not
+    be read.
+    """
+
+    def __init__(self) -> None:
+        self.measured, self.commanded, self.sent, self.load = (RateCounter() for _ in range(4))
+        self.unreadable = 0
+
+    def status(self, values: dict[str, str], commanders: int, problem: str) -> Status:
+        """Return the check of the streams.
+
+        `values`: further key values. `commanders`: nodes that publish commands. `problem`: error that goes before all
+        others; empty when there is none.
+        """
+        rate, load = self.measured.rate(), self.load.rate()
+        counts = {
+            "measurements": str(self.measured.count),
+            "measurement_rate": f"{rate:.1f}",
+            "load": f"{load:.2f}",
+            "commands": str(self.commanded.count),
+            "command_rate": f"{self.commanded.rate():.1f}",
+            "sent": str(self.sent.count),
+            "sent_rate": f"{self.sent.rate():.1f}",
+            "unreadable": str(self.unreadable),
+            "commanders": str(commanders),
+        }
+        text, level = "ok", Level.OK
+        if commanders > 1:
+            text, level = f"{commanders} nodes publish joint_command", Level.WARN
+        if load > FULL_LOAD:
+            text, level = f"overloaded: this processor serves about {rate / load:.0f} measurements/s", Level.WARN
+        if problem:
+            text, level = problem, Level.ERROR
+        return Status("streams", text, level, counts | values)
+
 
 CHECK_PERIOD = 0.05  # seconds between checks for other nodes that command the robot
 ACKNOWLEDGE = Duration(nanoseconds=200_000_000)  # longest wait for the robot to acknowledge the last command

@@ -1,15 +1,18 @@
-"""What the last two processes before a motor share, the bridge and its guardian: period and priority."""
+"""What the last two processes before a motor share, the bridge and its guardian, and who else commands the motor."""
 
 from __future__ import annotations
 
 import gc
 import signal
+from collections.abc import Collection
+from typing import Any
 
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
-from idloop_nodes.deadlines import become_urgent
+from idloop.errors import InputError
+from idloop_nodes.timing import become_urgent
 
 PRIORITY = 40  # above that of the other nodes' loops, 20
 TICK = 0.005  # seconds between checks of the watchdog, and between two beats
@@ -35,3 +38,46 @@ def prepare() -> None:
     signal.signal(signal.SIGTSTP, signal.getsignal(signal.SIGTERM))
     for number in (signal.SIGTTIN, signal.SIGTTOU):
         signal.signal(number, signal.SIG_IGN)
+
+
+def refuse_loops(node: Any) -> None:
+    """Refuse topics of the robot that are topics of the bridge itself.
+
+    Raises InputError: the bridge would read or forward its own messages.
+    """
+    for parameter, ours in (("robot_states", "joint_states"), ("robot_commands", "joint_command")):
+        topic = node.resolve_topic_name(node.parameters[parameter])
+        if topic == node.resolve_topic_name(ours):
+            raise InputError(
+                f"bridge: {parameter} is {topic}, which is our own {ours}; start the graph in a namespace "
+                "(-r __ns:=/axis) or give the robot's topic another name"
+            )
+
+
+def competing_publishers(node: Any, topic: str, known: Collection[str]) -> str:
+    """Return why the motor must not be driven because of other publishers to the robot; empty when there are none.
+
+    What they publish passes every limit. A second process under a known name counts as well.
+
+    `topic`: topic on which the robot takes commands; `known`: fully qualified names of the nodes that may publish
+    there.
+    """
+    publishers = [_name(one) for one in node.get_publishers_info_by_topic(topic)]
+    others = {one for one in publishers if one not in known or publishers.count(one) > 1}
+    return f"others publish on {topic}, past all limits: {', '.join(sorted(others))}" if others else ""
+
+
+def several_commanders(node: Any, count: int) -> str:
+    """Return why no command may pass because several nodes publish `joint_command`; empty when at most one does.
+
+    `count`: publishers that are connected.
+    """
+    if count <= 1:
+        return ""
+    names = ", ".join(sorted(_name(one) for one in node.get_publishers_info_by_topic("joint_command")))
+    return f"{count} nodes publish joint_command ({names}): end all but one, or set allow_other_commanders"
+
+
+def _name(endpoint: Any) -> str:
+    """Fully qualified name of the node that an endpoint belongs to."""
+    return f"{endpoint.node_namespace.rstrip('/')}/{endpoint.node_name}"

@@ -1,9 +1,4 @@
-"""The last decision before the drives of an arm: a planned motion is released piece by piece, each ending at rest.
-
-Every piece goes on along the checked path for `horizon` and then slows down to rest on it. While all is well the next
-piece comes before the last one has begun to slow down. So whatever ends (this gate, its process, its machine, the
-cable), the arm comes to rest on its path, within the limits of its acceleration. No ROS and no clock in here.
-"""
+"""A planned motion along its path: its pace, and the gate that releases it piece by piece."""
 
 from __future__ import annotations
 
@@ -18,10 +13,57 @@ from idloop.records.bags.cdr import SECOND
 from idloop.robots.joint_limits import JointLimits
 from idloop.robots.joint_path import JointPath
 from idloop_nodes.safety.interlock import Interlock
-from idloop_nodes.safety.path_timing import PathTiming
 from idloop_nodes.streams.stream_watch import Arrival, StreamWatch
 
 Array = NDArray[np.float64]
+
+AT_REST = 1e-6  # a smaller pace is none: what is left of rounding
+
+
+@dataclass(frozen=True)
+class PathTiming:
+    """How far a motion is on its path after an instant.
+
+    The pace is the path time that passes in a second: 0 at rest, 1 as planned. It grows to 1 at the rate 1 / `ramp`,
+    and after `go` seconds falls to 0 at the same rate, so that whoever receives nothing more comes to rest on the path.
+
+    Attributes
+    ----------
+    place : float
+        Path time at the instant [s].
+    pace : float
+        At the instant, in [0, 1].
+    go : float
+        Time for which the motion goes on [s]; 0: it slows down at once.
+    ramp : float
+        Time from rest to the full pace and back [s].
+    """
+
+    place: float
+    pace: float
+    go: float
+    ramp: float
+
+    @property
+    def until_rest(self) -> float:
+        """Time until the motion rests [s]."""
+        return self.go + self.ramp * min(1.0, self.pace + self.go / self.ramp)
+
+    def after(self, elapsed: Array) -> tuple[Array, Array]:
+        """Path times [s] and paces at times after the instant [s]; an array of shape (n,) each."""
+        going = np.clip(elapsed, 0.0, self.go)
+        speeding = np.minimum(going, (1.0 - self.pace) * self.ramp)
+        fastest = self.pace + speeding / self.ramp
+        place = self.place + speeding * 0.5 * (self.pace + fastest) + (going - speeding) * fastest
+        slowing = np.clip(elapsed - self.go, 0.0, fastest * self.ramp)
+        pace = fastest - slowing / self.ramp
+        return place + slowing * 0.5 * (fastest + pace), np.where(pace > AT_REST, pace, 0.0)
+
+    def at(self, elapsed: float) -> tuple[float, float]:
+        """Path time [s] and pace at one time after the instant [s]."""
+        place, pace = self.after(np.array([elapsed]))
+        return float(place[0]), float(pace[0])
+
 
 STEP = 0.02  # distance of two points of a piece, and of two pieces [s]
 REST = 0.1  # for which a piece stays at rest, so that one that comes late does not end in the past [s]

@@ -1,8 +1,10 @@
-"""Values that hold from their stamp on, looked up at rising times."""
+"""Streams that a node reads when it wants to, and the value that holds at a time."""
 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterator
+from typing import Any
 
 
 class HeldStream:
@@ -47,3 +49,65 @@ class HeldStream:
         if self._values:
             return self._values[-1][0]
         return None if self._current is None else self._current[0]
+
+
+class PolledStream:
+    """Messages as bytes, taken in batches.
+
+    Attributes: `topic`: fully qualified name; `received`: whether any message has arrived.
+    """
+
+    def __init__(self, subscription: Any) -> None:
+        self.subscription = subscription
+        self.received = False
+        self.topic: str = subscription.topic_name
+        self._type = subscription.msg_type
+
+    def take(self, limit: int = 5000) -> Iterator[tuple[bytes, dict[str, Any]]]:
+        """Yield (bytes, information) of what has arrived, at most `limit` messages."""
+        handle = self.subscription.handle
+        with handle:
+            for _ in range(limit):
+                taken = handle.take_message(self._type, True)
+                if taken is None:
+                    return
+                self.received = True
+                yield taken
+
+
+PERIODS = 100  # after which a missing command no longer holds a measurement up
+SILENCE = 1.0  # seconds without any command: in simulated time only this tells a missing one from a late one
+EVER = 1 << 62  # later than any stamp
+
+
+class CommandWait:
+    """Stamps up to which the commands are known, or will not be known any more.
+
+    In real time a measurement that is a hundred periods old has waited long enough. In lock-step nothing runs ahead of
+    the commands, however long they take, so that equal runs give equal results; only a recording that lacks commands
+    shows measurements far beyond the last one, or its end, and then nothing comes.
+
+    `period_ns`: of the samples; `now`: of a clock that never jumps [s].
+    """
+
+    def __init__(self, period_ns: int, lockstep: bool, now: float) -> None:
+        self._patience = PERIODS * period_ns
+        self._lockstep = lockstep
+        self._newest = now
+
+    def update(self, now: float) -> None:
+        """Note that a command has come."""
+        self._newest = now
+
+    def known_until(self, command: int | None, output: int, end: int | None, now: float) -> int:
+        """Newest stamp whose command is settled [ns].
+
+        `command`: stamp of the newest command; `output`: stamp of the newest measurement; `end`: stamp after which
+        nothing comes, where that is known; `now`: [s].
+        """
+        given_up = output - self._patience
+        if self._lockstep and now - self._newest < SILENCE:
+            given_up = -1
+        elif end is not None and output >= end and now - self._newest >= SILENCE:
+            given_up = EVER
+        return given_up if command is None else max(command, given_up)

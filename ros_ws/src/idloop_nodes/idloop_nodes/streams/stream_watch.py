@@ -1,8 +1,12 @@
-"""Whether a stream is alive, judged by a steady clock, and whether the clock of its stamps jumped."""
+"""What a stream's stamps show: whether it is alive, whether a clock was set, what was lost, when a command holds."""
 
 from __future__ import annotations
 
 from enum import Enum
+from typing import Any
+
+from idloop.errors import InputError
+from idloop.records.bags.cdr import SECOND
 
 JUMP_NS = 1_000_000_000  # a stamp this far from the last one means that a clock was set
 
@@ -57,3 +61,62 @@ class StreamWatch:
     def begun(self) -> bool:
         """Whether any message has arrived."""
         return self._arrived is not None
+
+
+def effective_time(stamp: int, received: int, now: int) -> int:
+    """Return when a command takes effect: at its stamp, or on arrival when it is late.
+
+    `stamp`, `received`: of the command, by the clock of the system [ns]; `now`: the plant's own time, which goes on
+    evenly when that clock is set [ns]. Raises InputError: it would hold up all that follow: of an unknown sender, or
+    from a clock that was set.
+    """
+    if abs(received - now) >= JUMP_NS:
+        received = now
+    if stamp - received >= JUMP_NS:
+        raise InputError(f"a command for {(stamp - received) / SECOND:.0f} s ahead")
+    return max(stamp, received)
+
+
+class ArrivalTimes:
+    """Times of arrival that never step back within a topic, unless the clock was set.
+
+    What was lost on the way and came again arrived after its successors, and is handed out before them.
+    """
+
+    def __init__(self) -> None:
+        self._newest: dict[str, int] = {}
+
+    def of(self, topic: str, received: int) -> int:
+        """Return the log time of the next message of a topic, handed out in order and received then [ns]."""
+        newest = self._newest.get(topic, received)
+        if newest - received < JUMP_NS:
+            received = max(received, newest)
+        self._newest[topic] = received
+        return received
+
+
+class SequenceCheck:
+    """Losses of one topic, each publisher on its own; where there are no numbers, stamps on a grid serve."""
+
+    def __init__(self, period_ns: int) -> None:
+        self.lost = 0
+        self.received = 0
+        self._period_ns = period_ns
+        self._last: dict[bytes, int] = {}
+        self._last_stamp: int | None = None
+
+    def take(self, information: dict[str, Any], stamp: int) -> None:
+        """Take in one message: what the middleware knows about it, and its stamp in nanoseconds."""
+        self.received += 1
+        number = information.get("publication_sequence_number")
+        if number is not None:
+            source = information.get("publisher_gid")
+            key = bytes(source["data"]) if source else b""
+            before = self._last.get(key)
+            if before is not None and number > before + 1:
+                self.lost += number - before - 1
+            self._last[key] = number
+            return
+        if self._last_stamp is not None and self._period_ns:
+            self.lost += max(0, round((stamp - self._last_stamp) / self._period_ns) - 1)
+        self._last_stamp = stamp

@@ -1,17 +1,148 @@
-"""Orders of the page as service calls to the other nodes."""
+"""Orders of the page as service calls to the other nodes; "stopped" is shown only when it is confirmed."""
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 from idloop.reporting.terms import effect_words
-from idloop.reporting.workbench.state import OK, WARN, Activity, Note, State
+from idloop.reporting.workbench.state import ERROR, FREE, OK, RELEASING, SENT, STOPPED, WARN, Activity, Note, State
 from idloop_nodes.service_calls import ServiceCalls
-from idloop_nodes.workbench_page.motor_stop import MotorStop
 from idloop_nodes.workbench_page.source import STOP
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+
+TIMEOUT = 5.0  # seconds after which a stop without confirmation counts as failed
+FRESH = 1.0  # seconds after which a command says nothing about the present
+HEALTH_LIMIT = 3.5  # seconds after which a health message of the last node does so; it comes every second
+HOLD = 0.3  # seconds for which a position that is commanded must not change to count as held
+# Health that was on its way while a node confirmed the stop is older than its answer.
+ON_ITS_WAY = 2.0
+
+
+class MotorStop:
+    """Stops the motor through each of some nodes and lets it go again.
+
+    The motor counts as stopped while the last node before it reports the stop and its commands are neutral. It counts
+    as released when no node holds it any more.
+
+    `state`: receives the state of the stop; `nodes`: nodes with the services ``~/emergency_stop`` and ``~/reset``, the
+    nearest to the motor first; `released`: called when a reset has let the motor go; `holds_position`: the command is a
+    position: neutral is one that is held, not zero; `clock`: steady time [s].
+    """
+
+    def __init__(
+        self,
+        calls: ServiceCalls,
+        state: State,
+        nodes: Sequence[str],
+        released: Callable[[], None],
+        *,
+        holds_position: bool = False,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._calls = calls
+        self._page = state
+        self._nodes = tuple(nodes)
+        self._when_released = released
+        self._holds_position = holds_position
+        self._clock = clock
+        self._latched: dict[str, float] = {}  # nodes that hold the motor, and when they last reported it
+        self._confirmed: dict[str, float] = {}  # when they answered the order
+        self._asked = self._releasing = False
+        self._command: tuple[float, float, float] | None = None  # value, since when it is that, when it came last
+        calls.expect(*(f"{node}/{service}" for node in nodes for service in ("emergency_stop", "reset")))
+
+    def stop(self) -> None:
+        """Call all of them at once."""
+        refused: list[str] = []
+        self._asked, self._releasing = True, False
+        self._command = None  # earlier commands do not count
+        self._confirmed.clear()
+
+        def answered(node: str, done: bool, text: str) -> None:
+            if done:
+                self._latched[node] = self._confirmed[node] = self._clock()
+                self._page.change(note=None)  # the page has a banner for it
+                self.poll()
+                return
+            refused.append(text)
+            note = Note(text, WARN)
+            if len(refused) == len(self._nodes):
+                note = Note(f"THE MOTOR WAS NOT STOPPED: {' '.join(refused)} Use the switch of the drive.", ERROR)
+            self._page.change(note=note)
+
+        self._call("emergency_stop", answered, TIMEOUT)
+        self.poll()
+
+    def reset(self) -> None:
+        """Release the motor through all of them."""
+        answers: list[bool] = []
+        self._releasing = True
+
+        def answered(node: str, done: bool, text: str) -> None:
+            answers.append(done)
+            if done:
+                self._latched.pop(node, None)
+            else:
+                self._page.change(note=Note(f"{node}: {text}", WARN))
+            if len(answers) == len(self._nodes):
+                self._releasing = False
+                if all(answers):
+                    self._asked = False
+                    self._page.change(note=Note(text, OK))
+                    self._when_released()
+            self.poll()
+
+        self._call("reset", answered)
+        self.poll()
+
+    def update(self, node: str, check: str, message: str) -> None:
+        """Take in a health message: another user may have stopped the motor, or released it."""
+        if check != "safety" or node not in self._nodes:
+            return
+        now = self._clock()
+        if "emergency" in message:
+            self._latched[node] = now
+        elif node in self._latched and now - self._confirmed.get(node, now - ON_ITS_WAY) >= ON_ITS_WAY:
+            del self._latched[node]
+            self._asked = self._asked and bool(self._latched)
+        self.poll()
+
+    def see(self, commands: Iterable[float]) -> None:
+        """Take in the newest commands of the motor."""
+        now = self._clock()
+        for value in commands:
+            before = self._command
+            self._command = value, before[1] if before is not None and before[0] == value else now, now
+
+    def poll(self) -> None:
+        """Put the state of the stop in the page's state."""
+        self._page.change(stop=self._state())
+
+    def _state(self) -> str:
+        if self._releasing:
+            return RELEASING
+        if not (self._asked or self._latched):
+            return FREE
+        now = self._clock()
+        confirmed = now - self._latched.get(self._nodes[0], -HEALTH_LIMIT) < HEALTH_LIMIT if self._nodes else False
+        return STOPPED if confirmed and self._neutral(now) else SENT
+
+    def _neutral(self, now: float) -> bool:
+        if self._command is None:
+            return False
+        value, since, newest = self._command
+        return now - newest < FRESH and (newest - since >= HOLD if self._holds_position else value == 0.0)
+
+    def _call(self, service: str, answered: Callable[[str, bool, str], None], timeout: float | None = None) -> None:
+        for node in self._nodes:
+            self._calls.trigger(f"{node}/{service}", partial(answered, node), timeout)
+
 
 # Services of the estimator by the page's verb.
 SERVICES = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
@@ -27,8 +28,7 @@ from idloop_nodes.codec import (
 )
 from idloop_nodes.descriptions import describe
 from idloop_nodes.estimation.estimator_context import EstimatorContext
-from idloop_nodes.estimation.monitor_jobs import USUAL, CheckJob, LearnJob
-from idloop_nodes.estimation.monitor_schedule import MonitorSchedule
+from idloop_nodes.estimation.wear import USUAL, WearSchedule, check_stretch, learn_normal
 from idloop_nodes.streams.sample_buffer import SampleBuffer
 
 LEVEL = "coulomb_friction@motor.level"
@@ -83,11 +83,14 @@ class Office:
         self.buffer = SampleBuffer(len(self.model.outputs))
         self.worker = self
         log = (self.log.append,) * 3
-        context = EstimatorContext("estimator", *log, self.values, self.buffer, self)
-        self.monitoring = MonitorSchedule(context, self.model, self.published.append)
+        context = EstimatorContext("estimator", *log, self.values, self.buffer, self, self.publish)
+        self.monitoring = WearSchedule(context, self.model)
 
-    def submit(self, job):
-        self.jobs.append(job)
+    def submit(self, work, done, failed):
+        self.jobs.append(SimpleNamespace(**work.keywords, work=work, done=done, failed=failed))
+
+    def publish(self, name, stamp, statuses):
+        self.published.append(encode_diagnostics(stamp, statuses))
 
     def hear(self, seconds, seed=1, level=0.8, start=None):
         """Take in so many seconds of data, block by block."""
@@ -107,11 +110,16 @@ class Office:
 
     def work(self):
         """Do the newest job as the worker would."""
-        self.monitoring.take(self.jobs[-1].work(lambda share, text: None))
+        self.jobs[-1].done(self.jobs[-1].work(lambda share, text: None))
 
     @property
     def told(self):
         return wear_from_statuses(decode_diagnostics(self.published[-1])[1])
+
+    @property
+    def stamp(self):
+        """Stamp after the newest sample that the worker has seen."""
+        return decode_diagnostics(self.published[-1])[0]
 
 
 def test_it_learns_first_and_then_looks_at_every_sample_once():
@@ -120,22 +128,23 @@ def test_it_learns_first_and_then_looks_at_every_sample_once():
     assert office.jobs == []
     office.hear(55.0, 2)
     (job,) = office.jobs
-    assert isinstance(job, LearnJob)
+    assert job.work.func is learn_normal
     assert job.records[0].duration == pytest.approx(60.0, abs=0.02)
     assert office.monitoring.busy
     office.work()
     assert office.told.reference == pytest.approx(60.0, abs=0.02)
     office.monitoring.follow(office.last)
+    ends = [office.stamp]
     while office.monitoring.busy:
         office.work()
+        ends.append(office.stamp)
     looks = office.jobs[1:]
-    assert all(isinstance(one, CheckJob) for one in looks)
+    assert all(one.work.func is check_stretch for one in looks)
     assert len(looks) == 4
-    ends = [one.stamp for one in looks]
-    assert ends == [job.stamp + k * 10 * SECOND for k in (1, 2, 3, 4)]
+    assert ends == [ends[0] + k * 10 * SECOND for k in range(5)]
     # Each begins where the one before ended, less what the observer takes to settle.
-    for one, before in zip(looks, (job, *looks), strict=False):
-        assert 0 < before.stamp - one.record.start_ns < 20 * SECOND
+    for one, before in zip(looks, ends, strict=False):
+        assert 0 < before - one.record.start_ns < 20 * SECOND
     office.monitoring.finish(office.last)
     office.work()
     assert not office.monitoring.busy
@@ -168,7 +177,7 @@ def test_after_a_jump_of_the_clock_what_was_learnt_stays():
     office.buffer.clear()
     office.monitoring.restart()
     office.hear(30.0, 4, start=5 * SECOND)
-    looks = [one for one in office.jobs if isinstance(one, CheckJob)]
+    looks = [one for one in office.jobs if one.work.func is check_stretch]
     assert len(office.jobs) == 1 + len(looks)
     assert looks[0].new_run
     assert looks[0].record.start_ns >= 5 * SECOND
@@ -205,7 +214,7 @@ def test_what_cannot_be_watched_is_said_and_given_up(parameters, word):
     try:
         job.work(lambda share, text: None)
     except IdloopError as error:
-        office.monitoring.take(job.failed(str(error)))
+        job.failed(str(error))
     assert word in office.told.error
     assert word in office.log[-1]
     assert office.told.level == Level.WARN
@@ -220,7 +229,7 @@ def test_a_stretch_that_cannot_be_read_leaves_what_was_known():
     office.work()
     office.monitoring.follow(office.last)
     known = office.told.watches
-    office.monitoring.take(office.jobs[-1].failed("too few samples"))
+    office.jobs[-1].failed("too few samples")
     assert office.told.watches == known
     assert office.told.error == "too few samples"
     assert office.told.level == Level.WARN

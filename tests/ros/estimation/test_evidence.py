@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
@@ -17,13 +18,13 @@ from idloop_nodes.codec import (
     MissingSummary,
     ParameterSummary,
     decode_diagnostics,
+    encode_diagnostics,
     evidence_from_statuses,
     parameters_from_statuses,
 )
 from idloop_nodes.descriptions import describe
 from idloop_nodes.estimation.estimator_context import EstimatorContext
-from idloop_nodes.estimation.evidence_jobs import EvidenceAnswer
-from idloop_nodes.estimation.evidence_schedule import EvidenceSchedule
+from idloop_nodes.estimation.evidence import EvidenceSchedule
 from idloop_nodes.streams.sample_buffer import SampleBuffer
 
 STEP = SECOND // 100
@@ -45,23 +46,24 @@ class Bench:
         self.missing = None
         self.buffer = SampleBuffer(2)
         self.stamp = START
-        context = EstimatorContext("estimator", *[lambda text: None] * 3, self.values, self.buffer, self)
+        context = EstimatorContext("estimator", *[lambda text: None] * 3, self.values, self.buffer, self, self.publish)
         self.looks = EvidenceSchedule(
-            context, load_model("dc_motor"), lambda: self.missing, self.diagnoses.append, self, self._take_evidence,
-            self._take_estimates,
-        )  # fmt: skip
+            context, load_model("dc_motor"), lambda: self.missing, self.diagnoses.append, self
+        )
 
-    def submit(self, job):
-        self.jobs.append(job)
+    def submit(self, work, done, failed):
+        known = self.looks.summary
+        self.jobs.append(SimpleNamespace(**work.keywords, done=done, failed=failed, known=known))
 
     def end(self):
         self.ends.append(self.looks.summary.ended)
 
-    def _take_evidence(self, data):
-        self.evidence.append(evidence_from_statuses(decode_diagnostics(data)[1]))
-
-    def _take_estimates(self, data):
-        self.estimates.append(parameters_from_statuses(decode_diagnostics(data)[1]))
+    def publish(self, name, stamp, statuses):
+        _, received = decode_diagnostics(encode_diagnostics(stamp, statuses))
+        if name == "evidence":
+            self.evidence.append(evidence_from_statuses(received))
+        else:
+            self.estimates.append(parameters_from_statuses(received))
 
     def drive(self, seconds):
         for _ in range(round(100 * seconds)):
@@ -77,7 +79,7 @@ class Bench:
             job.known, stamp=job.stamp, looks=looks, samples=200 * looks, seconds=2.0 * looks, threshold=7.9,
             candidates=candidates, **more,
         )  # fmt: skip
-        self.looks.take(EvidenceAnswer(job.number, b"state", summary))
+        job.done((b"state", summary))
 
 
 def test_every_sample_is_scored_once_by_those_before_it():
@@ -183,7 +185,7 @@ def test_a_stretch_that_cannot_be_scored_changes_nothing_that_was_known():
     bench.drive(4.0)
     bench.answer(FRICTION)
     bench.drive(2.0)
-    bench.looks.take(bench.jobs[-1].failed("the command never changes"))
+    bench.jobs[-1].failed("the command never changes")
     assert bench.evidence[-1].candidates == (FRICTION,)
     assert bench.evidence[-1].error == "the command never changes"
     assert bench.evidence[-1].stamp == bench.jobs[-1].stamp

@@ -2,36 +2,85 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
+from idloop.worker_process import Report
 from idloop_nodes.codec import (
+    EffectEvidence,
     EvidenceSummary,
     FitSummary,
     Level,
     MissingSummary,
     ParameterSummary,
     Status,
-    encode_diagnostics,
     evidence_to_statuses,
     parameters_to_statuses,
 )
-from idloop_nodes.estimation.estimator_context import SHORTEST, EstimatorContext, Publish
-from idloop_nodes.estimation.evidence_jobs import EvidenceAnswer, EvidenceJob
-from idloop_nodes.estimation.experiment_end import ExperimentEnd
+from idloop_nodes.estimation.estimator_context import SHORTEST, EstimatorContext
+from idloop_nodes.service_calls import ExperimentEnd
 
 if TYPE_CHECKING:
+    from idloop.diagnosis.evidence.live_evidence import LiveEvidence
     from idloop.physics import Model
+    from idloop.records import Record
 
 MINIMUM_LOOKS = 2  # before which no estimate may be trusted
+
+
+def score(
+    report: Report,
+    *,
+    model: Model,
+    state: bytes,
+    earlier: Record,
+    new: Record,
+    stamp: int,
+    level: float,
+    minimum_improvement: float,
+    catalogue: Sequence[str],
+) -> tuple[bytes, EvidenceSummary]:
+    """Score effects on a stretch of samples that ends at `stamp` [ns], by fits to earlier ones, in the worker.
+
+    `state`: pickle of the evidence so far, empty at the start; the estimator keeps it between two jobs.
+    """
+    from idloop.diagnosis.evidence.live_evidence import LiveEvidence
+
+    before = LiveEvidence(model, level, minimum_improvement, tuple(catalogue))
+    evidence: LiveEvidence = pickle.loads(state) if state else before  # noqa: S301  (our own estimator's)
+    evidence = evidence.update([earlier], new, stamp)
+    return pickle.dumps(evidence), summarise_evidence(evidence, stamp)
+
+
+def summarise_evidence(evidence: LiveEvidence, stamp: int) -> EvidenceSummary:
+    """Return the contents of ``estimator/evidence``, without the estimates."""
+    candidates = []
+    for name, log_e in evidence.logs.items():
+        when = evidence.decided.get(name)
+        when_decided, samples = (None, None) if when is None else (when.stamp, when.samples)
+        candidates.append(EffectEvidence(name, log_e, when_decided, samples, evidence.pending(name)))
+    return EvidenceSummary(
+        evidence.model.name,
+        tuple(evidence.model.effect_names),
+        stamp,
+        evidence.level,
+        evidence.threshold,
+        evidence.looks,
+        evidence.samples,
+        evidence.seconds,
+        tuple(candidates),
+        evidence.doubtful,
+    )
 
 
 class EvidenceSchedule:
     """Scores every stretch of new samples once, judges the estimates, and ends the experiment if asked.
 
     `missing`: returns the newest diagnosis of the present model, or None; `diagnose`: orders a diagnosis, with the
-    reason for it; `publish_evidence`, `publish_parameters`: of ``estimator/evidence`` and ``estimator/parameters``.
+    reason for it.
     """
 
     def __init__(
@@ -41,17 +90,11 @@ class EvidenceSchedule:
         missing: Callable[[], MissingSummary | None],
         diagnose: Callable[[str], None],
         end: ExperimentEnd,
-        publish_evidence: Publish,
-        publish_parameters: Publish,
     ) -> None:
         self._context = context
         self._missing, self._diagnose, self._end = missing, diagnose, end
-        self._publish_evidence, self._publish_parameters = publish_evidence, publish_parameters
-        self._ordered: int | None = None
         self._from: int | None = None  # stamp from which on nothing was scored [ns]
         self._newest: int | None = None  # stamp after the newest sample [ns]
-        self._fit: FitSummary | None = None
-        self._estimates: tuple[ParameterSummary, ...] = ()
         self.begin(model)
 
     @property
@@ -59,8 +102,8 @@ class EvidenceSchedule:
         return self._context.nanoseconds("evidence_period")
 
     @property
-    def _wanted(self) -> bool:
-        return self._span > 0 and not self.summary.ended
+    def _memory(self) -> int:
+        return self._context.nanoseconds("diagnose_window")
 
     @property
     def busy(self) -> bool:
@@ -79,21 +122,23 @@ class EvidenceSchedule:
     @property
     def due(self) -> int | None:
         """Stamp after the last sample of the next stretch; None when nothing is scored."""
-        return self._from + self._span if self._wanted and self._from is not None else None
+        return None if self._from is None or not self._wanted else self._from + self._span
 
     @property
     def oldest(self) -> int | None:
         """Stamp from which on samples are still needed [ns]."""
-        return self._from - self._memory if self._wanted and self._from is not None else None
+        return None if self._from is None or not self._wanted else self._from - self._memory
 
     @property
-    def _memory(self) -> int:
-        return self._context.nanoseconds("diagnose_window")
+    def _wanted(self) -> bool:
+        return self._span > 0 and not self.summary.ended
 
     def begin(self, model: Model) -> None:
         """Score effects against another model, from the newest sample on."""
-        self._model, self._state, self._ordered = model, b"", None
-        self._fit, self._estimates = None, ()
+        self._model, self._state = model, b""
+        self._ordered: object = None  # stands for the job under way
+        self._fit: FitSummary | None = None
+        self._estimates: tuple[ParameterSummary, ...] = ()
         self.summary = EvidenceSummary(model.name, tuple(model.effect_names))
         self._from = self._newest
 
@@ -113,40 +158,35 @@ class EvidenceSchedule:
         self._next()
 
     def _next(self) -> None:
-        due, newest, first = self.due, self._newest, self._context.buffer.first
+        context = self._context
+        due, newest, first = self.due, self._newest, context.buffer.first
         if due is None or newest is None or first is None or self._ordered is not None:
             return
-        if newest + self._context.period_ns // 2 < due or (self._context.jobs.busy and not self._context.lockstep):
+        if newest + context.period_ns // 2 < due or (context.jobs.busy and not context.lockstep):
             return
-        start, stop = due - self._span, due if self._context.lockstep else newest
+        start, stop = due - self._span, due if context.lockstep else newest
         self._from = stop
-        earlier, new = self._context.buffer.split(self._model, max(first, start - self._memory), start, stop)
+        earlier, new = context.buffer.split(self._model, max(first, start - self._memory), start, stop)
         if min(earlier.time.size, new.time.size) < SHORTEST or not (earlier.input.size and new.input.size):
             return
-        values = self._context.parameters
-        self._ordered = self._context.next_number()
-        self._context.jobs.submit(
-            EvidenceJob(
-                self._ordered,
-                stop,
-                self._model,
-                self._state,
-                earlier,
-                new,
-                self.summary,
-                values["level"],
-                values["minimum_improvement"],
-                values["catalogue"],
-            )
-        )
+        settings = {name: context.parameters[name] for name in ("level", "minimum_improvement", "catalogue")}
+        work = partial(score, model=self._model, state=self._state, earlier=earlier, new=new, stamp=stop, **settings)
+        order = self._ordered = object()
 
-    def take(self, answer: EvidenceAnswer) -> None:
+        def done(result: tuple[bytes, EvidenceSummary]) -> None:
+            if order is self._ordered:  # else of a model before
+                self._take(*result)
+
+        def failed(reason: str) -> None:
+            done((self._state, replace(self.summary, stamp=stop, error=reason)))
+
+        context.jobs.submit(work, done, failed)
+
+    def _take(self, state: bytes, summary: EvidenceSummary) -> None:
         """Publish the newest evidence; end the experiment where that is asked for."""
-        if answer.number != self._ordered:
-            return
         self._ordered = None
-        before, self._state = self.summary, answer.state
-        self.summary = replace(answer.summary, ended=before.ended)
+        before, self._state = self.summary, state
+        self.summary = replace(summary, ended=before.ended)
         self._judge()
         found = [name for name in self.summary.decided if name not in before.decided]
         if found:
@@ -158,7 +198,9 @@ class EvidenceSchedule:
             self._end.end()
             if self.summary.decided:
                 self._diagnose("the evidence has decided")
-        self._publish(self.summary.stamp)
+        self._context.publish("evidence", self.summary.stamp, evidence_to_statuses(self._context.name, self.summary))
+        if self._estimates:
+            self._publish_parameters(self.summary.stamp, self._estimates)
         self._next()
 
     def take_fit(self, summary: FitSummary, estimates: Sequence[ParameterSummary], stamp: int) -> None:
@@ -167,14 +209,10 @@ class EvidenceSchedule:
             self._fit, self._estimates = summary, tuple(estimates)
             self._judge()
             estimates = self._estimates
-        self._publish_parameters(encode_diagnostics(stamp, parameters_to_statuses(self._context.name, estimates)))
+        self._publish_parameters(stamp, estimates)
 
-    def _publish(self, stamp: int) -> None:
-        self._publish_evidence(encode_diagnostics(stamp, evidence_to_statuses(self._context.name, self.summary)))
-        if self._estimates:
-            self._publish_parameters(
-                encode_diagnostics(stamp, parameters_to_statuses(self._context.name, self._estimates))
-            )
+    def _publish_parameters(self, stamp: int, estimates: Sequence[ParameterSummary]) -> None:
+        self._context.publish("parameters", stamp, parameters_to_statuses(self._context.name, estimates))
 
     def _judge(self) -> None:
         """Judge whether each estimate may be trusted."""

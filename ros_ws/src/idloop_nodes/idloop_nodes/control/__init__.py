@@ -1,1 +1,0 @@
-"""Behind the controller node: its controller from the parameters, and the streams that it follows."""
