@@ -73,6 +73,21 @@ def test_conditions_choose_nodes(launch_file):
     assert [node.executable for node in graph.nodes] == ["talker", "listener"]
 
 
+def test_a_file_that_includes_another_gives_its_own_defaults(tmp_path, launch_file):
+    outer = tmp_path / "outer.launch.yaml"
+    outer.write_text("""
+launch:
+  - arg: {name: label, default: mine}
+  - let: {name: extra, value: "true"}
+  - include: {file: $(dirname)/demo.launch.yaml}
+""")
+    graph = load_graph(str(outer), {"speed": "7"})
+    assert graph.name == "outer"
+    assert [one.name for one in graph.arguments] == ["label", "speed"]
+    talker, listener = graph.nodes
+    assert (talker.name, talker.parameters["speed"], listener.executable) == ("mine_7", 7, "listener")
+
+
 @pytest.mark.parametrize(
     ("values", "said"),
     [
@@ -109,6 +124,9 @@ def test_wrong_arguments_are_one_line(launch_file, values, said):
         ("launch: [{node: {pkg: a, exec: b, param: [{name: c, value: '{d: 1}'}]}}]", "add type: str"),
         ("launch: [{node: {pkg: a, exec: b, param: [{name: c, value: 1, type: in}]}}]", "only str is"),
         ("launch: [{arg: 3}]", "no mapping"),
+        ("launch: [{include: {file: nowhere.yaml}}]", "no launch file nowhere.yaml"),
+        ("launch: [{include: {file: a.yaml, arg: []}}]", "only file is supported"),
+        ("launch: [{include: {file: $(dirname)/bad.launch.yaml}}]", "recursive include"),
         ("launch: [3]", "no entry"),
     ],
 )

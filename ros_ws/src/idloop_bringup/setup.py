@@ -20,6 +20,7 @@ setup(
         ("share/ament_index/resource_index/packages", ["resource/idloop_bringup"]),
         ("share/idloop_bringup", ["package.xml"]),
         ("share/idloop_bringup/launch", files("launch/*.launch.yaml")),
+        ("share/idloop_bringup/launch/include", files("launch/include/*.launch.yaml")),
         ("share/idloop_bringup/config", [*files("config/*.yaml"), *files("config/*.xml"), *files("config/*.json")]),
     ],
     python_requires=">=3.10",

@@ -15,6 +15,7 @@ from idloop.graph.find import graph_path, package_share
 from idloop.spelling import did_you_mean
 
 _MOST_SUBSTITUTIONS = 100
+_MOST_INCLUDES = 10
 _SUBSTITUTION = re.compile(r"\$\(([^\s()]+)((?:\s+[^()]*)?)\)")
 _NODE_KEYS = frozenset(
     {"pkg", "exec", "name", "namespace", "param", "remap", "args", "ros_args", "output", "on_exit", "if", "unless"}
@@ -68,14 +69,30 @@ class _Reader:
         self.values: dict[str, str] = {}
         self.nodes: list[NodeEntry] = []
         self.missing: list[Argument] = []
+        self.depth = 0  # of files that include one another
 
     def fail(self, text: str) -> InputError:
         return InputError(f"{self.path}: {text}")
 
-    def read(self, document: Any) -> None:
+    def read(self) -> None:
+        self.items()
+        unknown = [name for name in self.given if name not in {one.name for one in self.arguments}]
+        if unknown:
+            known = [one.name for one in self.arguments]
+            raise self.fail(
+                f"no argument {unknown[0]!r}{did_you_mean(unknown[0], known)}; known: {', '.join(known) or 'none'}"
+            )
+
+    def items(self) -> None:
+        document = read_yaml(read_text(self.path), str(self.path))
         if not isinstance(document, dict) or not isinstance(document.get("launch"), list):
             raise self.fail("no YAML launch file: it starts with a list under the key launch")
-        readers: dict[str, Callable[[Any], None]] = {"arg": self.argument, "let": self.let, "node": self.node}
+        readers: dict[str, Callable[[Any], None]] = {
+            "arg": self.argument,
+            "let": self.let,
+            "node": self.node,
+            "include": self.include,
+        }
         for item in document["launch"]:
             if not isinstance(item, dict) or len(item) != 1:
                 raise self.fail(f"{item!r} is no entry such as node: {{...}}")
@@ -85,15 +102,23 @@ class _Reader:
             if not isinstance(content, dict):
                 raise self.fail(f"{kind}: {content!r} is no mapping")
             readers[kind](content)
-        unknown = [name for name in self.given if name not in {one.name for one in self.arguments}]
-        if unknown:
-            known = [one.name for one in self.arguments]
-            raise self.fail(
-                f"no argument {unknown[0]!r}{did_you_mean(unknown[0], known)}; known: {', '.join(known) or 'none'}"
-            )
+
+    def include(self, content: dict[str, Any]) -> None:
+        """Read the entries of another file; arguments that are declared already keep their default."""
+        if set(content) != {"file"}:
+            raise self.fail("include: only file is supported here, and must be given")
+        if self.depth == _MOST_INCLUDES:
+            raise self.fail("recursive include")
+        outer, self.path = self.path, graph_path(self.substitute(content["file"]))
+        self.depth += 1
+        self.items()
+        self.depth -= 1
+        self.path = outer
 
     def argument(self, content: dict[str, Any]) -> None:
         name = self.required(content, "arg", "name")
+        if name in self.values:
+            return
         default = content.get("default")
         one = Argument(name, None if default is None else self.substitute(default), str(content.get("description", "")))
         self.arguments.append(one)
@@ -228,7 +253,7 @@ def load_graph(name: str, values: Mapping[str, str] | None = None, *, to_run: bo
     """
     path = graph_path(name)
     reader = _Reader(path, values or {})
-    reader.read(read_yaml(read_text(path), str(path)))
+    reader.read()
     if to_run and reader.missing:
         one = reader.missing[0]
         raise reader.fail(f"argument {one.name} must be given: {one.name}:=VALUE ({one.description})")
