@@ -10,10 +10,7 @@ from hypothesis import strategies as st
 
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
-from pathlib import Path
-
-import idloop_nodes
-from idloop_nodes.middleware import LEASE, StandstillWatch
+from idloop_nodes.middleware import LEASE, StandstillWatch, profile
 
 
 @given(gap=st.floats(LEASE - 0.99, 1e6))
@@ -34,9 +31,9 @@ def test_a_busy_process_is_not_forgotten(gap):
     assert not StandstillWatch(5.0, 1.0).forgotten(5.0 + gap, 1.0 + 0.5 * gap)
 
 
-def test_the_profiles_have_this_lease():
-    profiles = sorted(Path(idloop_nodes.__file__).parent.glob("*.xml"))
-    assert len(profiles) == 4
-    for profile in profiles:
-        (lease,) = ET.parse(profile).iter("{http://www.eprosima.com}leaseDuration")
-        assert float(lease[0].text) == LEASE, profile.name
+@pytest.mark.parametrize("this_machine", [False, True])
+@pytest.mark.parametrize("before_kilted", [False, True])
+def test_the_profiles_have_this_lease(this_machine, before_kilted):
+    text = profile(this_machine=this_machine, before_kilted=before_kilted)
+    (lease,) = ET.fromstring(text).iter("{http://www.eprosima.com}leaseDuration")
+    assert float(lease[0].text) == LEASE
