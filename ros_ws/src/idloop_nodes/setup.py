@@ -24,7 +24,5 @@ setup(
     install_requires=["numpy"],
     extras_require={"test": ["pytest"]},  # colcon test runs pytest where it is named here
     zip_safe=False,
-    entry_points={
-        "console_scripts": [f"{name} = idloop_nodes.executables:{name}" for name in EXECUTABLES],
-    },
+    entry_points={"console_scripts": [f"{name} = idloop_nodes.executables:{name}" for name in EXECUTABLES]},
 )

@@ -44,6 +44,11 @@ def _row_of(kind: Any) -> Callable[..., NodeParameter]:
 number, whole, flag, text, texts = map(_row_of, ("float", "int", "bool", "str", "strs"))
 
 
+def seconds(name: str, default: float | None, description: str, *, minimum: float = 0.0, **more: Any) -> NodeParameter:
+    """Return a row of a time."""
+    return number(name, default, description, unit="s", minimum=minimum, **more)
+
+
 def fixed(*rows: NodeParameter) -> Table:
     """Return rows whose values cannot change while the node runs."""
     return tuple(replace(row, read_only=True) for row in rows)

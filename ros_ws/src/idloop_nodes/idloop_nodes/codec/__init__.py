@@ -23,12 +23,7 @@ from idloop_nodes.codec.effects import (
     missing_from_statuses,
     missing_to_statuses,
 )
-from idloop_nodes.codec.evidence import (
-    EffectEvidence,
-    EvidenceSummary,
-    evidence_from_statuses,
-    evidence_to_statuses,
-)
+from idloop_nodes.codec.evidence import EffectEvidence, EvidenceSummary, evidence_from_statuses, evidence_to_statuses
 from idloop_nodes.codec.joints import (
     JointReader,
     JointSample,
@@ -41,13 +36,7 @@ from idloop_nodes.codec.joints import (
     encode_time,
     peek_stamp,
 )
-from idloop_nodes.codec.ladder import (
-    LadderSummary,
-    Measures,
-    StepSummary,
-    ladder_from_statuses,
-    ladder_to_statuses,
-)
+from idloop_nodes.codec.ladder import LadderSummary, Measures, StepSummary, ladder_from_statuses, ladder_to_statuses
 from idloop_nodes.codec.recursion import RecursionSummary, recursion_from_statuses, recursion_to_statuses
 from idloop_nodes.codec.results import (
     FitSummary,

@@ -62,10 +62,7 @@ _CONVERSIONS: dict[Any, tuple[Callable[[Any], str], Callable[[str], Any]]] = {
         lambda spans: " ".join(f"{start}-{stop}" for start, stop in spans),
         lambda text: tuple(_span(one, "-") for one in text.split()),
     ),
-    dict[str, Any] | None: (
-        lambda value: "" if value is None else json.dumps(value, ensure_ascii=False),
-        _mapping,
-    ),
+    dict[str, Any] | None: (lambda value: "" if value is None else json.dumps(value, ensure_ascii=False), _mapping),
 }
 _LINES = (lambda lines: json.dumps(list(lines), ensure_ascii=False), _lines)
 

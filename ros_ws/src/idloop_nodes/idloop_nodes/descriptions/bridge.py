@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from idloop_nodes.descriptions.common import AUTOSTART, PEERS, START_TIMEOUT
 from idloop_nodes.descriptions.node_description import NodeDescription
-from idloop_nodes.parameters import Table, fixed, flag, number, text, texts
+from idloop_nodes.parameters import Table, fixed, flag, number, seconds, text, texts
 
 INTERFACES = ("effort", "velocity", "position")
 COMMAND_TYPES = ("float64_multi_array", "float64", "joint_state")
@@ -80,33 +80,24 @@ PARAMETERS: Table = fixed(
     ),
     number("limit.command_rate", None, "Largest change of the command per second.", minimum=0.0),
     number("limit.rms", None, "Largest rms of the command; beyond, it is scaled back.", minimum=0.0),
-    number("limit.rms_time", 10.0, "Time constant of that rms.", unit="s", minimum=0.01),
+    seconds("limit.rms_time", 10.0, "Time constant of that rms.", minimum=0.01),
     number("limit.position_min", None, "Below this position the motor is stopped."),
     number("limit.position_max", None, "Above this position the motor is stopped."),
     number("limit.velocity", None, "Beyond this speed the motor is stopped.", minimum=0.0),
-    number(
+    seconds(
         "limit.coast_time",
         0.0,
         "The axis is stopped before a position limit by velocity × this: its time constant when nothing drives it.",
-        unit="s",
-        minimum=0.0,
     ),
     number(
         "limit.energy", None, "Beyond this sum of abs(command × velocity) over time the motor is stopped.", minimum=0.0
     ),
-    number("limit.energy_time", 10.0, "Time constant of its forgetting.", unit="s", minimum=0.01),
-    number(
-        "soft_start",
-        1.0,
-        "Time in which the allowed command grows to its limit after every start and stop.",
-        unit="s",
-        minimum=0.0,
-    ),
-    number(
+    seconds("limit.energy_time", 10.0, "Time constant of its forgetting.", minimum=0.01),
+    seconds("soft_start", 1.0, "Time in which the allowed command grows to its limit after every start and stop."),
+    seconds(
         "watchdog",
         0.04,
         "Silence of command or measurement after which the motor is stopped.",
-        unit="s",
         minimum=1e-3,
         maximum=10.0,
     ),

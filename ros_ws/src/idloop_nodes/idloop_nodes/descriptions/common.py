@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from idloop_nodes.parameters import Table, fixed, flag, number, text, texts, whole
+from idloop_nodes.parameters import Table, fixed, flag, number, seconds, text, texts, whole
 from idloop_nodes.progress import REPORT_EVERY
 
 MODES = ("lockstep", "realtime")
@@ -14,18 +14,17 @@ MODE = text(
     choices=MODES,
     read_only=True,
 )
-SAMPLE_TIME = number("sample_time", 0.001, "Period of the loop.", unit="s", minimum=1e-4, maximum=10.0, read_only=True)
+SAMPLE_TIME = seconds("sample_time", 0.001, "Period of the loop.", minimum=1e-4, maximum=10.0, read_only=True)
 PEERS = texts(
     "peers",
     (),
     "Kinds of nodes in this graph; each waits until its streams are matched with all of them.",
     read_only=True,
 )
-START_TIMEOUT = number(
+START_TIMEOUT = seconds(
     "start_timeout",
     30.0,
     "Longest wait for peers that do not appear; those that are there (a first start compiles) have 20 times as long.",
-    unit="s",
     minimum=0.1,
     read_only=True,
 )
@@ -41,9 +40,7 @@ WINDOW = whole(
     read_only=True,
 )
 LISTENERS = texts("listeners", (), "Names of the nodes that must not lose a sample (lock-step).", read_only=True)
-DRAIN_TIMEOUT = number(
-    "drain_timeout", 300.0, "Longest wait, at the end, for listeners to finish their work.", unit="s", minimum=0.0
-)
+DRAIN_TIMEOUT = seconds("drain_timeout", 300.0, "Longest wait, at the end, for listeners to finish their work.")
 RELIABLE = flag(
     "reliable",
     True,
@@ -54,8 +51,8 @@ COMMON: Table = (MODE, SAMPLE_TIME, PEERS, START_TIMEOUT)
 
 MACHINE: Table = (
     *fixed(
-        number("duration", 0.0, "Length of the run; 0 runs until stopped.", unit="s", minimum=0.0),
-        number("start_time", 1.0, "Stamp of the first sample (lock-step).", unit="s", minimum=0.0),
+        seconds("duration", 0.0, "Length of the run; 0 runs until stopped."),
+        seconds("start_time", 1.0, "Stamp of the first sample (lock-step)."),
         whole("seed", 0, "Seed of noise and disturbance.", minimum=0, maximum=2**53),
         flag("noise", True, "Measurement noise on or off."),
         number("clock_rate", 100.0, "Simulated rate of /clock (lock-step).", unit="Hz", minimum=1.0),
@@ -66,7 +63,7 @@ MACHINE: Table = (
             minimum=0.0,
         ),
     ),
-    number("command_timeout", 0.2, "Real time: command falls to zero after this silence.", unit="s", minimum=0.0),
+    seconds("command_timeout", 0.2, "Real time: command falls to zero after this silence."),
     LISTENERS,
     WINDOW,
     DRAIN_TIMEOUT,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from idloop_nodes.descriptions.common import AUTOSTART, COMMON
 from idloop_nodes.descriptions.node_description import NodeDescription
-from idloop_nodes.parameters import NodeParameter, Table, fixed, flag, number, text, texts
+from idloop_nodes.parameters import NodeParameter, Table, fixed, flag, number, seconds, text, texts
 
 
 def _compensation(name: str, text: str, unit: str = "") -> NodeParameter:
@@ -48,7 +48,7 @@ PARAMETERS: Table = (
         flag("use_reference", True, "Wait for and follow `reference`."),
         flag("use_excitation", False, "Wait for and add `excitation`."),
     ),
-    number("watchdog", 0.05, "Real time: zero command after this silence.", unit="s", minimum=1e-3),
+    seconds("watchdog", 0.05, "Real time: zero command after this silence.", minimum=1e-3),
     number("phase", 0.5, "Real time: when in the period the command is computed.", minimum=0.1, maximum=0.9),
 )
 

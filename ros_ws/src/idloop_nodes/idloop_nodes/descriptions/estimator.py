@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from idloop_nodes.descriptions.common import COMMON, EFFECTS, MODEL, RELIABLE
 from idloop_nodes.descriptions.node_description import NodeDescription
-from idloop_nodes.parameters import Table, fixed, flag, number, text, texts, whole
+from idloop_nodes.parameters import Table, fixed, flag, number, seconds, text, texts, whole
 from idloop_nodes.topics import RESULTS
 
 PARAMETERS: Table = (
@@ -12,9 +12,9 @@ PARAMETERS: Table = (
     RELIABLE,
     MODEL,
     texts(EFFECTS.name, (), EFFECTS.description + " Setting it refits with exactly these beside the model file's own."),
-    number("window", 20.0, "Length of the data a fit uses.", unit="s", minimum=0.05),
-    number("validation", 10.0, "Length of the data after it on which the fit is judged.", unit="s", minimum=0.05),
-    number("fit_period", 10.0, "Time between fits; 0 fits on request only.", unit="s", minimum=0.0),
+    seconds("window", 20.0, "Length of the data a fit uses.", minimum=0.05),
+    seconds("validation", 10.0, "Length of the data after it on which the fit is judged.", minimum=0.05),
+    seconds("fit_period", 10.0, "Time between fits; 0 fits on request only."),
     text("criterion", "auto", "What a fit minimises.", choices=("auto", "prediction", "simulation", "force")),
     *fixed(
         flag("recursive", True, "Predict every sample while parameters and state are estimated."),
@@ -32,19 +32,16 @@ PARAMETERS: Table = (
             minimum=0,
             maximum=1000,
         ),
-        number(
-            "recursion_memory", 0.0, "Time constant with which it forgets old data; 0 keeps all.", unit="s", minimum=0.0
-        ),
+        seconds("recursion_memory", 0.0, "Time constant with which it forgets old data; 0 keeps all."),
     ),
-    number("recursion_period", 0.5, "Time between its published coefficients.", unit="s", minimum=1e-3),
+    seconds("recursion_period", 0.5, "Time between its published coefficients.", minimum=1e-3),
     flag("auto_diagnose", True, "Diagnose when the residual of the fits stops being white."),
     flag("auto_add", False, "Add what a diagnosis finds missing, and diagnose again until nothing is left."),
     flag("auto_experiment", False, "Let the excitation run the suggested experiment where effects tie."),
-    number(
+    seconds(
         "diagnose_window",
         30.0,
         "Length of the newest data that a diagnosis uses; as for a fit, it is judged on the data after it.",
-        unit="s",
         minimum=0.5,
     ),
     number("level", 0.01, "Family-wise rate of false effects.", minimum=1e-6, maximum=0.5),
@@ -56,12 +53,10 @@ PARAMETERS: Table = (
         maximum=0.99,
     ),
     texts("catalogue", (), "Candidate effects: name or name@site; none: the whole catalogue."),
-    number(
+    seconds(
         "evidence_period",
         10.0,
         "Time between two scores of the evidence for missing effects, each of the newest samples; 0 never.",
-        unit="s",
-        minimum=0.0,
     ),
     flag(
         "end_when_decided",
@@ -95,15 +90,14 @@ PARAMETERS: Table = (
             "usual: dry friction and what sits in couplings; none: nothing is watched.",
         ),
         texts("monitor_reference", (), "Recordings of the healthy machine; none: this run is healthy at its start."),
-        number(
+        seconds(
             "monitor_learn",
             600.0,
             "Time for which this run counts as healthy, without monitor_reference.",
-            unit="s",
             minimum=10.0,
         ),
     ),
-    number("monitor_period", 10.0, "Time between two checks for wear.", unit="s", minimum=1.0),
+    seconds("monitor_period", 10.0, "Time between two checks for wear.", minimum=1.0),
     *fixed(
         text(
             "monitor_false_alarms",

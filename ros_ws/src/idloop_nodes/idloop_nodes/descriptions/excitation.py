@@ -6,7 +6,7 @@ from functools import cache
 
 from idloop_nodes.descriptions.common import AUTOSTART, COMMON
 from idloop_nodes.descriptions.node_description import NodeDescription
-from idloop_nodes.parameters import NodeParameter, Table, fixed, flag, number, text, whole
+from idloop_nodes.parameters import NodeParameter, Table, fixed, flag, number, seconds, text, whole
 
 
 @cache
@@ -30,8 +30,8 @@ def _parameters() -> Table:
             whole("ahead", 200, "Samples published ahead of the clock.", minimum=2, maximum=4000),
         ),
         text("experiment", "", "What ~/run_experiment plays, as YAML: {signal: {name: ..., ...}, adds_to: ...}."),
-        number("handover_time", 0.5, "Time of the smooth way into an experiment and back.", unit="s", minimum=0.0),
-        number("rest_time", 2.0, "Time without excitation before an experiment.", unit="s", minimum=0.0),
+        seconds("handover_time", 0.5, "Time of the smooth way into an experiment and back."),
+        seconds("rest_time", 2.0, "Time without excitation before an experiment."),
         number(
             "limit.amplitude",
             None,

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from idloop_nodes.descriptions.common import PEERS, START_TIMEOUT
 from idloop_nodes.descriptions.node_description import NodeDescription
-from idloop_nodes.parameters import Table, fixed, number, text
+from idloop_nodes.parameters import Table, fixed, seconds, text
 
 PARAMETERS: Table = (
     PEERS,
     START_TIMEOUT,
     *fixed(
         text("bridge", "bridge", "Name of the bridge's node that is watched."),
-        number(
+        seconds(
             "silence",
             0.03,
             "Time without a beat of the bridge after which the motor is stopped; one comes every 5 ms.",
-            unit="s",
             minimum=0.01,
             maximum=1.0,
         ),

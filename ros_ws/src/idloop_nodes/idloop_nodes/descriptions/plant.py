@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from idloop_nodes.descriptions.common import COMMON, EFFECTS, MACHINE, MODEL
 from idloop_nodes.descriptions.node_description import NodeDescription
-from idloop_nodes.parameters import Table, fixed, number, text, texts
+from idloop_nodes.parameters import Table, fixed, number, seconds, text, texts
 
 PARAMETERS: Table = (
     *COMMON,
@@ -17,7 +17,7 @@ PARAMETERS: Table = (
             "Standard deviation of the disturbance torque on the driven body, in the drive's unit.",
             minimum=0.0,
         ),
-        number("disturbance_time_constant", 1.0, "Correlation time of the disturbance.", unit="s", minimum=1e-3),
+        seconds("disturbance_time_constant", 1.0, "Correlation time of the disturbance.", minimum=1e-3),
     ),
     *MACHINE,
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from idloop_nodes.descriptions.common import COMMON, RELIABLE
 from idloop_nodes.descriptions.node_description import NodeDescription
-from idloop_nodes.parameters import Table, fixed, number, text, texts, whole
+from idloop_nodes.parameters import Table, fixed, number, seconds, text, texts, whole
 from idloop_nodes.topics import RECORDED
 
 PARAMETERS: Table = (
@@ -18,7 +18,7 @@ PARAMETERS: Table = (
     ),
     # The index of a file is in memory until the file ends: without an end it would grow by 0.1 GB in an hour at 1 kHz.
     number("split_size", 1000.0, "New file after this much data; 0 never.", unit="MB", minimum=0.0),
-    number("split_duration", 0.0, "New file after this long; 0 never.", unit="s", minimum=0.0),
+    seconds("split_duration", 0.0, "New file after this long; 0 never."),
     whole("queue_limit", 500_000, "Messages that may wait for the disk; more are dropped and counted.", minimum=1000),
 )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from idloop_nodes.descriptions.bridge import LATCH_WATCHDOG, REQUIRE_GUARDIAN
 from idloop_nodes.descriptions.common import AUTOSTART, PEERS, RELIABLE, START_TIMEOUT
 from idloop_nodes.descriptions.node_description import NodeDescription
-from idloop_nodes.parameters import Table, fixed, flag, number, text
+from idloop_nodes.parameters import Table, fixed, flag, number, seconds, text
 
 PARAMETERS: Table = fixed(
     PEERS,
@@ -44,30 +44,21 @@ PARAMETERS: Table = fixed(
         unit="rad or m",
         minimum=0.0,
     ),
-    number(
+    seconds(
         "stop_time",
         0.5,
         "Time in which the arm comes to rest on its path from full speed, and starts softly.",
-        unit="s",
         minimum=0.05,
         maximum=5.0,
     ),
-    number(
+    seconds(
         "horizon",
         0.1,
         "Time for which the robot goes on by itself before it slows down, when nothing more comes.",
-        unit="s",
         minimum=0.04,
         maximum=1.0,
     ),
-    number(
-        "watchdog",
-        0.1,
-        "Silence of the measurement after which the arm is stopped.",
-        unit="s",
-        minimum=1e-3,
-        maximum=10.0,
-    ),
+    seconds("watchdog", 0.1, "Silence of the measurement after which the arm is stopped.", minimum=1e-3, maximum=10.0),
     REQUIRE_GUARDIAN,
     LATCH_WATCHDOG,
     flag(

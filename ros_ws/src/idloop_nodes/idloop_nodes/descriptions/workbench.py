@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from idloop_nodes.descriptions.common import MODEL, PEERS, SAMPLE_TIME, START_TIMEOUT
 from idloop_nodes.descriptions.node_description import NodeDescription
-from idloop_nodes.parameters import Table, fixed, number, text, whole
+from idloop_nodes.parameters import Table, fixed, seconds, text, whole
 
 PARAMETERS: Table = (
     PEERS,
@@ -16,14 +16,10 @@ PARAMETERS: Table = (
             "address", "127.0.0.1", "Address to serve the page at; outside this machine its URL holds a random token."
         ),
         whole("port", 8080, "Port of the page; 0 takes any that is free.", minimum=0, maximum=65535),
-        number("history", 120.0, "Newest samples that are kept for the page.", unit="s", minimum=1.0),
+        seconds("history", 120.0, "Newest samples that are kept for the page.", minimum=1.0),
     ),
-    number(
-        "assess_window",
-        20.0,
-        "Length of the newest data on which it is worked out where the model fails.",
-        unit="s",
-        minimum=0.5,
+    seconds(
+        "assess_window", 20.0, "Length of the newest data on which it is worked out where the model fails.", minimum=0.5
     ),
     *fixed(
         text("estimator_node", "estimator", "Node that diagnoses, adds and takes back."),

@@ -168,11 +168,7 @@ class FitSchedule:
     def health(self) -> Status:
         """Return the newest fit, and how the worker does."""
         jobs, fit = self._context.jobs, self._newest
-        values = {
-            "submitted": str(jobs.submitted),
-            "skipped": str(jobs.skipped),
-            "worker_failures": str(jobs.failures),
-        }
+        values = {"submitted": str(jobs.submitted), "skipped": str(jobs.skipped), "worker_failures": str(jobs.failures)}
         text = "no fit yet" if fit is None else fit_to_statuses("", fit)[0].message
         level = Level.WARN if jobs.failures or (fit is not None and fit.error) else Level.OK
         return Status("fits", text, level, values)

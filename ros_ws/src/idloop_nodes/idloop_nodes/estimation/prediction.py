@@ -100,11 +100,7 @@ class Prediction(Follower):
             block, commands = block[count:], commands[count:]
 
     def _take(
-        self,
-        recursive: RecursiveEstimator,
-        origin: int,
-        block: Sequence[Sample],
-        commands: Sequence[Sample | None],
+        self, recursive: RecursiveEstimator, origin: int, block: Sequence[Sample], commands: Sequence[Sample | None]
     ) -> None:
         updated = self._update(recursive, origin, block, commands)
         if updated is None:

@@ -44,14 +44,7 @@ class ExcitationSequence:
     """
 
     def __init__(
-        self,
-        position: Array,
-        velocity: Array,
-        period_ns: int,
-        *,
-        keeps: bool,
-        ahead: int,
-        repeats: float | None = None,
+        self, position: Array, velocity: Array, period_ns: int, *, keeps: bool, ahead: int, repeats: float | None = None
     ) -> None:
         self._keeps = keeps
         self.repeats = repeats

@@ -114,11 +114,7 @@ class BridgeNode(GuardedNode[float]):
         if robot.seen and self.counters.measured.count == 0:
             topic = self.parameters["robot_states"]
             problem = f"no joint {robot.robot_names[0]} in {topic}: {', '.join(robot.seen)}"
-        limits = {
-            "limited": str(gate.limited),
-            "rms": f"{gate.limiter.rms:.6g}",
-            "work": f"{gate.limiter.work:.6g}",
-        }
+        limits = {"limited": str(gate.limited), "rms": f"{gate.limiter.rms:.6g}", "work": f"{gate.limiter.work:.6g}"}
         return [self.counters.status(streams, self.count_publishers("joint_command"), problem), self.safety(limits)]
 
 

@@ -145,12 +145,7 @@ class MotorStop:
 
 
 # Services of the estimator by the page's verb.
-SERVICES = {
-    "diagnose": "diagnose",
-    "undo": "undo",
-    "experiment": "run_suggested_experiment",
-    "refit": "refit",
-}
+SERVICES = {"diagnose": "diagnose", "undo": "undo", "experiment": "run_suggested_experiment", "refit": "refit"}
 # Orders after which the estimator is at work until its next result.
 ACTIVITIES = {
     "diagnose": "looking for what is missing",
