@@ -15,6 +15,13 @@ from idloop_nodes.streams.stream_match import Endpoints, StreamMatch, publishers
 if TYPE_CHECKING:
     from idloop_nodes.base import StreamNode
 
+# A running peer may need minutes before it is ready: on the first start it compiles.
+RUNNING_PEER_FACTOR = 20.0
+NOTICE = 10.0  # seconds after which a node reports for whom it waits; then whenever that has changed
+NEW = 1.0  # seconds after its announcement in which a node that meets another of its name counts as the second
+DISCOVERY_TIME = 1.0  # seconds after its start in which a node discovers the others: two of their announcements
+CHECK_PERIOD = 0.5  # seconds between two checks for missing peers
+
 
 def command_topic(topic: str, family: Iterable[str]) -> str:
     """Return the topic of the commands that a machine received: behind a bridge the applied command, after all limits.
@@ -42,11 +49,6 @@ def expected_subscribers(topic: str, peers: Collection[str]) -> int:
 def expected_publishers(topic: str, peers: Iterable[str]) -> int:
     """Return how many of `peers` publish `topic`."""
     return sum(topic in describe(peer).publishes for peer in peers if peer in KINDS)
-
-
-# A running peer may need minutes before it is ready: on the first start it compiles.
-RUNNING_PEER_FACTOR = 20.0
-NOTICE = 10.0  # seconds after which a node reports for whom it waits; then whenever that has changed
 
 
 class StartBarrier:
@@ -96,10 +98,6 @@ class StartBarrier:
         return f"waits: {what}"
 
 
-NEW = 1.0  # seconds after its announcement in which a node that meets another of its name counts as the second
-DISCOVERY_TIME = 1.0  # seconds after its start in which a node discovers the others: two of their announcements
-
-
 class DuplicateNodeCheck:
     """What a node knows of others of its name.
 
@@ -138,9 +136,6 @@ class DuplicateNodeCheck:
         if self._announced is None:
             return True
         return self._announcements > 1 and now - self._announced < NEW
-
-
-CHECK_PERIOD = 0.5  # seconds between two checks for missing peers
 
 
 class GraphStart:

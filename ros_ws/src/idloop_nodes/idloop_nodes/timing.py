@@ -9,6 +9,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 
+SLACK = 0.1  # seconds that are made up for: what a late wake-up loses, not what a computation takes
+ARRIVED = 0.4e-3  # seconds after the instant of a measurement at which it has come over to us as well
+LONGER = 0.001  # seconds by which bursts are drawn apart, or together again, at a time
+LONGEST = 0.01  # seconds
+MOST_SHARE, LITTLE_SHARE = 0.235, 0.2  # of a core: above it bursts are drawn apart, below it together
+WEIGH_PERIOD = 0.5  # seconds over which the share is taken
+OTHER_CLOCK = 1.0  # seconds; a sample of this age was not late: its stamps are of another clock
+Scheduling = Literal["normal", "batch", "preferred"]
+THREADS = Path("/proc/self/task")
+GROUP = Path("/proc/self/autogroup")
+PREFERENCE = -10  # niceness: ten times the share of an ordinary process where there is not enough for all, never all
+
 
 class Deadlines:
     """Instants ``start + k * period``; a sleep to an absolute instant does not drift as a timer does.
@@ -54,9 +66,6 @@ def become_urgent(priority: int = 20) -> bool:
     return True
 
 
-SLACK = 0.1  # seconds that are made up for: what a late wake-up loses, not what a computation takes
-
-
 class Pace:
     """Holds simulated time back to so many seconds in a second of the wall clock.
 
@@ -83,14 +92,6 @@ class Pace:
         behind = now - self._begun - due
         self._begun += max(behind - SLACK, 0.0)
         return behind < 0.0
-
-
-ARRIVED = 0.4e-3  # seconds after the instant of a measurement at which it has come over to us as well
-LONGER = 0.001  # seconds by which bursts are drawn apart, or together again, at a time
-LONGEST = 0.01  # seconds
-MOST_SHARE, LITTLE_SHARE = 0.235, 0.2  # of a core: above it bursts are drawn apart, below it together
-WEIGH_PERIOD = 0.5  # seconds over which the share is taken
-OTHER_CLOCK = 1.0  # seconds; a sample of this age was not late: its stamps are of another clock
 
 
 class Bursts:
@@ -150,13 +151,6 @@ class Bursts:
             self._length = min(self._length + LONGER, max(LONGEST, self._shortest))
         elif share < LITTLE_SHARE:
             self._length = max(self._length - LONGER, self._shortest)
-
-
-Scheduling = Literal["normal", "batch", "preferred"]
-
-THREADS = Path("/proc/self/task")
-GROUP = Path("/proc/self/autogroup")
-PREFERENCE = -10  # niceness: ten times the share of an ordinary process where there is not enough for all, never all
 
 
 def use_scheduling(kind: Scheduling) -> None:

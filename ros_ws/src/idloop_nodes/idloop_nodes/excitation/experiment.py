@@ -17,6 +17,9 @@ from idloop_nodes.codec import CdrError, JointReader
 from idloop_nodes.parameters import Values
 from idloop_nodes.streams.held_stream import PolledStream
 
+LIMITS = ("amplitude", "position_min", "position_max", "velocity")
+COMMON = ("sample_time", "duration", "amplitude", "offset", "seed", "ramp_in")
+
 Array = NDArray[np.float64]
 
 # What an experiment may add to, and the targets of an excitation node that do so.
@@ -141,10 +144,6 @@ class AxisGuard:
             if span[0] <= stamp < span[1]:
                 found = limits.breach(position, velocity)
         return found
-
-
-LIMITS = ("amplitude", "position_min", "position_max", "velocity")
-COMMON = ("sample_time", "duration", "amplitude", "offset", "seed", "ramp_in")
 
 
 def normal_signal(values: Values) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

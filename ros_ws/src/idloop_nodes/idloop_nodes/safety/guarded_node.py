@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic
 
 from rclpy.duration import Duration
 
@@ -13,10 +13,16 @@ from idloop_nodes import qos
 from idloop_nodes.codec import Level, Status
 from idloop_nodes.managed_node import EmergencyStop, ManagedNode
 from idloop_nodes.safety.guardian_link import BridgeEnd, Hello, address
+from idloop_nodes.safety.interlock import Command, Interlock
 from idloop_nodes.safety.last_node import MESSAGES, PRIORITY, TICK, competing_publishers
 from idloop_nodes.safety.robot_joints import RobotClock
 from idloop_nodes.streams.rates import RateCounter
 from idloop_nodes.timing import become_urgent
+
+CHECK_PERIOD = 0.05  # seconds between checks for other nodes that command the robot
+ACKNOWLEDGE = Duration(nanoseconds=200_000_000)  # longest wait for the robot to acknowledge the last command
+GUARDIAN_TIMEOUT_NS = 40_000_000  # silence after which the guardian counts as hung; it beats every 5 ms
+LOCK_TIMEOUT = 0.02  # seconds for which the last command waits for a thread that may hang
 
 FULL_LOAD = 0.9  # share of a processor core beyond which messages begin to wait
 
@@ -60,51 +66,6 @@ class BridgeCounters:
         return Status("streams", text, level, counts | values)
 
 
-CHECK_PERIOD = 0.05  # seconds between checks for other nodes that command the robot
-ACKNOWLEDGE = Duration(nanoseconds=200_000_000)  # longest wait for the robot to acknowledge the last command
-GUARDIAN_TIMEOUT_NS = 40_000_000  # silence after which the guardian counts as hung; it beats every 5 ms
-LOCK_TIMEOUT = 0.02  # seconds for which the last command waits for a thread that may hang
-
-Command = TypeVar("Command")
-Sent_co = TypeVar("Sent_co", covariant=True)
-
-
-class Gate(Protocol[Sent_co]):
-    """What decides which command may pass; None: nothing has to be sent."""
-
-    active: bool
-    reason: str
-    faults: int
-
-    @property
-    def latched(self) -> str:
-        """What stays until reset, empty when nothing."""
-
-    def forbid(self, source: str, reason: str) -> None:
-        """Let no command pass for a reason that the gate cannot see."""
-
-    def activate(self) -> None:
-        """Let commands pass."""
-
-    def deactivate(self, now_ns: int) -> Sent_co | None:
-        """Let nothing pass any more."""
-
-    def stop(self, now_ns: int) -> Sent_co | None:
-        """Stop until reset."""
-
-    def reset(self) -> str:
-        """Forget what was latched; return why that cannot be."""
-
-    def tick(self, now_ns: int) -> Sent_co | None:
-        """Advance the time."""
-
-    def neutral_command(self, now_ns: int) -> Sent_co | None:
-        """Return what has to be sent if no further call comes."""
-
-    def handed_over(self) -> None:
-        """Take in that the newest neutral command was sent in place of this gate."""
-
-
 class GuardedNode(ManagedNode, Generic[Command]):
     """The last node before a motor: sends what a gate lets pass.
 
@@ -123,7 +84,7 @@ class GuardedNode(ManagedNode, Generic[Command]):
         self._next_check = 0.0
         self._urgent = False
 
-    def guard(self, gate: Gate[Command], command_type: str) -> None:
+    def guard(self, gate: Interlock[Command], command_type: str) -> None:
         """Begin to drive the motor through a gate; the last call of a subclass's constructor.
 
         `command_type`: of the robot, among the names of `MESSAGES`.

@@ -12,6 +12,8 @@ from dataclasses import asdict, dataclass
 
 from idloop.errors import InputError
 
+AFTER_END_NS = 500_000_000  # time for which it sends in place of a bridge that has ended; then others may send
+
 LONGEST = 65_536  # bytes of a record: a hello or a message to the robot
 BACKLOG = 1  # a bridge that comes while another is there waits
 HELLO, BEAT = b"H", b"B"  # first byte of what a bridge sends
@@ -217,9 +219,6 @@ class GuardianEnd:
             return
         connection.setblocking(False)
         self._connection = connection
-
-
-AFTER_END_NS = 500_000_000  # time for which it sends in place of a bridge that has ended; then others may send
 
 
 class SilenceWatch:

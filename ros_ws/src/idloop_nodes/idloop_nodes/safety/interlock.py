@@ -1,13 +1,11 @@
-"""Whether anything may move: orders, what is latched, what is forbidden, and the watchdog of the streams.
-
-No ROS and no clock in here: every call receives the time. What is sent where nothing may move is up to the gate that
-is built on it.
-"""
+"""Whether anything may move: orders, what is latched, what is forbidden, and the watchdog of the streams."""
 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from typing import Generic, TypeVar
 
 from idloop.records.bags.cdr import SECOND
 from idloop_nodes.streams.stream_watch import Arrival, StreamWatch
@@ -16,8 +14,13 @@ CREDIBLE = 1e100  # a larger measurement is none, and its products would overflo
 AFTER_END_NS = SECOND // 2  # time for which the neutral command is repeated after deactivation; then others may send
 
 
-class Interlock:
-    """Decides whether commands may pass, and says why not.
+Command = TypeVar("Command")
+
+
+class Interlock(ABC, Generic[Command]):
+    """Decides whether commands may pass, and says why not; what is sent then is up to the gate that is built on it.
+
+    No ROS and no clock in here: every call receives the time. A command that is None: nothing has to be sent.
 
     `streams`: the watch of each stream that must be alive, the first one named first; `watchdog`: their timeout [s];
     `latch_watchdog`: what the watchdog finds stays until reset.
@@ -56,24 +59,25 @@ class Interlock:
         """Let commands pass from the next one on, with a soft start."""
         self.active = True
 
-    def leave(self, now_ns: int) -> None:
-        """Let nothing pass any more."""
+    def deactivate(self, now_ns: int) -> Command | None:
+        """Let nothing pass any more; return what has to be sent."""
         self._left_at = now_ns if self.active else self._left_at
         self.active = False
+        return self._decide(now_ns)
 
-    def handed_over(self) -> None:
-        """Take in that the newest neutral command was sent in place of this gate."""
-
-    def latch_stop(self) -> None:
-        """Let nothing pass until reset."""
+    def stop(self, now_ns: int) -> Command | None:
+        """Stop until reset; return what has to be sent."""
         self._latched = "emergency stop"
+        return self._decide(now_ns)
 
     def reset(self) -> str:
         """Forget what was latched; return why that cannot be, empty when it could."""
-        if self._breach:
-            return self._breach
-        self._latched = ""
-        return ""
+        if not self._breach:
+            self._latched = ""
+        return self._breach
+
+    def handed_over(self) -> None:
+        """Take in that the newest neutral command was sent in place of this gate."""
 
     @property
     def latched(self) -> str:
@@ -81,6 +85,18 @@ class Interlock:
         return self._latched
 
     # decisions
+
+    @abstractmethod
+    def tick(self, now_ns: int) -> Command | None:
+        """Advance the time; return what has to be sent."""
+
+    @abstractmethod
+    def neutral_command(self, now_ns: int) -> Command | None:
+        """Return what has to be sent if no further call comes; None where the motor is not this gate's."""
+
+    @abstractmethod
+    def _decide(self, now_ns: int) -> Command | None:
+        """Return what has to be sent now."""
 
     def blocked(self, now_ns: int) -> str:
         """Why nothing may pass; what stays until reset is latched on the way."""
@@ -110,7 +126,9 @@ class Interlock:
         `stream`: name of the stream; `arrival`: what the message is to it, not stale.
         """
         bound = CREDIBLE if stream == "measurement" else math.inf
-        self._unusable[stream] = _why_unusable(arrival, stream, bound, **values)
+        wrong = [n for n, v in values.items() if v is not None and not (math.isfinite(v) and abs(v) <= bound)]
+        why = f"the {wrong[0]} is not finite" if wrong else ""
+        self._unusable[stream] = f"the clock of the {stream} jumped" if arrival is Arrival.JUMP else why
         return not self._unusable[stream]
 
     def _lost(self, now_ns: int) -> str:
@@ -123,13 +141,3 @@ class Interlock:
     def mine(self, now_ns: int) -> bool:
         """Whether the motor is this gate's: while it is active, and for a short time after."""
         return self.active or (self._left_at is not None and now_ns - self._left_at <= AFTER_END_NS)
-
-
-def _why_unusable(arrival: Arrival, stream: str, bound: float, **values: float | None) -> str:
-    """Return why a message cannot be used, empty when it can."""
-    if arrival is Arrival.JUMP:
-        return f"the clock of the {stream} jumped"
-    for name, value in values.items():
-        if value is not None and not (math.isfinite(value) and abs(value) <= bound):
-            return f"the {name} is not finite"
-    return ""

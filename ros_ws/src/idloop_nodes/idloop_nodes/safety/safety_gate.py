@@ -106,7 +106,7 @@ class VelocityEstimator:
         return (position - positions[0][1]) * SECOND / elapsed if elapsed >= self._window_ns else NAN
 
 
-class SafetyGate(Interlock):
+class SafetyGate(Interlock[float]):
     """Commands and measurements in, what is to be sent out; None where nothing is.
 
     Times are nanoseconds of a steady clock, stamps those of the messages.
@@ -171,16 +171,6 @@ class SafetyGate(Interlock):
         """Let commands pass from the next one on, with a soft start."""
         super().activate()
         self._held = None
-
-    def deactivate(self, now_ns: int) -> float | None:
-        """Let nothing pass any more; return what has to be sent."""
-        self.leave(now_ns)
-        return self._decide(now_ns)
-
-    def stop(self, now_ns: int) -> float | None:
-        """Stop until reset; return what has to be sent."""
-        self.latch_stop()
-        return self._decide(now_ns)
 
     # decisions
 

@@ -15,6 +15,13 @@ from idloop.robots.joint_path import JointPath
 from idloop_nodes.safety.interlock import Interlock
 from idloop_nodes.streams.stream_watch import Arrival, StreamWatch
 
+STEP = 0.02  # distance of two points of a piece, and of two pieces [s]
+REST = 0.1  # for which a piece stays at rest, so that one that comes late does not end in the past [s]
+# Time for which a neutral piece goes on: the guardian sends it when no beat has come for 0.03 s. The arm is where the
+# piece is then, so that its speed does not jump [s].
+UNNOTICED = 0.05
+APPROACH_SHARE = 0.2  # of the limits of velocity and acceleration that a line to the beginning of the path uses
+
 Array = NDArray[np.float64]
 
 AT_REST = 1e-6  # a smaller pace is none: what is left of rounding
@@ -65,14 +72,6 @@ class PathTiming:
         return float(place[0]), float(pace[0])
 
 
-STEP = 0.02  # distance of two points of a piece, and of two pieces [s]
-REST = 0.1  # for which a piece stays at rest, so that one that comes late does not end in the past [s]
-# Time for which a neutral piece goes on: the guardian sends it when no beat has come for 0.03 s. The arm is where the
-# piece is then, so that its speed does not jump [s].
-UNNOTICED = 0.05
-APPROACH_SHARE = 0.2  # of the limits of velocity and acceleration that a line to the beginning of the path uses
-
-
 @dataclass(frozen=True)
 class TrajectorySettings:
     """What a gate of trajectories allows."""
@@ -95,7 +94,7 @@ class Piece:
     velocity: Array  # (n, joints)
 
 
-class TrajectoryGate(Interlock):
+class TrajectoryGate(Interlock[Piece]):
     """Measurements in, pieces of the planned motion to be sent out; None where nothing is.
 
     Times are nanoseconds of a steady clock, stamps those of the messages. Attributes beside those of `Interlock`:
@@ -142,16 +141,6 @@ class TrajectoryGate(Interlock):
         return self._decide(now_ns) if stops or now_ns - self._sent >= round(STEP * SECOND) else None
 
     # orders
-
-    def deactivate(self, now_ns: int) -> Piece | None:
-        """Let nothing pass any more; return what has to be sent."""
-        self.leave(now_ns)
-        return self._decide(now_ns)
-
-    def stop(self, now_ns: int) -> Piece | None:
-        """Stop until reset; return what has to be sent."""
-        self.latch_stop()
-        return self._decide(now_ns)
 
     def reset(self) -> str:
         """Forget what was latched, and the path where the arm has left it; return why that cannot be."""

@@ -15,6 +15,20 @@ from typing import IO, Any
 from idloop.errors import InputError
 from idloop_nodes.streams.mcap_file import McapFile
 
+CHUNK_SIZE = 16 * 1024  # what a kill can cost; larger chunks compress better and lose more
+METADATA_VERSION = 9
+QOS_RELIABLE = {
+    "history": "keep_last",
+    "depth": 5000,
+    "reliability": "reliable",
+    "durability": "volatile",
+    "deadline": {"sec": 9223372036, "nsec": 854775807},
+    "lifespan": {"sec": 9223372036, "nsec": 854775807},
+    "liveliness": "automatic",
+    "liveliness_lease_duration": {"sec": 9223372036, "nsec": 854775807},
+    "avoid_ros_namespace_conventions": False,
+}
+
 # At equal times a reader meets a message before what it causes; results come last, whenever they were ready.
 CAUSAL = ("reference", "excitation", "joint_states", "joint_command", "estimator/prediction", "estimator/residual")
 
@@ -57,21 +71,6 @@ class CanonicalOrder:
                 result.append(one)
             self._newest = one
         return result
-
-
-CHUNK_SIZE = 16 * 1024  # what a kill can cost; larger chunks compress better and lose more
-METADATA_VERSION = 9
-QOS_RELIABLE = {
-    "history": "keep_last",
-    "depth": 5000,
-    "reliability": "reliable",
-    "durability": "volatile",
-    "deadline": {"sec": 9223372036, "nsec": 854775807},
-    "lifespan": {"sec": 9223372036, "nsec": 854775807},
-    "liveliness": "automatic",
-    "liveliness_lease_duration": {"sec": 9223372036, "nsec": 854775807},
-    "avoid_ros_namespace_conventions": False,
-}
 
 
 def choose_folder(bag: str, directory: str, prefix: str) -> Path:

@@ -6,6 +6,10 @@ from collections import deque
 from collections.abc import Iterator
 from typing import Any
 
+PERIODS = 100  # after which a missing command no longer holds a measurement up
+SILENCE = 1.0  # seconds without any command: in simulated time only this tells a missing one from a late one
+EVER = 1 << 62  # later than any stamp
+
 
 class HeldStream:
     """A stream of stamped values; what is older than the last question is forgotten.
@@ -73,11 +77,6 @@ class PolledStream:
                     return
                 self.received = True
                 yield taken
-
-
-PERIODS = 100  # after which a missing command no longer holds a measurement up
-SILENCE = 1.0  # seconds without any command: in simulated time only this tells a missing one from a late one
-EVER = 1 << 62  # later than any stamp
 
 
 class CommandWait:

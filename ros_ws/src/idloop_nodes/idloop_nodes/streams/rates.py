@@ -7,6 +7,11 @@ from collections.abc import Hashable
 
 from idloop.records.bags.cdr import SECOND
 
+# Samples by which a stream may be ahead of the rate: stamps vary, and a stream that was held up catches up.
+BURST = 20
+TIMEOUT = 20.0  # seconds without a step; a fit of all data may take as long
+FIRST_TIMEOUT = 5.0  # seconds without a confirmation of the first sample
+
 
 class RateCounter:
     """Counts events and gives their rate since the last question."""
@@ -23,10 +28,6 @@ class RateCounter:
         result = (self.count - self._count_then) / elapsed
         self._count_then, self._then = self.count, now
         return result
-
-
-# Samples by which a stream may be ahead of the rate: stamps vary, and a stream that was held up catches up.
-BURST = 20
 
 
 class Decimator:
@@ -53,10 +54,6 @@ class Decimator:
             return False
         self._ahead += 1.0
         return True
-
-
-TIMEOUT = 20.0  # seconds without a step; a fit of all data may take as long
-FIRST_TIMEOUT = 5.0  # seconds without a confirmation of the first sample
 
 
 class StallNotice:

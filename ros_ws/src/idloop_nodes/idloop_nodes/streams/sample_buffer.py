@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from idloop.physics import Model
     from idloop.records import Finding, Record
 
+Row = tuple[float, ...]
+Span = tuple[int, int]
+
 
 BEFORE_ALL = -(1 << 63)  # older than any stamp
 MOST_NEW = 256  # rows that wait to be stored together: one by one, each costs as much as its decoding
@@ -101,10 +104,6 @@ class SampleStore:
         self._stamps[:size] = stamps[self._start : self._stop]
         self._rows[:size] = rows[self._start : self._stop]
         self._start, self._stop = 0, size
-
-
-Row = tuple[float, ...]
-Span = tuple[int, int]
 
 
 class SampleBuffer:

@@ -11,6 +11,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_polic
 
 from idloop_nodes.codec import Level, Status
 
+RENAMED = 10.0  # seconds for which everything known is matched before partners that go by other names are taken for met
+
 CHECK = "quality of service"
 
 
@@ -110,9 +112,6 @@ def mismatch(offered: QoSProfile, wanted: QoSProfile) -> tuple[str, str] | None:
     if volatile and wanted.durability == DurabilityPolicy.TRANSIENT_LOCAL:
         return "it publishes volatile and transient local is asked for", "transient local"
     return None
-
-
-RENAMED = 10.0  # seconds for which everything known is matched before partners that go by other names are taken for met
 
 
 @dataclass(frozen=True)

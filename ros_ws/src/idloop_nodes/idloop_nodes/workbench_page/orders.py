@@ -15,6 +15,16 @@ from idloop_nodes.workbench_page.source import STOP
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+# Services of the estimator by the page's verb.
+SERVICES = {"diagnose": "diagnose", "undo": "undo", "experiment": "run_suggested_experiment", "refit": "refit"}
+# Orders after which the estimator is at work until its next result.
+ACTIVITIES = {
+    "diagnose": "looking for what is missing",
+    "add": "adding {}",
+    "undo": "taking the last step back",
+    "experiment": "working out the next experiment",
+}
+
 
 TIMEOUT = 5.0  # seconds after which a stop without confirmation counts as failed
 FRESH = 1.0  # seconds after which a command says nothing about the present
@@ -142,17 +152,6 @@ class MotorStop:
     def _call(self, service: str, answered: Callable[[str, bool, str], None], timeout: float | None = None) -> None:
         for node in self._nodes:
             self._calls.trigger(f"{node}/{service}", partial(answered, node), timeout)
-
-
-# Services of the estimator by the page's verb.
-SERVICES = {"diagnose": "diagnose", "undo": "undo", "experiment": "run_suggested_experiment", "refit": "refit"}
-# Orders after which the estimator is at work until its next result.
-ACTIVITIES = {
-    "diagnose": "looking for what is missing",
-    "add": "adding {}",
-    "undo": "taking the last step back",
-    "experiment": "working out the next experiment",
-}
 
 
 class PageOrders:
