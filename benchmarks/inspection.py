@@ -29,8 +29,8 @@ from idloop.physics.plant import Plant
 from idloop.records import inspect_bag, make_stream
 from idloop.records.bags.publishers import find_publishers
 from idloop.records.inspection.axis import Axis
-from idloop.records.inspection.between import between_records
 from idloop.records.inspection.faults.checks import inspect_axis
+from idloop.records.inspection.together import between_records
 from idloop.records.tables.importing import import_bag
 from idloop.signals import build_signal
 

@@ -59,7 +59,7 @@ def without_modelled_faults(model: Model, inspection: Inspection) -> Inspection:
 
     These are a set-point, where it has the drive's loop, and a command that was measured, where its input is.
     """
-    from idloop.records.inspection.faults.inner_loop import KIND as SET_POINT
+    from idloop.records.inspection.faults.loops import SET_POINT
     from idloop.records.inspection.measured_input import KIND as MEASURED
 
     kinds = [*([SET_POINT] if model.loop is not None else []), *([MEASURED] if model.input.kind == "measured" else [])]

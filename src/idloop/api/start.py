@@ -90,7 +90,7 @@ class Start(Result):
     @property
     def set_point_unit(self) -> str:
         """Unit in which the command is a set-point that the motion follows, where the log says none; else empty."""
-        from idloop.records.inspection.faults.inner_loop import unit_of_set_point
+        from idloop.records.inspection.faults.loops import unit_of_set_point
 
         return next(
             (unit for one in self.inspections for fault in one.faults if (unit := unit_of_set_point(fault))), ""
@@ -178,18 +178,18 @@ class Start(Result):
 
     def _again(self) -> Iterator[str]:
         """Yield the options that mend what the inspection found."""
-        from idloop.records.inspection.faults import copied_motion, outside_force, spliced, stuck_sensor
+        from idloop.records.inspection.faults import jumps, loops, outside_force, readings
         from idloop.records.inspection.faults.fault import LATE
         from idloop.records.inspection.velocity_check import KIND as WRONG_VELOCITY
 
         every = [fault for one in self.inspections for fault in one.faults]
         faults = {fault.kind: fault for fault in every}
         options = []
-        if {copied_motion.KIND, WRONG_VELOCITY} <= faults.keys() and (flags := self.log.exchanged_command):
+        if {loops.COPY, WRONG_VELOCITY} <= faults.keys() and (flags := self.log.exchanged_command):
             yield f"where the names of command and velocity are exchanged, run again with {flags} and another --output"
         late = next((one.evidence[LATE] for one in faults.values() if LATE in one.evidence), 0.0)
         options += [f"--late {self.log.late + late:.4g}"] if late else []
-        kinds = (spliced.KIND, stuck_sensor.KIND, outside_force.PUSH, outside_force.CHANGED)
+        kinds = (jumps.SPLICED, readings.STUCK, outside_force.PUSH, outside_force.CHANGED)
         cut = [place for fault in every if fault.kind in kinds for place in fault.places]
         options += filter(None, [self.log.rows_without(cut)])
         if options:
@@ -390,7 +390,7 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
     from idloop import drawing
     from idloop.output_files import write_text
     from idloop.records import compare_inspections
-    from idloop.records.inspection.faults.late_velocity import KIND as LATE
+    from idloop.records.inspection.faults.late import VELOCITY as LATE
     from idloop.records.inspection.grade import what
     from idloop.records.inspection.measured_input import KIND as MEASURED
     from idloop.records.inspection.together import judged_together
@@ -481,7 +481,7 @@ def forwards_beside_position(done: FirstFit, inspections: Sequence[Inspection]) 
 
     `done`: reversed.
     """
-    from idloop.records.inspection.faults.command_direction import is_forwards
+    from idloop.records.inspection.faults.command_sign import is_forwards
 
     driven = [axis for one in inspections for axis in one.axes if axis.command_name]
     if not driven or not all(map(is_forwards, driven)):
@@ -570,8 +570,8 @@ class _Apart:
 
 def _apart(bags: Sequence[Path], inspections: Sequence[Inspection], between: Sequence[Finding]) -> _Apart | None:
     """Return why a fit of all records together would mean nothing; None where it may mean something."""
-    from idloop.records.inspection.faults.command_direction import is_forwards
-    from idloop.records.inspection.faults.inner_loop import KIND as SET_POINT
+    from idloop.records.inspection.faults.command_sign import is_forwards
+    from idloop.records.inspection.faults.loops import SET_POINT
     from idloop.records.inspection.grade import EVERYTHING, what
 
     # A record whose fault spoils every fit would spoil the others' as well; one of no use may serve beside others.

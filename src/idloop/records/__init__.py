@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from idloop.records.from_model import record_from_model
     from idloop.records.gaps import cut_at_gaps, usable_parts
     from idloop.records.inspection.checks import check_commands, check_identifiable, check_record
-    from idloop.records.inspection.inspection import Inspection, compare_inspections, inspect_bag
+    from idloop.records.inspection.inspection import Inspection, inspect_bag
+    from idloop.records.inspection.together import compare_inspections
     from idloop.records.record import Record
 
 __all__ = [
@@ -47,7 +48,8 @@ _MODULES = {
     "from_model": ("record_from_model",),
     "gaps": ("cut_at_gaps", "usable_parts"),
     "inspection.checks": ("check_commands", "check_identifiable", "check_record"),
-    "inspection.inspection": ("Inspection", "compare_inspections", "inspect_bag"),
+    "inspection.inspection": ("Inspection", "inspect_bag"),
+    "inspection.together": ("compare_inspections",),
     "record": ("Record",),
 }
 _WHERE = {name: module for module, names in _MODULES.items() for name in names}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from idloop.records import check_record, inspect_bag, write_bag
-from idloop.records.inspection.bad_readings import bad_readings
+from idloop.records.inspection.values import bad_readings
 from idloop.records.record import Record
 
 ROWS = [3, 700, 701, 1500, 1999]

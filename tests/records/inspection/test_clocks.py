@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from idloop.records.bags.write import make_stream
-from idloop.records.inspection.clocks import compare_clocks, stamp_findings, stamp_statistics, while_measured
+from idloop.records.inspection.clocks import (
+    compare_clocks,
+    share_no_clock,
+    stamp_findings,
+    stamp_statistics,
+    while_measured,
+)
 
 MS = 1_000_000
 
@@ -87,3 +95,23 @@ def test_a_command_beside_nothing_measured_counts_whole():
     command = np.arange(10) * MS
     for measured in ([], [np.zeros(0, np.int64)], [command + 10**12]):
         assert while_measured(command, measured) is command
+
+
+RECEIVE = 1_700_000_000_000_000_000 + np.arange(400, dtype=np.int64) * 5_000_000
+
+
+def states(stamps):
+    return make_stream("/joint_states", stamps, {"j": {"position": np.arange(stamps.size) * 1.0}}, RECEIVE)
+
+
+@pytest.mark.parametrize(("speed", "start"), [(1.0, 12.0), (0.5, 0.0), (4.0, 3000.0)])
+def test_simulated_time_beside_receive_time(speed, start):
+    simulated = states(np.int64(start * 1e9) + ((RECEIVE - RECEIVE[0]) * speed).astype(np.int64))
+    command = replace(states(RECEIVE), stamped=False)
+    assert share_no_clock(command, simulated)
+    assert share_no_clock(simulated, command)
+    assert not share_no_clock(simulated, simulated)
+
+
+def test_dates_share_a_clock_whatever_the_delay():
+    assert not share_no_clock(replace(states(RECEIVE), stamped=False), states(RECEIVE - 3_000_000))

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idloop.records.inspection.faults import wrong_velocity
+from idloop.records.inspection.velocity_check import wrong_velocities
 from idloop.records.inspection.velocity_limit import velocity_limit
 
 
@@ -48,7 +48,8 @@ def test_other_velocities_have_no_limit(make_axis):
 def test_the_finding_names_the_limit_and_fits_leave_the_velocity_out(make_axis):
     axis = make_axis()
     most = 0.5 * float(np.max(np.abs(axis.velocity)))
-    (found,) = wrong_velocity.check(replace(axis, velocity=np.clip(axis.velocity, -most, most)))
+    cut = replace(axis, velocity=np.clip(axis.velocity, -most, most))
+    (found,) = wrong_velocities(axis.time, cut.columns, cut.units)
     assert found.kind == "wrong_velocity"
     assert "stays at its limit" in found.text
     assert found.cure == "raise the limit, or drive slower; fits leave j.velocity out"

@@ -11,8 +11,8 @@ import numpy as np
 from idloop.arrays import Array
 from idloop.records.bags.publishers import Publishers
 from idloop.records.bags.stream import JointStream
-from idloop.records.inspection.bad_readings import bad_readings, without_bad_readings
 from idloop.records.inspection.motion import analyse_motion, white_noise
+from idloop.records.inspection.values import bad_readings
 from idloop.records.inspection.wraps import Wraps, find_wraps
 
 # Samples on the grid at most: longer records are averaged in blocks, which changes no balance of forces.
@@ -69,28 +69,44 @@ class Axis:
         bad = {}
         for name, time in (("position", self.time), ("velocity", self.time), ("command", self.input_time)):
             value: Array | None = getattr(self, name)
-            if value is None or not (rows := bad_readings(value)).size:
-                continue
-            bad[name] = (time[rows], value[rows])
-            changed[name] = without_bad_readings(value)
+            if value is not None and (rows := bad_readings(value)).size:
+                bad[name] = (time[rows], value[rows])
+                changed[name] = value.copy()
+                changed[name][rows] = np.nan
         return replace(self, **changed, bad=bad) if bad else self  # type: ignore[arg-type]
 
     def name(self, signal: str) -> str:
-        """``joint.signal``."""
-        return f"{self.joint}.{signal}"
+        """``joint.signal``, or the name of the command."""
+        return self.command_name if signal == "command" else f"{self.joint}.{signal}"
 
     def unit(self, signal: str) -> str:
         """Unit of a signal of this joint, or of the command; those of the topics where none is given."""
+        unit = self.units.get(self.name(signal))
         if signal == "command":
-            unit = self.units.get(self.command_name)
             return unit if unit and unit != "-" else "command units"
-        return self.units.get(self.name(signal)) or {"position": "rad", "velocity": "rad/s"}[signal]
+        return unit or {"position": "rad", "velocity": "rad/s"}[signal]
+
+    @property
+    def known_command(self) -> Array:
+        """Values of the command without missing ones."""
+        return self.command[np.isfinite(self.command)]
 
     @property
     def columns(self) -> dict[str, Array]:
         """Position and velocity (n,) by ``joint.field``, as recorded."""
         found = {"position": self.position, "velocity": self.velocity}
         return {self.name(key): value for key, value in found.items() if value is not None}
+
+    @property
+    def signals(self) -> dict[str, Array]:
+        """Position without the jumps of its encoder and velocity (n,), by field, where recorded."""
+        found = {"position": self.place, "velocity": self.velocity}
+        return {key: value for key, value in found.items() if value is not None}
+
+    @property
+    def motions(self) -> dict[str, Array]:
+        """`signals` by ``joint.field``."""
+        return {self.name(key): value for key, value in self.signals.items()}
 
     @cached_property
     def wraps(self) -> Wraps | None:
@@ -102,16 +118,11 @@ class Axis:
         """Position (n,) without the jumps of its encoder."""
         return self.position if self.wraps is None else self.wraps.unwrapped
 
-    @property
-    def motions(self) -> dict[str, Array]:
-        """Position without the jumps of its encoder and velocity (n,) by ``joint.field``."""
-        return self.columns if self.place is None else self.columns | {self.name("position"): self.place}
-
     @cached_property
     def resolution(self) -> dict[str, float]:
-        """Step of position and velocity that their sensors make."""
-        signals = {"position": self.place, "velocity": self.velocity}
-        return {name: 0.0 if value is None else sensor_step(value) for name, value in signals.items()}
+        """Step of position and velocity that their sensors make; 0 where not recorded."""
+        steps = {name: sensor_step(value) for name, value in self.signals.items()}
+        return {"position": 0.0, "velocity": 0.0} | steps
 
     @cached_property
     def period(self) -> float:
@@ -133,16 +144,16 @@ class Axis:
         count = count // block * block
         even = self.time[0] + self.period * np.arange(count)
         edges = self.time[0] + self.period * (np.arange(count + 1) - 0.5)
+        columns = [
+            even,
+            _at(even, self.time, self.place, self.period),
+            _at(even, self.time, self.velocity, self.period),
+            _held_mean(edges, self.input_time, self.command),
+        ]
+        if block > 1:
+            columns = [one.reshape(-1, block).mean(axis=1) for one in columns]
+        time, place, velocity, command = columns
         period = block * self.period
-        time, place, velocity, command = (
-            _averaged(one, block)
-            for one in (
-                even,
-                _at(even, self.time, self.place, self.period),
-                _at(even, self.time, self.velocity, self.period),
-                _held_mean(edges, self.input_time, self.command),
-            )
-        )
         speed = velocity if self.trusts_velocity and np.isfinite(velocity).any() else _slope(place, period, self)
         known = speed[np.isfinite(speed)]
         noise = max(white_noise(known), 0.3 * sensor_step(known)) if known.size > 30 else 0.0
@@ -150,10 +161,8 @@ class Axis:
 
 
 def _at(even: Array, time: Array, value: Array | None, period: float) -> Array:
-    if value is None:
-        return np.full(even.size, np.nan)
-    known = np.isfinite(value)
-    if known.sum() < 2:
+    known = np.zeros(time.size, dtype=bool) if value is None else np.isfinite(value)
+    if value is None or known.sum() < 2:
         return np.full(even.size, np.nan)
     time, value = time[known], value[known]
     period = max(period, float(np.median(np.diff(time))))
@@ -178,15 +187,11 @@ def _held_mean(edges: Array, time: Array, value: Array) -> Array:
     return np.asarray(np.diff(total) / np.diff(edges))
 
 
-def _averaged(value: Array, block: int) -> Array:
-    return value if block == 1 else np.asarray(value.reshape(-1, block).mean(axis=1))
-
-
 def _slope(place: Array, period: float, axis: Axis) -> Array:
     """Slope of a position over the shortest window in which its steps and its noise are small."""
-    known = place[np.isfinite(place)]
+    slope, known = np.full(place.size, np.nan), place[np.isfinite(place)]
     if known.size < 60:
-        return np.full(place.size, np.nan)
+        return slope
     noise = max(white_noise(known), 0.3 * axis.resolution["position"])
     for half in (1, 2, 4, 8, 16):
         slope = np.full(place.size, np.nan)

@@ -10,12 +10,11 @@ import numpy as np
 from idloop.arrays import Array, Integers
 from idloop.errors import InputError
 from idloop.records.finding import Finding
-from idloop.records.inspection.bad_readings import bad_readings, without_bad_readings
 from idloop.records.inspection.differenced import differenced
 from idloop.records.inspection.measured_input import measured_input
 from idloop.records.inspection.motion import Motion, analyse_motion, beginnings
 from idloop.records.inspection.repeats import without_repeats
-from idloop.records.inspection.values import LARGEST, unusable_magnitude
+from idloop.records.inspection.values import LARGEST, bad_readings, unusable_magnitude, without_bad_readings
 from idloop.records.record import Record
 
 FEWEST_SAMPLES = 10
@@ -68,21 +67,19 @@ def check_record(record: Record, *, held: bool = True) -> Record:
         Infinite samples, an output never measured, fewer than ten samples.
     """
     name = record.name
-    if not np.isfinite(record.input).all():
-        k = int(np.flatnonzero(~np.isfinite(record.input))[0])
-        kind = "NaN" if np.isnan(record.input[k]) else "infinite"
+    if (bad := np.flatnonzero(~np.isfinite(record.input))).size:
+        kind = "NaN" if np.isnan(record.input[bad[0]]) else "infinite"
         raise InputError(
-            f"{name}: {record.input_name} is {kind} at {record.input_time[k]:.6g} s (sample {k}); cut this part out"
-            " or correct the source"
+            f"{name}: {record.input_name} is {kind} at {record.input_time[bad[0]]:.6g} s (sample {bad[0]}); cut this"
+            " part out or correct the source"
         )
-    for output, values in zip(record.output_names, record.output.T, strict=True):
-        if np.isinf(values).any():
-            k = int(np.flatnonzero(np.isinf(values))[0])
-            raise InputError(
-                f"{name}: {output} is infinite at {record.time[k]:.6g} s (sample {k}); cut this part out"
-                " or mark it NaN (not measured)"
-            )
+    for output, values in _outputs(record).items():
         count = int(np.isfinite(values).sum())
+        if (bad := np.flatnonzero(np.isinf(values))).size:
+            raise InputError(
+                f"{name}: {output} is infinite at {record.time[bad[0]]:.6g} s (sample {bad[0]}); cut this part out or"
+                " mark it NaN (not measured)"
+            )
         if count == 0:
             raise InputError(
                 f"{name}: {output} is NaN (not measured) in the whole record; take this output out of the model file"
@@ -92,25 +89,25 @@ def check_record(record: Record, *, held: bool = True) -> Record:
                 f"{name}: {output} has only {count} samples, at least {FEWEST_SAMPLES} are needed; record longer"
             )
     record = _without_bad_readings(_without_repeats(record))
-    signals = [(record.input_name, record.input), *zip(record.output_names, record.output.T, strict=True)]
-    for signal, values in signals:
-        known = values[np.isfinite(values)]
-        unusable = unusable_magnitude(signal, float(known.min()), float(known.max()))
-        if unusable:
+    outputs = _outputs(record)
+    for signal, values in [(record.input_name, record.input), *outputs.items()]:
+        if unusable := unusable_magnitude(signal, float(np.nanmin(values)), float(np.nanmax(values))):
             raise InputError(f"{name}: {unusable}")
     found = [
         Finding("no_motion", f"{output} never changes", where=output, level="warning")
-        for output, values in zip(record.output_names, record.output.T, strict=True)
+        for output, values in outputs.items()
         if np.nanmax(values) == np.nanmin(values)
     ]
     found += [one for one in differenced(record) if one not in record.findings]
     if held:
-        motions = dict(zip(record.output_names, record.output.T, strict=True))
-        found += measured_input(record.input_name, record.input_time, record.input, record.time, motions)
-    short = few_samples(record.time.size, record.duration)
-    if short:
+        found += measured_input(record.input_name, record.input_time, record.input, record.time, outputs)
+    if short := few_samples(record.time.size, record.duration):
         found.append(Finding("few_samples", short, record.time.size, name, "warning"))
     return replace(record, findings=(*record.findings, *found))
+
+
+def _outputs(record: Record) -> dict[str, Array]:
+    return dict(zip(record.output_names, record.output.T, strict=True))
 
 
 def _without_bad_readings(record: Record) -> Record:
@@ -137,15 +134,15 @@ def _stray(record: Record) -> dict[str, Integers]:
     from idloop.records.inspection.axis import Axis
     from idloop.records.inspection.faults.spikes import stray
 
-    columns = dict(zip(record.output_names, record.output.T, strict=True))
+    columns = _outputs(record)
     found = {name: bad_readings(values) for name, values in columns.items()}
+    left = {name: without_bad_readings(values) for name, values in columns.items()}
     # What cannot be computed with is refused below.
-    if any(np.nanmax(np.abs(values), initial=0.0) > LARGEST for values in map(without_bad_readings, columns.values())):
+    if any(np.nanmax(np.abs(values), initial=0.0) > LARGEST for values in left.values()):
         return found
     for joint in dict.fromkeys(name.rpartition(".")[0] for name in columns):
-        own = {field: columns.get(f"{joint}.{field}") for field in ("position", "velocity")}
-        left = {field: None if values is None else without_bad_readings(values) for field, values in own.items()}
-        axis = Axis(joint, record.time, left["position"], left["velocity"], record.input_time, record.input)
+        position, velocity = (left.get(f"{joint}.{field}") for field in ("position", "velocity"))
+        axis = Axis(joint, record.time, position, velocity, record.input_time, record.input)
         for name, rows in stray(axis).items():
             found[name] = np.union1d(found[name], rows)
     return found
@@ -231,7 +228,7 @@ def check_identifiable(record: Record) -> Record:
     InputError
         No output changes, or a position stands still beside its moving velocity.
     """
-    found = {name: analyse_motion(record.output[:, record.column(name)]) for name in record.output_names}
+    found = {name: analyse_motion(values) for name, values in _outputs(record).items()}
     motions = {name: motion for name, motion in found.items() if motion is not None}
     for dead in dead_positions(motions):
         raise InputError(f"{record.name}: {dead}")

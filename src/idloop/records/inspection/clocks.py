@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from idloop.records.bags.stamp_clock import share_no_clock
+from idloop.arrays import Array, Integers
 from idloop.records.bags.stream import JointStream
 from idloop.records.finding import Finding
-
-Stamps = NDArray[np.int64]
 
 _OFF_GRID = 0.3  # periods that an interval may lie beside a whole number of periods
 _REGULAR = 0.9  # share of such intervals that makes a grid
@@ -24,6 +21,7 @@ _REORDERED = 3.0  # a step back of at most this many periods is due to the trans
 # messages by less than the second; beyond the third and fourth pair the streams cannot be used together.
 _DRIFT_NOTED, _DRIFTED_NOTED = 5e-5, 0.02
 _DRIFT_CERTAIN, _DRIFTED_CERTAIN = 1e-3, 0.1
+_FIRST_DATE_NS = 10**18  # 2001-09-09: earlier stamps count from a start, not from 1970
 # What to do where stamps are wrong.
 _CURES = {
     "lost_samples": "record on the machine that measures, to a faster disk, or at a lower rate",
@@ -54,7 +52,7 @@ class StampStatistics:
     largest_step_back: float  # [s], 0 where time never runs backwards
 
 
-def stamp_statistics(stamp_ns: Stamps) -> StampStatistics:
+def stamp_statistics(stamp_ns: Integers) -> StampStatistics:
     """Measure the stamps of one stream, shape (n,) in nanoseconds and in the order of reception."""
     received = np.diff(stamp_ns).astype(np.float64) * 1e-9
     ahead = received[received > 0]
@@ -90,7 +88,7 @@ def stamp_statistics(stamp_ns: Stamps) -> StampStatistics:
     )
 
 
-def while_measured(command: Stamps, measured: Iterable[Stamps]) -> Stamps:
+def while_measured(command: Integers, measured: Iterable[Integers]) -> Integers:
     """Return the stamps (m,) of a command that was sent while something was measured; all of them where none was.
 
     Before and after a run a controller sends zeros at a rate of its own, where a missing one does not matter.
@@ -114,54 +112,50 @@ def stamp_findings(
     """
     found: list[Finding] = []
 
-    def add(
-        kind: str,
-        count: int,
-        text: str,
-        level: Literal["note", "warning"] = "warning",
-        evidence: Mapping[str, float] | None = None,
-    ) -> None:
-        cure, said = _CURES.get(kind, ""), f"{where}: {text}"
-        found.append(Finding(kind, said, count, where, level, evidence=dict(evidence or {}), cure=cure))
+    def add(kind: str, count: int, text: str, **more: Any) -> None:
+        cure = _CURES.get(kind, "")
+        found.append(Finding(kind, f"{where}: {text}", count, where, **{"level": "warning", "cure": cure, **more}))
 
     over = "; the command before is assumed to hold there" if held else ""
     resets, lost, gaps = len(statistics.resets), statistics.lost, len(statistics.gaps)
+    period = f"{statistics.period * 1e3:.4g} ms"
     if resets and announced:
-        add("announced_anew", resets, f"values sent ahead of their time were replaced ({resets} times)", "note")
+        text = f"values sent ahead of their time were replaced ({resets} times)"
+        add("announced_anew", resets, text, level="note")
     elif resets:
         many = "once" if resets == 1 else f"{resets} times"
-        text = f"the clock was set back {many} (first at message {statistics.resets[0]}, by up to"
-        add("clock_reset", resets, f"{text} {statistics.largest_step_back:.6g} s)")
+        first = f"first at message {statistics.resets[0]}, by up to {statistics.largest_step_back:.6g} s"
+        add("clock_reset", resets, f"the clock was set back {many} ({first})")
     if statistics.reordered:
-        add("out_of_order", statistics.reordered, f"{statistics.reordered} messages arrived out of order", "note")
+        text = f"{statistics.reordered} messages arrived out of order"
+        add("out_of_order", statistics.reordered, text, level="note")
     if statistics.duplicates:
         add("duplicate_stamps", statistics.duplicates, f"{statistics.duplicates} stamps occur twice")
     if lost:
         share = lost / (lost + statistics.count)
-        text = f"{lost} samples are missing on the {statistics.period * 1e3:.4g} ms grid ({100 * share:.2g} %){over}"
-        add("lost_samples", lost, text, "warning" if share > 0.001 else "note", {"lost": lost, "share": share})
+        text = f"{lost} samples are missing on the {period} grid ({100 * share:.2g} %){over}"
+        level = "warning" if share > 0.001 else "note"
+        add("lost_samples", lost, text, level=level, evidence={"lost": lost, "share": share})
     if gaps:
         start, length = max(statistics.gaps, key=lambda gap: gap[1])
         many = "1 gap" if gaps == 1 else f"{gaps} gaps"
         text = f"{many} longer than ten periods, the longest {length:.4g} s at {start:.4g} s"
         add("gap", gaps, text + ("" if lost else over), evidence={"gaps": gaps, "longest": length})
     if not statistics.regular and statistics.count > 2 and np.isfinite(statistics.period):
-        text = (
-            f"irregular stamps, median interval {statistics.period * 1e3:.4g} ms, 95 % within"
-            f" {statistics.jitter['p95'] * 1e3:.3g} ms of it; the recorded stamps are used, not the nominal period"
-        )
-        add("jitter", statistics.count, text, "note")
+        within = f"95 % within {statistics.jitter['p95'] * 1e3:.3g} ms of it"
+        used = "the recorded stamps are used, not the nominal period"
+        add("jitter", statistics.count, f"irregular stamps, median interval {period}, {within}; {used}", level="note")
     return found
 
 
-@dataclass(frozen=True)
-class ClockComparison:
+class ClockComparison(NamedTuple):
     """Stamps of two streams seen from the one clock of the recorder."""
 
     overlap: float  # common span of the stamps [s]; negative when they do not meet
-    offset: float  # median of (first minus second) stamp at equal receive time [s]
-    drift: float  # change of that offset per second of stamps [s/s]
-    drifted: float  # change of that offset over the recording, in seconds of the recorder's clock
+    # Change of (first minus second) stamp at equal receive time: per second of stamps [s/s], and over the recording, in
+    # seconds of the recorder's clock
+    drift: float = np.nan
+    drifted: float = np.nan
 
 
 def compare_clocks(first: JointStream, second: JointStream) -> ClockComparison:
@@ -170,38 +164,36 @@ def compare_clocks(first: JointStream, second: JointStream) -> ClockComparison:
     The recorder receives both streams on its own clock. Where both were stamped by one clock, stamp against
     receive time is one curve for both, whatever its slope (a simulation may run faster than real time).
     """
-    stamp_a, receive_a = first.stamp_ns, first.receive_ns
-    stamp_b, receive_b = second.stamp_ns, second.receive_ns
-    overlap = float(min(stamp_a.max(), stamp_b.max()) - max(stamp_a.min(), stamp_b.min())) * 1e-9
-    order = np.argsort(receive_b, kind="stable")
+    stamp_a, receive_a, stamp_b, receive_b = first.stamp_ns, first.receive_ns, second.stamp_ns, second.receive_ns
+    overlap = 1e-9 * float(min(stamp_a.max(), stamp_b.max()) - max(stamp_a.min(), stamp_b.min()))
     start = max(int(receive_a.min()), int(receive_b.min()))
     stop = min(int(receive_a.max()), int(receive_b.max()))
     common = (receive_a >= start) & (receive_a <= stop)
     if common.sum() < 10 or stop <= start:
-        return ClockComparison(overlap, float("nan"), float("nan"), float("nan"))
+        return ClockComparison(overlap)
     # Differences to the first stamp keep double precision at stamps of 1.7e18 ns.
-    zero = stamp_b[0]
-    expected = np.interp(
-        (receive_a[common] - start).astype(np.float64),
-        (receive_b[order] - start).astype(np.float64),
-        (stamp_b[order] - zero).astype(np.float64) * 1e-9,
-    )
-    when = (receive_a[common] - start).astype(np.float64) * 1e-9
-    offset = (stamp_a[common] - zero).astype(np.float64) * 1e-9 - expected
+    order, zero = np.argsort(receive_b, kind="stable"), stamp_b[0]
+    when, stamped = _seconds(receive_a[common], start), _seconds(stamp_a[common], zero)
+    offset = stamped - np.interp(when, _seconds(receive_b[order], start), _seconds(stamp_b[order], zero))
     # Medians over the outer fifths: a hiccup of the recorder moves single samples, not these.
     edge = max(offset.size // 5, 1)
-    moved = float(np.median(offset[-edge:]) - np.median(offset[:edge]))
-    span_receive = float(np.median(when[-edge:]) - np.median(when[:edge]))
-    stamped = (stamp_a[common] - stamp_a[common][0]).astype(np.float64) * 1e-9
-    span_stamp = float(np.median(stamped[-edge:]) - np.median(stamped[:edge]))
-    if span_stamp <= 0 or span_receive <= 0:
-        return ClockComparison(overlap, float(np.median(offset)), float("nan"), float("nan"))
-    return ClockComparison(
-        overlap=overlap,
-        offset=float(np.median(offset)),
-        drift=moved / span_stamp,
-        drifted=moved * span_receive / span_stamp,
-    )
+    moved, received, span = (float(np.median(x[-edge:]) - np.median(x[:edge])) for x in (offset, when, stamped))
+    if span <= 0 or received <= 0:
+        return ClockComparison(overlap)
+    return ClockComparison(overlap, moved / span, moved * received / span)
+
+
+def _seconds(stamp_ns: Integers, zero: int) -> Array:
+    return np.asarray((stamp_ns - zero) * 1e-9)
+
+
+def share_no_clock(first: JointStream, second: JointStream) -> bool:
+    """Whether one topic has dates and the other counts from a start, as with simulated time beside receive time."""
+    counted = [
+        one.stamped and bool(np.median(one.stamp_ns) < _FIRST_DATE_NS <= np.median(one.receive_ns))
+        for one in (first, second)
+    ]
+    return any(counted) and not all(counted)
 
 
 def clock_finding(command: JointStream, measured: JointStream) -> Finding | None:
@@ -211,36 +203,31 @@ def clock_finding(command: JointStream, measured: JointStream) -> Finding | None
     the stamps drift apart by little, None for one clock.
     """
     clocks = compare_clocks(command, measured)
-    names = f"{command.topic} and {measured.topic}"
     drift, drifted = abs(clocks.drift), abs(clocks.drifted)
-    text = f"the stamps of {names} drift apart by {clocks.drift * 1e3:.3g} ms per second"
-    advice = "; stamp both from one clock, or read with receive stamps"
+    certain = clocks.overlap < 0 or (drift > _DRIFT_CERTAIN and drifted > _DRIFTED_CERTAIN)
+    if not certain and not (drift > _DRIFT_NOTED and drifted > _DRIFTED_NOTED):
+        return None
+    why = f"the stamps of {command.topic} and {measured.topic} drift apart by {clocks.drift * 1e3:.3g} ms per second"
+    cure = "stamp both from one clock, or read with receive stamps"
     if clocks.overlap < 0:
         spans = (
             f"{one.topic} is stamped {one.stamp_ns[0] * 1e-9:.3f} to {one.stamp_ns[-1] * 1e-9:.3f} s"
             for one in (command, measured)
         )
+        apart = "they do not overlap"
         if share_no_clock(command, measured):
-            advice = (
-                "; set `use_sim_time` alike for all nodes, with stamps in every message, and record again, or import"
-                " this recording with `time: {stamps: receive}`"
+            apart = "simulated time against the clock of the recorder"
+            cure = (
+                "set `use_sim_time` alike for all nodes, with stamps in every message, and record again, or import this"
+                " recording with `time: {stamps: receive}`"
             )
-            why = "simulated time against the clock of the recorder"
-        else:
-            why = "they do not overlap"
-        kind, text = "two_clocks", f"two clocks: {', '.join(spans)}, {why}{advice}"
-    elif drift > _DRIFT_CERTAIN and drifted > _DRIFTED_CERTAIN:
-        kind, text = "two_clocks", f"two clocks: {text}{advice}"
-    elif drift > _DRIFT_NOTED and drifted > _DRIFTED_NOTED:
-        kind, text = "clock_drift", f"perhaps two clocks: {text}{advice}"
-    else:
-        return None
+        why = f"{', '.join(spans)}, {apart}"
     return Finding(
-        kind,
-        text,
+        "two_clocks" if certain else "clock_drift",
+        f"{'' if certain else 'perhaps '}two clocks: {why}; {cure}",
         where=f"{command.topic}, {measured.topic}",
         level="warning",
         evidence={"overlap": clocks.overlap, "drift": clocks.drift},
-        cure=advice.removeprefix("; "),
-        spoils=("identification",) if kind == "two_clocks" else ("delays",),
+        cure=cure,
+        spoils=("identification",) if certain else ("delays",),
     )

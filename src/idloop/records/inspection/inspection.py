@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idloop.errors import InputError
 from idloop.records.bags.bag import Bag
@@ -25,8 +24,6 @@ from idloop.records.bags.topics import (
 from idloop.records.finding import Finding
 from idloop.records.inspection.axes import axes_of, once_per_stamp
 from idloop.records.inspection.axis import Axis
-from idloop.records.inspection.bad_readings import without_bad_readings
-from idloop.records.inspection.between import between_records
 from idloop.records.inspection.clocks import StampStatistics, stamp_findings, stamp_statistics, while_measured
 from idloop.records.inspection.coupled import transmission
 from idloop.records.inspection.excitation import Excitation, analyse_command
@@ -34,13 +31,11 @@ from idloop.records.inspection.faults.checks import inspect_axis
 from idloop.records.inspection.grade import grade
 from idloop.records.inspection.insight import Evidence, insights, verdict
 from idloop.records.inspection.motion import Motion, analyse_motion, beginning
-from idloop.records.inspection.values import missing_values, unusable_magnitude
+from idloop.records.inspection.values import missing_values, runs, unusable_magnitude, without_bad_readings
 from idloop.records.inspection.velocity_check import KIND as WRONG_VELOCITY
 from idloop.records.measured_conditions import TOPIC as CONDITIONS
 from idloop.records.measured_conditions import ConditionSources
 from idloop.spelling import listed
-
-Stamps = NDArray[np.int64]
 
 _COMMANDS = ("joint_command", "commands", "command")
 # Topics that are neither the command nor a measurement; their values may be sent ahead of their time.
@@ -123,9 +118,8 @@ class Inspection:
         joints = {}
         for name, joint in self.joints.items():
             own = [one for one in findings if one.kind in joint.faults]
-            left, why = grade(_joint_verdict(name, self.axes, self.commands), own)
             faults = tuple(kind for kind in joint.faults if kind not in kinds)
-            joints[name] = replace(joint, grade=left, reason=why, faults=faults)
+            joints[name] = replace(_joint_report(name, self.axes, self.commands, own), faults=faults)
         return replace(self, findings=findings, grade=graded, grade_reason=reason, joints=joints)
 
     def to_dict(self) -> dict[str, object]:
@@ -190,7 +184,7 @@ def inspect_bag(
         metadata, topics, unknown = bag.custom, bag.topics, bag.unknown_types
     requested = _command_topic(streams, topics, command, path)
     command_topic = applied_command_topic(requested, topics) if command is None and requested else requested
-    sent = streams[command_topic] if command_topic else None
+    sent = streams.get(command_topic)
     measured = {
         name: stream
         for name, stream in streams.items()
@@ -205,17 +199,24 @@ def inspect_bag(
         stamps = received if stream is None else stream.stamp_ns
         if topic.name == command_topic:
             stamps = while_measured(stamps, [one.stamp_ns for one in measured.values()])
-        report = _topic_report(topic, stream, received, stamps, readable=topic.name in readable)
+        report = TopicReport(
+            name=topic.name,
+            type=topic.type,
+            count=int(received.size),
+            readable=topic.name in readable,
+            stamped=stream is not None and stream.stamped,
+            stamps=stamp_statistics(stamps),
+            receive=stamp_statistics(received),
+            delay={} if stream is None else _delay(stream),
+        )
         reports.append(report)
         findings += _topic_findings(report, stream, known=topic.type not in unknown, held=topic.name == command_topic)
     signals = {name: found for name, stream in measured.items() if (found := _motions(stream))}
-    findings += _value_findings(signals)
-    findings += _missing(measured, command=False)
+    findings += [*_value_findings(signals), *_missing(measured, command=False)]
     findings += applied_command_findings(requested, command_topic)
-    commands = _commands(sent) if sent is not None else {}
+    commands = {} if sent is None else _commands(sent)
+    findings += [] if sent is None else _missing({command_topic: sent}, command=True)
     closed_loop = any(topic.rsplit("/", 1)[-1] == "reference" for topic in streams)
-    if sent is not None:
-        findings += _missing({command_topic: sent}, command=True)
     axes = axes_of(
         measured,
         signals,
@@ -246,14 +247,7 @@ def inspect_bag(
         verdict=answer,
         grade=graded,
         grade_reason=reason,
-        joints={
-            axis.joint: JointReport(
-                axis.command_name,
-                *grade(_joint_verdict(axis.joint, axes, commands), own[axis.joint]),
-                tuple(one.kind for one in own[axis.joint] if one.level == "warning"),
-            )
-            for axis in axes
-        },
+        joints={axis.joint: _joint_report(axis.joint, axes, commands, own[axis.joint]) for axis in axes},
         left_out=tuple(left_out),
         command_topic=command_topic,
         conditions={
@@ -266,61 +260,30 @@ def inspect_bag(
     )
 
 
-def _joint_verdict(joint: str, axes: Iterable[Axis], commands: Mapping[str, Excitation]) -> str:
-    """A joint without a command beside joints that have one cannot be fitted, unless one of them drives it."""
+def _joint_report(
+    joint: str, axes: Iterable[Axis], commands: Mapping[str, Excitation], findings: Iterable[Finding]
+) -> JointReport:
+    """Grade a joint by its findings; one without a command beside others can be fitted where one of them drives it."""
     by_name = {axis.joint: axis for axis in axes}
-    own = by_name[joint]
-    if own.command_name or not commands:
-        return "usable"
-    driving = [one.place for one in by_name.values() if one.command_name and one.place is not None]
-    driven = own.place is not None and any(transmission(place, own.place) for place in driving)
-    return "usable" if driven else "no_command"
-
-
-def compare_inspections(inspections: Iterable[Inspection]) -> list[Finding]:
-    """Return the faults between recordings: other joints, units, sample times or gains.
-
-    Parameters
-    ----------
-    inspections : iterable of Inspection
-        One for each recording.
-    """
-    found = list(inspections)
-    names = [one.path.name for one in found]
-    unique = len(set(names)) == len(names)
-    return between_records({one.path.name if unique else str(one.path): one.axes for one in found})
+    own, answer = by_name[joint], "usable"
+    if commands and not own.command_name:
+        driving = [one.place for one in by_name.values() if one.command_name and one.place is not None]
+        driven = own.place is not None and any(transmission(place, own.place) for place in driving)
+        answer = "usable" if driven else "no_command"
+    faults = tuple(one.kind for one in findings if one.level == "warning")
+    return JointReport(own.command_name, *grade(answer, findings), faults)
 
 
 def _command_topic(
     streams: Mapping[str, JointStream], topics: Mapping[str, Topic], named: str | None, path: Path
 ) -> str:
-    if named is not None:
-        topic = resolve_topic(named, topics, path)
-        if topic not in streams:
-            raise InputError(
-                f"{path}: {topic} carries no numbers that could be a command; readable are {listed(streams)}"
-            )
-        return topic
-    for ending in _COMMANDS:
-        found = [topic for topic in streams if topic.rsplit("/", 1)[-1] == ending]
-        if found:
-            return found[0]
-    return ""
-
-
-def _topic_report(
-    topic: Topic, stream: JointStream | None, received: Stamps, stamps: Stamps, *, readable: bool
-) -> TopicReport:
-    return TopicReport(
-        name=topic.name,
-        type=topic.type,
-        count=int(received.size),
-        readable=readable,
-        stamped=stream is not None and stream.stamped,
-        stamps=stamp_statistics(stamps),
-        receive=stamp_statistics(received),
-        delay={} if stream is None else _delay(stream),
-    )
+    if named is None:
+        ending = {topic: topic.rsplit("/", 1)[-1] for topic in streams}
+        return next((topic for name in _COMMANDS for topic in streams if ending[topic] == name), "")
+    topic = resolve_topic(named, topics, path)
+    if topic not in streams:
+        raise InputError(f"{path}: {topic} carries no numbers that could be a command; readable are {listed(streams)}")
+    return topic
 
 
 def _topic_findings(report: TopicReport, stream: JointStream | None, *, known: bool, held: bool) -> list[Finding]:
@@ -341,11 +304,10 @@ def _topic_findings(report: TopicReport, stream: JointStream | None, *, known: b
 
 
 def _delay(stream: JointStream) -> dict[str, float]:
-    if not stream.stamped:
+    delay = (stream.receive_ns - stream.stamp_ns) * 1e-9
+    # Else simulated time against the clock of the recorder.
+    if not stream.stamped or abs(float(np.median(delay))) > _A_DAY:
         return {}
-    delay = (stream.receive_ns - stream.stamp_ns).astype(np.float64) * 1e-9
-    if abs(float(np.median(delay))) > _A_DAY:
-        return {}  # simulated time against the clock of the recorder
     p50, p99 = np.percentile(delay, [50, 99])
     return {"p50": float(p50), "p99": float(p99), "max": float(delay.max())}
 
@@ -366,17 +328,14 @@ def _commands(stream: JointStream) -> dict[str, Excitation]:
 
 
 def _value_findings(signals: Mapping[str, Mapping[str, Motion]]) -> list[Finding]:
-    return [
-        Finding("infinite", f"{topic} {name}: {motion.infinite} infinite samples", motion.infinite, topic, "warning")
-        for topic, motions in signals.items()
-        for name, motion in motions.items()
-        if motion.infinite
-    ] + [
-        Finding("magnitude", text, where=topic, level="warning")
-        for topic, motions in signals.items()
-        for name, motion in motions.items()
-        if (text := unusable_magnitude(name, motion.minimum, motion.maximum))
-    ]
+    infinite, unusable = [], []
+    for topic, name, one in [(topic, *item) for topic, motions in signals.items() for item in motions.items()]:
+        if one.infinite:
+            text = f"{topic} {name}: {one.infinite} infinite samples"
+            infinite.append(Finding("infinite", text, one.infinite, topic, "warning"))
+        if text := unusable_magnitude(name, one.minimum, one.maximum):
+            unusable.append(Finding("magnitude", text, where=topic, level="warning"))
+    return [*infinite, *unusable]
 
 
 def _missing(streams: Mapping[str, JointStream], *, command: bool) -> list[Finding]:
@@ -423,15 +382,13 @@ def _evidence(
 
 def _coasting(command: JointStream, name: str, measured: Mapping[str, JointStream]) -> float:
     """Return the longest time with zero command while some velocity is above 5 % of its largest value [s]."""
-    value = command.columns()[name]
-    longest = 0.0
+    value, longest = command.columns()[name], 0.0
     for stream in measured.values():
-        index = np.searchsorted(command.stamp_ns, stream.stamp_ns, side="right") - 1
+        stamp = stream.stamp_ns
+        index = np.searchsorted(command.stamp_ns, stamp, side="right") - 1
         idle = (index >= 0) & (value[np.maximum(index, 0)] == 0)
-        for signal, velocity in stream.columns().items():
-            if signal.endswith(".velocity"):
-                coasts = idle & (np.abs(velocity) > _COASTS * np.nanmax(np.abs(velocity)))
-                edges = np.flatnonzero(np.diff(np.concatenate([[0], coasts.astype(np.int8), [0]])))
-                for start, stop in zip(edges[::2], edges[1::2], strict=True):
-                    longest = max(longest, float(stream.stamp_ns[stop - 1] - stream.stamp_ns[start]) * 1e-9)
+        velocities = [one for signal, one in stream.columns().items() if signal.endswith(".velocity")]
+        for speed in map(np.abs, velocities):
+            coasts = runs(idle & (speed > _COASTS * np.nanmax(speed)))
+            longest = max([longest, *(float(stamp[stop - 1] - stamp[start]) * 1e-9 for start, stop in coasts)])
     return longest

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from idloop.arrays import Array
-from idloop.records.inspection.bad_readings import without_bad_readings
+from idloop.records.inspection.values import without_bad_readings
 from idloop.records.record import Record
 
 Beginning = Literal["from rest", "late", "moving", "unseen"]

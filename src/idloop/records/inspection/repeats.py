@@ -40,15 +40,15 @@ def without_repeats(value: Array) -> Array:
 
 def repeats(value: Array) -> tuple[Integers, int]:
     """Return the intervals without a change while there is motion, and the number of intervals in motion."""
-    nothing = np.zeros(0, dtype=np.int64)
     if value.size < 8 * _BESIDE:
-        return nothing, 0
+        return np.zeros(0, dtype=np.int64), 0
     step = np.diff(value)
     # One level may come in several ways that differ in the last digits.
     step[np.abs(step) <= ROUNDING * np.ptp(value)] = 0.0
-    changes = np.abs(step[step != 0.0])
-    if not changes.size:
-        return nothing, 0
+    change = np.flatnonzero(step != 0.0)
+    if not change.size:
+        return change, 0
+    changes = np.abs(step[change])
     resolution = float(np.percentile(changes, 1.0)) if np.unique(changes).size > 0.2 * changes.size else changes.min()
     # Under way on both sides: a standstill beside a motion is no repeat.
     early, late = np.zeros(step.size), np.zeros(step.size)
@@ -57,7 +57,6 @@ def repeats(value: Array) -> tuple[Integers, int]:
     least = _STEPS * _BESIDE * resolution
     moving = np.minimum(early, late) > np.maximum(least, _STEADY * np.maximum(early, late))
     # The next value catches up with the motion; an axis that stops and starts does not.
-    change = np.flatnonzero(step != 0.0)
     following = np.searchsorted(change, np.arange(step.size))
     next_change = change[np.minimum(following, change.size - 1)]
     before = np.where(following > 0, change[np.maximum(following, 1) - 1], -1)
@@ -67,4 +66,4 @@ def repeats(value: Array) -> tuple[Integers, int]:
     # On steps of the sensor, noise alone makes as many small changes as none, with the same step after them.
     tiny = moving[:-1] & (step[:-1] != 0.0) & (np.abs(step[:-1]) < 1.5 * resolution)
     small = np.count_nonzero(tiny & (np.abs(step[1:]) > _CATCHES_UP * (early + late)[:-1] / _BESIDE))
-    return (rows if rows.size > _OFTENER * 0.5 * small else nothing), int(moving.sum())
+    return (rows if rows.size > _OFTENER * 0.5 * small else rows[:0]), int(moving.sum())

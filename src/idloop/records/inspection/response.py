@@ -11,6 +11,7 @@ derivatives of the motion, and the second of the command, beside it. Both forms 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from math import factorial
@@ -25,8 +26,7 @@ from idloop.records.inspection.axis import Axis, Grid
 # Widths of the test functions [samples], and rows needed; rows overlap by three quarters.
 _WIDTHS = (9, 17, 33, 65, 129, 257, 513)
 _FEWEST, _OVERLAP = 48, 4
-# Parts of a record for the jackknife.
-PARTS = 12
+_PARTS = 12  # of a record for the jackknife
 # The motion follows the command beyond doubt from this share of the acceleration and these standard errors of the gain
 # on, where less than the last share of the command follows from speed, friction and position.
 _VISIBLE, _BEYOND_DOUBT, _MADE_OF_MOTION = 0.3, 6.0, 0.8
@@ -34,7 +34,7 @@ _VISIBLE, _BEYOND_DOUBT, _MADE_OF_MOTION = 0.3, 6.0, 0.8
 _DIFFERENCE, _DIFFER = 5.0, 0.25
 _POSITION = 3  # its column beside the command, where it is recorded
 # Powers of the test functions (1 - s^2)^p: enough derivatives for the balance, and for that with a resonance.
-PLAIN, _SMOOTH = 3, 6
+_PLAIN, _SMOOTH = 3, 6
 
 
 @cache
@@ -55,12 +55,11 @@ class Projection:
 
     width: int
     period: float
-    power: int = PLAIN
+    power: int = _PLAIN
 
     def kernel(self, derivative: int) -> Array:
         """Weights (width,) whose sum with a signal is the mean of its derivative over a test function."""
-        scale = (0.5 * self.width * self.period) ** derivative
-        return _weights(self.width, self.power, derivative) / scale
+        return _weights(self.width, self.power, derivative) / (0.5 * self.width * self.period) ** derivative
 
     def project(self, value: Array, derivative: int = 0) -> Array:
         """Mean of a derivative of a signal (n,) over each test function, shape (rows,)."""
@@ -110,6 +109,11 @@ class Response:
         """Gain in standard errors."""
         return Gain(self.gain, self.error, self.share).certainty
 
+    @property
+    def is_plain(self) -> bool:
+        """Whether the balance is the one without a resonance."""
+        return self.functions.power == _PLAIN
+
     def gain_of(self, rows: Integers | None = None, *, beside_position: bool = False) -> Gain:
         """Gain over some rows, all that are known by default.
 
@@ -120,14 +124,29 @@ class Response:
         which = np.flatnonzero(self.known) if rows is None else rows
         target, table = self.acceleration[which], np.column_stack([self.command, self.others, *over])[which]
         values, errors, left = regress(target, table)
-        alone = unexplained(target, table[:, 1:])
-        return Gain(float(values[0]), float(errors[0]), 1.0 - left / alone if alone > 0.0 else 0.0)
+        return Gain(float(values[0]), float(errors[0]), own_share(target, table, left))
+
+    def with_terms(self, first: Array, further: Sequence[Array]) -> tuple[Array, Array]:
+        """Acceleration and table of its rows without a hole, with further signals (n,) on the grid in the balance.
+
+        The columns of the table are the first signal, the command, the other terms, and the further signals.
+        """
+        added = [self.functions.project(one) for one in further]
+        table = np.column_stack([self.functions.project(first), self.command, self.others, *added])
+        known = self.known & np.isfinite(table).all(axis=1)
+        return self.acceleration[known], table[known]
 
 
 def dry(grid: Grid) -> Array:
     """Sign of the speed, smooth where it is lost in noise."""
     width = max(3.0 * grid.noise, 0.02 * float(np.nanstd(grid.speed)), 1e-300)
     return np.asarray(np.tanh(grid.speed / width))
+
+
+def curved_friction(grid: Grid) -> list[Array]:
+    """A drag that grows faster than the speed, and friction that falls with it."""
+    fading = np.exp(-np.abs(grid.speed) / max(float(np.nanstd(grid.speed)), 1e-300))
+    return [grid.speed * np.abs(grid.speed), dry(grid) * fading]
 
 
 def regress(target: Array, table: Array) -> tuple[Array, Array, float]:
@@ -138,12 +157,12 @@ def regress(target: Array, table: Array) -> tuple[Array, Array, float]:
     """
     size = np.maximum(np.sqrt(np.mean(table**2, axis=0)), 1e-300)
     scaled = table / size
-    parts = np.array_split(np.arange(target.size), PARTS)
+    parts = np.array_split(np.arange(target.size), _PARTS)
     squares = np.array([scaled[part].T @ scaled[part] for part in parts])
     products = np.array([scaled[part].T @ target[part] for part in parts])
     whole, product = squares.sum(axis=0), products.sum(axis=0)
     values, *others = _solve(np.array([whole, *(whole - squares)]), np.array([product, *(product - products)]))
-    errors = np.sqrt((PARTS - 1.0) * np.var(others, axis=0))
+    errors = np.sqrt((_PARTS - 1.0) * np.var(others, axis=0))
     return values / size, errors / size, float(np.mean((target - scaled @ values) ** 2))
 
 
@@ -151,6 +170,12 @@ def unexplained(target: Array, table: Array) -> float:
     """Mean square of the residuals of least squares."""
     scaled = table / np.maximum(np.sqrt(np.mean(table**2, axis=0)), 1e-300)
     return float(np.mean((target - scaled @ _solve(scaled.T @ scaled, scaled.T @ target)) ** 2))
+
+
+def own_share(target: Array, table: Array, left: float) -> float:
+    """Share of what the other columns leave that the first one explains, by the residuals of all."""
+    without = unexplained(target, table[:, 1:])
+    return 1.0 - left / without if without > 0.0 else 0.0
 
 
 def _solve(squares: Array, products: Array) -> Array:
@@ -171,40 +196,59 @@ def responses(axis: Axis) -> list[Response]:
     return _known[axis]
 
 
+def plain_responses(axis: Axis) -> list[Response]:
+    """Return the balances without a resonance."""
+    return [one for one in responses(axis) if one.is_plain]
+
+
 def _responses(axis: Axis) -> list[Response]:
     grid = axis.grid
     if grid is None or not all(np.isfinite(one).any() for one in (grid.command, grid.speed)):
         return []
     if np.nanstd(grid.command) == 0.0:
         return []
-    found = []
-    sources = [(grid.position, 2)]
-    if axis.trusts_velocity:
-        sources.append((grid.velocity, 1))
-    sign = dry(grid)
-    for width, power in [(width, power) for width in _WIDTHS for power in (PLAIN, _SMOOTH)]:
+    sources = [(grid.position, 2), *([(grid.velocity, 1)] if axis.trusts_velocity else [])]
+    sources = [one for one in sources if np.isfinite(one[0]).any()]
+    sign, found = dry(grid), []
+    for width, power in [(width, power) for width in _WIDTHS for power in (_PLAIN, _SMOOTH)]:
         functions = Projection(width, grid.period, power)
         if grid.time.size < width + _FEWEST * max(width // _OVERLAP, 1):
             break
-        command = functions.project(grid.command)
+        command, speed, friction = (functions.project(one) for one in (grid.command, grid.speed, sign))
+        columns = [command, speed, friction, np.ones(command.size)]
         place = functions.project(grid.position)
-        others = [functions.project(grid.speed), functions.project(sign), np.ones(command.size)]
         if np.isfinite(place).any():
-            others.append(place - np.nanmean(place))
-        for source, order in [one for one in sources if np.isfinite(one[0]).any()]:
-            acceleration = functions.project(source, order)
+            columns.append(place - np.nanmean(place))
+        for source, order in sources:
             resonance = []
             if power == _SMOOTH:
                 resonance = [functions.project(source, order + 1), functions.project(source, order + 2)]
                 resonance.append(functions.project(grid.command, 2))
-            table = np.column_stack([command, *others, *resonance])
-            known = np.isfinite(acceleration) & np.isfinite(table).all(axis=1)
-            if known.sum() < _FEWEST:
-                continue
-            one = _response(acceleration, table, known, functions, 1 + len(others))
+            table = np.column_stack([*columns, *resonance])
+            one = _response(functions.project(source, order), table, functions, len(columns))
             if one is not None:
                 found.append(one)
     return found
+
+
+def _response(acceleration: Array, table: Array, functions: Projection, plain: int) -> Response | None:
+    """Solve one balance; the first `plain` columns of the table are those without a resonance."""
+    known = np.isfinite(acceleration) & np.isfinite(table).all(axis=1)
+    target, rows = acceleration[known], table[known]
+    if known.sum() < _FEWEST or np.std(target) == 0.0 or np.std(rows[:, 0]) == 0.0:
+        return None
+    values, errors, left = regress(target, rows)
+    return Response(
+        gain=float(values[0]),
+        error=float(errors[0]),
+        share=own_share(target, rows, left),
+        motion_share=1.0 - unexplained(rows[:, 0], rows[:, 1:plain]) / float(np.var(rows[:, 0])),
+        functions=functions,
+        acceleration=acceleration,
+        command=table[:, 0],
+        others=table[:, 1:],
+        known=known,
+    )
 
 
 def response(axis: Axis, share: float = 0.0) -> Response | None:
@@ -224,23 +268,3 @@ def visible_response(axis: Axis) -> Response | None:
     shown = [one for one in responses(axis) if one.share > _VISIBLE and one.motion_share < _MADE_OF_MOTION]
     best = max(shown, key=lambda one: one.certainty, default=None)
     return best if best is not None and best.certainty > _BEYOND_DOUBT else None
-
-
-def _response(acceleration: Array, table: Array, known: Mask, functions: Projection, plain: int) -> Response | None:
-    """Solve one balance; the first `plain` columns of the table are those without a resonance."""
-    target, rows = acceleration[known], table[known]
-    if np.std(target) == 0.0 or np.std(rows[:, 0]) == 0.0:
-        return None
-    values, errors, left = regress(target, rows)
-    alone = unexplained(target, rows[:, 1:])
-    return Response(
-        gain=float(values[0]),
-        error=float(errors[0]),
-        share=1.0 - left / alone if alone > 0.0 else 0.0,
-        motion_share=1.0 - unexplained(rows[:, 0], rows[:, 1:plain]) / float(np.var(rows[:, 0])),
-        functions=functions,
-        acceleration=acceleration,
-        command=table[:, 0],
-        others=table[:, 1:],
-        known=known,
-    )

@@ -21,9 +21,9 @@ import numpy as np
 
 from idloop.arrays import Array, Mask
 from idloop.records.finding import Finding
-from idloop.records.inspection.bad_readings import without_bad_readings
 from idloop.records.inspection.motion import analyse_motion, white_noise
 from idloop.records.inspection.response import regress
+from idloop.records.inspection.values import without_bad_readings
 from idloop.records.inspection.velocity_limit import VelocityLimit, velocity_limit
 from idloop.records.record import Record
 
@@ -41,10 +41,8 @@ _OVERLAP = 16
 _LONGEST = (2.0, 0.002)
 # Correlation of its integral with the position below which a velocity of little noise is another signal.
 _RELATED = 0.5
-# Fewest samples in a window, and windows side by side in a record.
-_FEWEST, _WINDOWS = 5, 16
-# Instants used of a long record.
-_MOST = 100_000
+# Fewest samples in a window, and windows side by side in a record; instants used of a long record.
+_FEWEST, _WINDOWS, _MOST = 5, 16, 100_000
 # Parts of the motion for the jackknife error of the slope, at most and at least.
 _PARTS, _FEWEST_PARTS = 12, 4
 # Increments exceed the noise and the step of the position, and the travel at the step of the velocity, by this factor.
@@ -262,31 +260,20 @@ def _slopes(
 
 def _finding(name: str, slope: Slope, columns: Mapping[str, Array], units: Mapping[str, str]) -> Finding:
     seen, cure = _explanation(name, slope, columns, units.get(name) or "rad/s")
-    return Finding(
-        KIND,
-        f"{seen}; {cure}; fits leave {name} out",
-        where=name,
-        level="warning",
-        evidence={"slope": slope.value, "error": slope.error} | _limit(slope),
-        cure=f"{cure}; fits leave {name} out",
-    )
-
-
-def _limit(slope: Slope) -> dict[str, float]:
-    return {} if slope.limit is None else {"limit": slope.limit.value, "share": slope.limit.share}
+    cure = f"{cure}; fits leave {name} out"
+    evidence = {"slope": slope.value, "error": slope.error}
+    if slope.limit is not None:
+        evidence |= {"limit": slope.limit.value, "share": slope.limit.share}
+    return Finding(KIND, f"{seen}; {cure}", where=name, level="warning", evidence=evidence, cure=cure)
 
 
 def _explanation(name: str, slope: Slope, columns: Mapping[str, Array], unit: str) -> tuple[str, str]:
     """Return what is wrong with a velocity and the evidence, and how to correct it."""
-    joint = name.rpartition(".")[0]
-    place, velocity = f"{joint}.position", columns[name]
-    low, high = float(np.nanmin(velocity)), float(np.nanmax(velocity))
-    if low == high:
+    place, velocity = f"{name.rpartition('.')[0]}.position", columns[name]
+    if np.nanmin(velocity) == np.nanmax(velocity):
         ends = f"from {np.nanmin(columns[place]):.4g} to {np.nanmax(columns[place]):.4g}"
-        return (
-            f"{name} stays at {low:g} while {place} runs {ends}: it is not measured",
-            "take it out of the mapping and of the model file",
-        )
+        still = f"{name} stays at {np.nanmin(velocity):g} while {place} runs {ends}: it is not measured"
+        return still, "take it out of the mapping and of the model file"
     if (limit := slope.limit) is not None:
         said = f"{name} stays at its limit of {limit.value:.4g} {unit} in {100 * limit.share:.2g} % of the samples"
         beyond = f"{place} goes {limit.faster:.3g} times as fast there"
@@ -296,20 +283,18 @@ def _explanation(name: str, slope: Slope, columns: Mapping[str, Array], unit: st
     # Of millimetres that were read as metres a thousandth is left, which is exact.
     none = 0.0 if readings and slope.error <= _UNIT * abs(value) else _NONE
     if slope.unrelated or abs(value) <= max(least, none):
-        return (
-            f"{name} is unrelated to the slope of {place} ({value:.2g} ± {slope.error:.2g}, not 1): another signal",
-            "correct the mapping, or take it out of the model file",
-        )
+        unlike = f"{name} is unrelated to the slope of {place} ({value:.2g} ± {slope.error:.2g}, not 1): another signal"
+        return unlike, "correct the mapping, or take it out of the model file"
     times = f"{name} is {value:.4g} ± {slope.error:.1g} times the slope of {place}"
     if abs(value + 1.0) <= max(least, _UNIT):
         return f"{times}: one of the two has the wrong sign", "set `scale: -1` for it in the mapping"
     if readings:
         names = {"velocity": name, "position": place, "time": "the time"}
         seen = ", or ".join(
-            f"{names[one.signal]} is {'' if number else 'probably '}in {one.right} and was read as {one.wrong}"
-            for number, one in enumerate(readings)
+            f"{names[own]} is {'' if number else 'probably '}in {right} and was read as {wrong}"
+            for number, (own, right, wrong) in enumerate(readings)
         )
-        return f"{times}: {seen}", "; or ".join(one.cure for one in readings)
+        return f"{times}: {seen}", "; or ".join(_unit_cure(own, right) for own, right, _ in readings)
     if _LOWEST <= value <= _HIGHEST:
         # Neither a unit nor a gear.
         return (
@@ -323,48 +308,36 @@ def _explanation(name: str, slope: Slope, columns: Mapping[str, Array], unit: st
     )
 
 
-@dataclass(frozen=True)
-class _Misread:
-    """A signal (``velocity``, ``position`` or ``time``) that is in one unit and was read in another."""
-
-    signal: str
-    right: str
-    wrong: str
-
-    @property
-    def cure(self) -> str:
-        key = f"time: {{unit: {self.right}}}" if self.signal == "time" else f"unit: {self.right}"
-        return f"`idloop start --{self.signal} COLUMN={self.right}`, or `{key}` in the mapping"
+def _unit_cure(signal: str, unit: str) -> str:
+    key = f"time: {{unit: {unit}}}" if signal == "time" else f"unit: {unit}"
+    return f"`idloop start --{signal} COLUMN={unit}`, or `{key}` in the mapping"
 
 
-def _misread(value: float, unit: str) -> list[_Misread]:
+def _misread(value: float, unit: str) -> list[tuple[str, str, str]]:
     """Return which signals were probably read in another unit by the slope of a velocity, the most probable first.
 
     A velocity in the unit of the topics, `unit`, was probably read in that unit. Where no unit of it explains the
     slope, that of the position or the time does.
+
+    Returns: signal (``velocity``, ``position`` or ``time``), its unit, and the one in which it was read.
     """
     table = _ANGULAR if unit in _ANGULAR else _LINEAR if unit in _LINEAR else {}
-    pairs = [(right, wrong) for wrong in table for right in table if right != wrong]
+
+    def explains(factor: float) -> bool:
+        return abs(value / factor - 1.0) <= _UNIT
+
     speeds = [
-        _Misread("velocity", right, wrong)
-        for right, wrong in pairs
-        if abs(value * table[right] / table[wrong] - 1.0) <= _UNIT
+        ("velocity", right, wrong)
+        for wrong in table
+        for right in table
+        if right != wrong and explains(table[wrong] / table[right])
     ]
-    place = unit.removesuffix("/s")
-    places = [
-        _Misread("position", name.removesuffix("/s"), place)
-        for name, factor in table.items()
-        if name != unit and name.endswith("/s") and abs(value / factor - 1.0) <= _UNIT
-    ]
-    clocks = [
-        _Misread("time", right, wrong)
-        for right, wrong, factor in _CLOCKS
-        if table and abs(value / factor - 1.0) <= _UNIT
-    ]
-    as_read = [one for one in speeds if one.wrong == unit][:1]
-    others = [one for one in speeds if one.wrong != unit][:1]
-    found = [*as_read, *places, *clocks, *others]
-    return sorted(found, key=lambda one: one.right in _SELDOM)[:_READINGS]
+    lengths = [name for name in table if name != unit and name.endswith("/s") and explains(table[name])]
+    places = [("position", name.removesuffix("/s"), unit.removesuffix("/s")) for name in lengths]
+    clocks = [("time", right, wrong) for right, wrong, factor in _CLOCKS if table and explains(factor)]
+    as_read = [one for one in speeds if one[2] == unit][:1]
+    others = [one for one in speeds if one[2] != unit][:1]
+    return sorted([*as_read, *places, *clocks, *others], key=lambda one: one[1] in _SELDOM)[:_READINGS]
 
 
 def without_wrong_velocities(
@@ -377,29 +350,26 @@ def without_wrong_velocities(
     Returns: with NaN in place of such a velocity, and a finding. A record with too little motion for a decision follows
     the others.
     """
-    tables = [dict(zip(one.output_names, one.output.T, strict=True)) for one in records]
-    units = [dict(zip(one.output_names, one.output_units, strict=True)) for one in records]
-    slopes = [
-        _slopes(record.time, table, unit, scales or {})
-        for record, table, unit in zip(records, tables, units, strict=True)
-    ]
+    every = []
+    for record in records:
+        table = dict(zip(record.output_names, record.output.T, strict=True))
+        units = dict(zip(record.output_names, record.output_units, strict=True))
+        every.append((record, table, units, _slopes(record.time, table, units, scales or {})))
     wrong = {one.where: "records before" for one in known}
-    wrong |= {name: record.name for record, own in zip(records, slopes, strict=True) for name in own if own[name].wrong}
+    wrong |= {name: record.name for record, _, _, own in every for name in own if own[name].wrong}
     left = []
-    for record, table, unit, own in zip(records, tables, units, slopes, strict=True):
-        found = [_finding(name, own[name], table, unit) for name in own if own[name].wrong]
+    for record, table, units, own in every:
+        found = [_finding(name, own[name], table, units) for name in own if own[name].wrong]
         found += [
             Finding(KIND, f"{name} is left out as in {wrong[name]}: too little motion for a decision", where=name)
             for name in wrong
             if name in table and (name not in own or own[name].undecided)
         ]
-        left.append(_without(record, found))
+        left.append(_without(record, found) if found else record)
     return left
 
 
 def _without(record: Record, found: Sequence[Finding]) -> Record:
-    if not found:
-        return record
     names = {one.where for one in found}
     output = record.output.copy()
     output[:, [record.column(name) for name in names]] = np.nan

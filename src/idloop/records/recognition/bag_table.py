@@ -12,8 +12,8 @@ from idloop.errors import InputError
 from idloop.records.bags.bag import Bag
 from idloop.records.bags.fields import BagField, bag_fields
 from idloop.records.bags.read import read_streams
-from idloop.records.bags.stamp_clock import share_no_clock
 from idloop.records.bags.stream import JOINT_STATE
+from idloop.records.inspection.clocks import share_no_clock
 from idloop.records.tables.mapping import ready_definitions
 from idloop.records.tables.table import Table
 

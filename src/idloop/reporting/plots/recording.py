@@ -8,9 +8,9 @@ import numpy as np
 
 from idloop import drawing
 from idloop.arrays import Array
-from idloop.records.inspection.bad_readings import bad_readings, without_bad_readings
 from idloop.records.inspection.excitation import power_spectrum
 from idloop.records.inspection.inspection import Inspection
+from idloop.records.inspection.values import bad_readings, without_bad_readings
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

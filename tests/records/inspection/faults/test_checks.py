@@ -14,7 +14,7 @@ from idloop.physics import load_model
 from idloop.records import inspect_bag, make_stream
 from idloop.records.bags.publishers import find_publishers
 from idloop.records.inspection.axis import Axis
-from idloop.records.inspection.faults import not_followed
+from idloop.records.inspection.faults import drive_limits
 from idloop.records.inspection.faults.checks import inspect_axis
 from idloop.records.inspection.faults.command_sign import backward_travel
 
@@ -402,7 +402,7 @@ def test_a_limit_of_the_speed_is_none_of_the_force(limit):
     position, velocity = position + 3e-4 * rng.normal(size=count), velocity + 0.01 * rng.normal(size=count)
     units = {"j.position": "rad", "j.velocity": "rad/s", "j.effort": "N·m"}
     axis = Axis("j", time, position, velocity, time, command, "j.effort", units)
-    assert not_followed.check(axis), "alone either seems one of the force"
+    assert drive_limits.limited_force(axis), "alone either seems one of the force"
     assert ("speed" in the(axis, "not_followed").evidence) == (limit == "speed")
 
 
@@ -417,13 +417,13 @@ def test_a_limit_of_the_drive_needs_values_below_it():
             v += 0.0025 * (600.0 * command[k] - 10.0 * (0.3 if command[k] == 0.0 else 1.0) * v - 10.0)
     time = 0.01 * np.arange(count)
     velocity += np.random.default_rng(2).normal(size=count)
-    assert not not_followed.check(Axis("j", time, None, velocity, time, command, "j.effort"))
+    assert not drive_limits.limited_force(Axis("j", time, None, velocity, time, command, "j.effort"))
 
 
 def test_a_limit_of_the_drive_with_few_levels(make_axis):
     command = np.random.default_rng(5).choice([0.0, 0.4, 0.8, 2.5, 5.0], 400).repeat(30)
     axis = make_axis(count=command.size, command=command, drive=lambda u: min(u, 1.0), gain=300.0)
-    assert not_followed.check(axis)
+    assert drive_limits.limited_force(axis)
 
 
 def test_a_position_that_stands_still_and_then_jumps_is_named_without_a_velocity(make_axis):

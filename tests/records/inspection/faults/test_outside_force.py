@@ -11,7 +11,7 @@ from idloop.records.inspection.faults import outside_force
 
 
 def found(axis):
-    return [one.kind for one in outside_force.check(axis)]
+    return [one.kind for one in (outside_force.push(axis) or outside_force.changed_machine(axis),) if one]
 
 
 def pushing(axis_rate, begin, end, force):
@@ -29,7 +29,7 @@ def pushing(axis_rate, begin, end, force):
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("force", [1.0, -1.0])
 def test_a_push_is_named_with_its_time_and_size(make_axis, seed, force):
-    (one,) = outside_force.check(make_axis(seed=seed, drive=pushing(200.0, 8.0, 8.25, force)))
+    one = outside_force.push(make_axis(seed=seed, drive=pushing(200.0, 8.0, 8.25, force)))
     assert one.kind == "outside_force"
     ((begin, end),) = one.places
     assert begin < 8.25
@@ -48,9 +48,10 @@ def test_a_push_that_comes_again_is_an_effect(make_axis):
 def test_a_gain_that_changes_is_another_machine(make_axis, ratio):
     axis = make_axis()
     later = axis.time > 6.0
-    changed = outside_force.check(replace(axis, command=axis.command / np.where(later, ratio, 1.0)))
-    assert [one.kind for one in changed] == ([] if ratio == 1.0 else ["changed_machine"])
-    for one in changed:
+    one = outside_force.changed_machine(replace(axis, command=axis.command / np.where(later, ratio, 1.0)))
+    assert (one is None) == (ratio == 1.0)
+    if one is not None:
+        assert one.kind == "changed_machine"
         assert one.evidence["ratio"] == pytest.approx(ratio, rel=0.1)
         ((begin, end),) = one.places
         assert begin < 6.0 < end

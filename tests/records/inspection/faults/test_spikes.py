@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from idloop.records.inspection.axis import Axis
-from idloop.records.inspection.faults.spikes import check
+from idloop.records.inspection.faults.spikes import spikes
 
 
 def _coasting(make_axis):
@@ -23,7 +23,7 @@ def test_a_sample_that_was_read_late_is_no_bad_reading(make_axis):
     axis, place = _coasting(make_axis)
     late = place.copy()
     late[1005] += 0.7 * (place[1006] - place[1005])
-    assert check(replace(axis, position=late)) == []
+    assert spikes(replace(axis, position=late)) == []
 
 
 def test_a_reading_that_comes_back_is_a_bad_one(make_axis):
@@ -31,7 +31,7 @@ def test_a_reading_that_comes_back_is_a_bad_one(make_axis):
     for off in (1.5, -1.5):
         bad = place.copy()
         bad[1005] += off * (place[1006] - place[1005])
-        (found,) = check(replace(axis, position=bad))
+        (found,) = spikes(replace(axis, position=bad))
         assert (found.kind, found.count) == ("spikes", 1)
 
 
@@ -43,5 +43,5 @@ def test_a_mass_that_is_thrown_back_where_play_closes_is_no_bad_reading(fault):
     place = np.round(np.hypot(phase - 0.30003, 4e-4) * (1.0 + 0.2 * np.sin(3.0 * time)) / 5e-7) * 5e-7
     place[450] += fault
     units = {"j.position": "m"}
-    found = check(Axis("j", time, place, None, units=units))
+    found = spikes(Axis("j", time, place, None, units=units))
     assert [one.count for one in found] == ([1] if fault else [])

@@ -1,114 +1,121 @@
-"""All checks of one joint, in the order in which they are reported."""
+"""All checks of one joint, in the order in which they are reported.
+
+A check looks at one joint and returns findings with the evidence, the cure and what the fault spoils. Its thresholds
+are in units of the scatter of the same record, for a false alarm in fewer than one of a hundred good records
+(`benchmarks/inspection.py` counts them).
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection
 from dataclasses import replace
 
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
+from idloop.records.inspection.differenced import differenced_columns
 from idloop.records.inspection.faults import (
-    clipped_reading,
-    clocks,
-    command_direction,
     command_sign,
-    copied_motion,
+    cut_command,
+    drive_limits,
     excitation,
-    feedback,
-    inner_loop,
-    late_command,
-    late_velocity,
-    measured_command,
-    missed_pulses,
-    not_followed,
+    jumps,
+    late,
+    loops,
     outside_force,
-    publishers,
-    quantisation,
-    rate_limit,
-    repeated_samples,
-    saturation,
-    speed_limit,
+    readings,
     spikes,
-    spliced,
     stamps,
-    stuck_sensor,
-    wrap,
-    wrong_velocity,
 )
-from idloop.records.inspection.faults.fault import Check
 from idloop.records.inspection.measured_input import KIND as MEASURED
+from idloop.records.inspection.measured_input import measured_input
 from idloop.records.inspection.velocity_check import KIND as WRONG_VELOCITY
+from idloop.records.inspection.velocity_check import wrong_velocities
+
+Check = Callable[[Axis], list[Finding] | Finding | None]
 
 _BELOW = 0.9  # of the speed that an axis does not exceed
 
 
-def _limit(axis: Axis) -> list[Finding]:
+def _limit(axis: Axis) -> Finding | None:
     """Name one limit of the drive; what a limit of the force seems only near the largest speed is one of the speed."""
-    force = not_followed.check(axis)
-    if force and (speed := speed_limit.check(axis)):
-        return force if not_followed.check(axis, _BELOW * abs(speed[0].evidence["speed"])) else speed
-    return force or rate_limit.check(axis) or speed_limit.check(axis) or clipped_reading.check(axis)
+    force = drive_limits.limited_force(axis)
+    if force and (speed := drive_limits.limited_speed(axis)):
+        return force if drive_limits.limited_force(axis, _BELOW * abs(speed.evidence["speed"])) else speed
+    other = force or drive_limits.limited_rate(axis) or drive_limits.limited_speed(axis)
+    return other or cut_command.clipped_reading(axis)
 
 
-def _late(axis: Axis) -> list[Finding]:
+def _late(axis: Axis) -> Finding | None:
     """Name a late velocity, or a late command: a late velocity makes the motion seem early."""
-    return late_velocity.check(axis) or late_command.check(axis)
+    return late.late_velocity(axis) or late.late_command(axis)
+
+
+def _measured(axis: Axis) -> list[Finding]:
+    """Name a command that was measured instead of commanded."""
+    sent = axis.command
+    return measured_input(axis.command_name, axis.input_time, sent, axis.time, axis.motions) if sent.size else []
 
 
 # Checks of the signals; those of the response need a command and a motion that are what they say.
+_JUMPS: tuple[Check, ...] = (jumps.spliced, jumps.missed_pulses)
 _SIGNALS: tuple[Check, ...] = (
-    publishers.check,
-    clocks.check,
-    stamps.check,
-    wrap.check,
-    stuck_sensor.check,
-    spliced.check,
-    missed_pulses.check,
-    spikes.check,
-    quantisation.check,
-    saturation.check,
-    command_sign.check,
+    stamps.two_publishers,
+    stamps.two_clocks,
+    stamps.of_reception,
+    jumps.wrapped,
+    readings.stuck,
+    *_JUMPS,
+    spikes.spikes,
+    readings.coarse,
+    cut_command.saturated,
+    command_sign.lost_sign,
 )
-_JUMPS: tuple[Check, ...] = (spliced.check, missed_pulses.check)
-_RESPONSE: tuple[Check, ...] = (
-    _late,
-    command_direction.check,
-    measured_command.check,
-    _limit,
-    excitation.check,
-)
+_RESPONSE: tuple[Check, ...] = (_late, command_sign.turned_command, _measured, _limit, excitation.weak)
 # Faults after which the response of the axis means nothing.
 _CONFUSES = {
-    "sign_lost", "two_clocks", clocks.OFFSET, "two_publishers", copied_motion.KIND, inner_loop.KIND, late_command.KIND,
-    stuck_sensor.KIND,
+    "sign_lost", "two_clocks", stamps.OFFSET, "two_publishers", loops.COPY, loops.SET_POINT, late.COMMAND,
+    readings.STUCK,
 }  # fmt: skip
-# Faults that leave forces unexplained at some times.
-_UNEXPLAINED = {*_CONFUSES, "spliced", "missed_pulses", "lost_samples", "spikes", "not_followed", clipped_reading.KIND}
+# Faults that leave forces unexplained at some times: what jumps, or is limited.
+_UNEXPLAINED = {
+    *_CONFUSES, jumps.SPLICED, "missed_pulses", "lost_samples", "spikes", drive_limits.KIND, cut_command.CLIPPED,
+}  # fmt: skip
 
 
 def inspect_axis(axis: Axis) -> list[Finding]:
     """Return the faults of one joint; of one cause only the first is reported."""
-    repeated = repeated_samples.check(axis)
-    axis = repeated_samples.fresh(axis) if repeated else axis
-    found = [*wrong_velocity.check(axis), *repeated]
-    wrong = any(one.kind == WRONG_VELOCITY for one in found)
-    axis = replace(axis, trusts_velocity=not wrong)
+    repeated = readings.repeated(axis)
+    axis = readings.fresh(axis) if repeated else axis
+    wrong = wrong_velocities(axis.time, axis.columns, axis.units) or differenced_columns(axis.time, axis.columns)
+    found = [*wrong, *repeated]
+    axis = replace(axis, trusts_velocity=not _any(found, {WRONG_VELOCITY}))
+
+    def look(check: Check) -> None:
+        seen = check(axis)
+        found.extend(seen if isinstance(seen, list) else [seen] if seen else [])
+
     for check in _SIGNALS:
         # Where a sensor goes on after it stood still, the position jumps.
-        if not (check in _JUMPS and any(one.kind == stuck_sensor.KIND for one in found)):
-            found += check(axis)
-    if not any(one.kind in _CONFUSES for one in found):
-        found += copied_motion.check(axis) or inner_loop.check(axis)
-    if not any(one.kind in _CONFUSES for one in found):
-        for check in _RESPONSE:
-            found += check(axis)
-            if any(one.kind in _CONFUSES for one in found):
-                break
-        # What jumps, or is limited, leaves forces that the command does not explain as well.
-        if not any(one.kind in _UNEXPLAINED for one in found):
-            found += outside_force.check(axis)
-        if any(one.kind == clipped_reading.KIND for one in found):
-            found = [one for one in found if one.kind != saturation.KIND]
-        # A command measured together with the motion contains what is new in it without any loop.
-        if not any(one.kind == MEASURED for one in found):
-            found += feedback.check(axis)
+        if not (check in _JUMPS and _any(found, {readings.STUCK})):
+            look(check)
+    if _any(found, _CONFUSES):
+        return found
+    look(lambda axis: loops.copied_motion(axis) or loops.set_point(axis))
+    if _any(found, _CONFUSES):
+        return found
+    for check in _RESPONSE:
+        look(check)
+        if _any(found, _CONFUSES):
+            break
+    if not _any(found, _UNEXPLAINED):
+        look(lambda axis: outside_force.push(axis) or outside_force.changed_machine(axis))
+    if _any(found, {cut_command.CLIPPED}):
+        found = [one for one in found if one.kind != cut_command.SATURATED]
+    # A command measured together with the motion contains what is new in it without any loop.
+    if not _any(found, {MEASURED}):
+        look(loops.feedback)
     return found
+
+
+def _any(found: list[Finding], kinds: Collection[str]) -> bool:
+    return any(one.kind in kinds for one in found)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 from idloop.arrays import Array, Integers
 from idloop.records.finding import Finding
-from idloop.records.inspection.axis import Axis
 
-Check = Callable[[Axis], list[Finding]]
+Places = Sequence[tuple[float, float]]
 
 # Places of a fault that are listed; the others are counted.
 _PLACES = 200
@@ -26,27 +25,32 @@ def fault(
     evidence: Mapping[str, float] | None = None,
     spoils: Sequence[str] = (),
     level: Literal["note", "warning"] = "warning",
-    count: int = 1,
-    places: Sequence[tuple[float, float]] = (),
+    places: Places = (),
+    count: int = 0,
 ) -> Finding:
-    """Return the finding whose text is what was seen, with its numbers, and what to do."""
+    """Return the finding whose text is what was seen, with its numbers, and what to do; it counts its places."""
     return Finding(
         kind=kind,
         text=f"{what}; {cure}",
-        count=count,
+        count=count or max(len(places), 1),
         where=where,
         level=level,
-        evidence=dict(evidence or {}),
+        evidence={key: float(value) for key, value in (evidence or {}).items()},
         cure=cure,
         spoils=tuple(spoils),
         places=tuple(places[:_PLACES]),
     )
 
 
-def around(time: Array, rows: Integers) -> list[tuple[float, float]]:
+def around(time: Array, rows: Integers) -> Places:
     """Return the intervals from the sample before to the one after each row [s]."""
     last = time.size - 1
-    return [(float(time[max(k - 1, 0)]), float(time[min(k + 1, last)])) for k in rows[:_PLACES].tolist()]
+    return [(float(time[max(k - 1, 0)]), float(time[min(k + 1, last)])) for k in rows.tolist()]
+
+
+def times(count: int) -> str:
+    """Return "once", or how many times."""
+    return "once" if count == 1 else f"{count} times"
 
 
 def late_option(late: float) -> str:

@@ -18,7 +18,7 @@ _BOUNCE = 1.0
 _STEPS = 4.0
 
 
-def isolated(value: Array, resolution: float, usual: Mask | None = None) -> Integers:
+def isolated(value: Array, resolution: float, usual: Mask) -> Integers:
     """Return the samples that lie off the straight courses of their neighbours on both sides.
 
     A jump or a kink of a signal lies on the course of one side, a single wrong value on that of none, and both courses
@@ -30,20 +30,17 @@ def isolated(value: Array, resolution: float, usual: Mask | None = None) -> Inte
     """
     if value.size < 2 * _BLOCK:
         return np.zeros(0, dtype=np.int64)
-    left, right = np.full(value.size, np.nan), np.full(value.size, np.nan)
+    left, right, kink = (np.full(value.size, np.nan) for _ in range(3))
     left[2:] = 2.0 * value[1:-1] - value[:-2]
     right[:-2] = 2.0 * value[1:-1] - value[2:]
+    kink[2:-2] = np.abs((value[4:] - value[3:-1]) - (value[1:-3] - value[:-4]))
     off_left, off_right = value - left, value - right
     off = np.minimum(np.abs(off_left), np.abs(off_right))
-    kink = np.full(value.size, np.nan)
-    kink[2:-2] = np.abs((value[4:] - value[3:-1]) - (value[1:-3] - value[:-4]))
     with np.errstate(invalid="ignore"):
-        far = (off > _FAR * scatter(off_left)) & (off > _STEPS * resolution)
+        far = (off > _FAR * _scatter(off_left)) & (off > _STEPS * resolution)
         far &= (off > _BENDS * _bends(value)) & (kink < _BOUNCE * off)
         far &= (np.abs(left - right) < _ALIKE * off) & (off_left * off_right > 0.0)
-    if usual is not None:
-        far &= usual
-    return np.flatnonzero(far)
+    return np.flatnonzero(far & usual)
 
 
 def _bends(value: Array) -> Array:
@@ -56,20 +53,13 @@ def _bends(value: Array) -> Array:
     return np.asarray(np.maximum(largest[: value.size], largest[_BESIDE + 3 : _BESIDE + 3 + value.size]))
 
 
-def scatter(value: Array) -> Array:
+def _scatter(value: Array) -> Array:
     """Standard deviation of most of a signal (n,) around each sample, by medians of blocks; the largest of three."""
     count = -(-value.size // _BLOCK)
     padded = np.full(count * _BLOCK, np.nan)
     padded[: value.size] = np.abs(value)
-    with np.errstate(all="ignore"):
-        middle = np.nan_to_num(_medians(padded.reshape(count, _BLOCK)))
+    blocks = np.sort(padded.reshape(count, _BLOCK), axis=1)  # NaN come last
+    known = np.isfinite(blocks).sum(axis=1)
+    middle = np.nan_to_num(blocks[np.arange(count), np.maximum(known - 1, 0) // 2])
     wide = np.maximum(middle, np.maximum(np.append(middle[1:], 0.0), np.insert(middle[:-1], 0, 0.0)))
     return np.asarray(1.4826 * np.repeat(wide, _BLOCK)[: value.size])
-
-
-def _medians(blocks: Array) -> Array:
-    """Median of the known values of each row, 0 where there is none."""
-    filled = np.sort(np.where(np.isfinite(blocks), blocks, np.inf), axis=1)
-    known = np.isfinite(filled).sum(axis=1)
-    middle = filled[np.arange(len(filled)), np.maximum(known - 1, 0) // 2]
-    return np.where(known > 0, middle, 0.0)

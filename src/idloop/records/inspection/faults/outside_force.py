@@ -1,22 +1,14 @@
-"""A push from outside, and another machine from some time on: forces at one time that the command does not explain.
-
-What the weak balance of forces leaves unexplained, such as friction that it lacks, comes back whenever command and
-speed do. A push comes once. Another machine, load or supply accelerates otherwise under the same command from some time
-on, beside friction, springs and any smooth force over the position.
-"""
+"""A push from outside, and another machine from some time on: forces at one time that the command does not explain."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from idloop.arrays import Array
+from idloop.arrays import Array, Integers
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import fault
-from idloop.records.inspection.response import PLAIN, Gain, Response, responses
-
-Rows = NDArray[np.int64]
+from idloop.records.inspection.response import Gain, Response, plain_responses
 
 PUSH, CHANGED = "outside_force", "changed_machine"
 # Share of the acceleration that the command explains; lengths of a push that are tried [rows of a balance].
@@ -34,49 +26,45 @@ _FEWEST, _MOVING, _CERTAIN, _FOLLOWS = 60, 0.9, 8.0, 0.9
 _FRICTION = 1  # column of the sign of the speed
 
 
-def check(axis: Axis) -> list[Finding]:
-    """Look for a push, else for a change of the machine."""
-    return _push(axis) or _change(axis)
+def push(axis: Axis) -> Finding | None:
+    """A push from outside: a force that the command does not explain, once.
 
-
-def _push(axis: Axis) -> list[Finding]:
-    grid = axis.grid
-    balances = [one for one in responses(axis) if one.functions.power == PLAIN and one.share > _EXPLAINED]
-    found = [(*_largest(axis, one), one.functions.width) for one in balances]
-    ratio, force, begin, end, _ = max(found, default=(0.0, 0.0, 0.0, 0.0, 0))
+    What the weak balance of forces lacks, such as friction, comes back whenever command and speed do.
+    """
+    balances = [one for one in plain_responses(axis) if one.share > _EXPLAINED]
+    found = [one for balance in balances if (one := _largest(axis, balance)) is not None]
+    if not found:
+        return None
+    ratio, force, begin, end, _ = max(found)
     # A resonance hides in balances of one width.
-    widths = {width for *_, start, stop, width in found if start < end and stop > begin}
-    if grid is None or len(widths) < _WIDTHS:
-        return []
+    if len({width for *_, start, stop, width in found if start < end and stop > begin}) < _WIDTHS:
+        return None
     name, unit = axis.command_name, axis.unit("command")
-    return [
-        fault(
-            PUSH,
-            axis.joint,
-            f"from {begin:.4g} to {end:.4g} s a force like {force:.2g} {unit} of {name} acts on {axis.joint} that no"
-            f" command explains, {ratio:.2g} times as much as at any other time: a push from outside, a collision, or"
-            " another axis that moves it",
-            "leave that time out: `--rows` of `idloop start`, `rows:` in the mapping",
-            evidence={"ratio": ratio, "force": force},
-            places=[(begin, end)],
-        )
-    ]
+    return fault(
+        PUSH,
+        axis.joint,
+        f"from {begin:.4g} to {end:.4g} s a force like {force:.2g} {unit} of {name} acts on {axis.joint} that no"
+        f" command explains, {ratio:.2g} times as much as at any other time: a push from outside, a collision, or"
+        " another axis that moves it",
+        "leave that time out: `--rows` of `idloop start`, `rows:` in the mapping",
+        evidence={"ratio": ratio, "force": force},
+        places=[(begin, end)],
+    )
 
 
-def _largest(axis: Axis, one: Response) -> tuple[float, float, float, float]:
-    """The time that leaves most unexplained: ratio to all others, force as a command, begin and end [s]; 0 if usual."""
-    none = (0.0, 0.0, 0.0, 0.0)
+def _largest(axis: Axis, one: Response) -> tuple[float, float, float, float, int] | None:
+    """The time that leaves most unexplained: ratio to others, force as a command, begin and end [s], width."""
     grid, rows = axis.grid, np.flatnonzero(one.known)
     if grid is None:
-        return none
+        return None
     table = np.column_stack([one.command, one.others])[rows]
     basis = np.linalg.qr(table)[0]
     left = one.acceleration[rows] - basis @ (basis.T @ one.acceleration[rows])
     state = np.column_stack([table[:, 0], one.functions.project(grid.command, 1)[rows], table[:, 1]])
     state /= np.maximum(state.std(axis=0), 1e-300)
     least = _SIZE * abs(one.gain) * float(np.nanmax(np.abs(axis.command)))
-    best = none
-    for length in [one for one in _LENGTHS if left.size > 20 * one]:
+    best, width = None, one.functions.width
+    for length in [length for length in _LENGTHS if left.size > 20 * length]:
         means = _means(left, length)
         away = length + _AWAY
         # At both ends the motion before or after is not known.
@@ -84,11 +72,11 @@ def _largest(axis: Axis, one: Response) -> tuple[float, float, float, float]:
         others = np.flatnonzero(np.abs(np.arange(means.size) - place) > away)
         size = abs(float(means[place]))
         ratio = size / max(float(np.max(np.abs(means[others]))), 1e-300)
-        if ratio > max(_LARGER, best[0]) and size > least and _is_usual(_means(state, length), place, away):
-            step = max(one.functions.width // 4, 1)
-            last = min(rows[place + length - 1] * step + one.functions.width, grid.time.size) - 1
+        if ratio > (best[0] if best else _LARGER) and size > least and _is_usual(_means(state, length), place, away):
+            step = max(width // 4, 1)
+            last = min(rows[place + length - 1] * step + width, grid.time.size) - 1
             times = float(grid.time[rows[place] * step]), float(grid.time[last])
-            best = (ratio, float(means[place] / one.gain), *times)
+            best = (ratio, float(means[place] / one.gain), *times, width)
     return best
 
 
@@ -109,15 +97,18 @@ def _is_usual(state: Array, place: int, away: int) -> bool:
     return bool(np.mean(nearest < distance(place)) < _ODD)
 
 
-def _change(axis: Axis) -> list[Finding]:
-    """Compare the gain before and after some times: a Chow test with jackknife errors, while the axis moves."""
+def changed_machine(axis: Axis) -> Finding | None:
+    """Another machine, load or supply from some time on: the same command accelerates otherwise.
+
+    The gain before and after some times is compared by a Chow test with jackknife errors, while the axis moves, beside
+    friction, springs and any smooth force over the position.
+    """
     grid = axis.grid
-    plain = [one for one in responses(axis) if one.functions.power == PLAIN]
     best: tuple[float, float, float] | None = None
     for share in _CHANGES if grid is not None else ():
-        parts = {one: _parts(one, share) for one in plain}
-        long = [one for one in plain if min(part.size for part in parts[one]) >= _FEWEST]
-        found = {one: sides for one in long if _show(sides := _gains(one, parts[one]))}
+        parts = {one: _parts(one, share) for one in plain_responses(axis)}
+        long = {one: sides for one, sides in parts.items() if min(side.size for side in sides) >= _FEWEST}
+        found = {one: gains for one, sides in long.items() if _show(gains := _gains(one, sides))}
         # Noise in a loop, and what a balance lacks, change the gain at some widths of the test functions only.
         if not found or not all(before.differs(after, _DIFFER) for before, after in found.values()):
             continue
@@ -129,33 +120,31 @@ def _change(axis: Axis) -> list[Finding]:
         if best is None or certain > best[0]:
             best = certain, float(share), second.value / first.value
     if best is None or grid is None:
-        return []
+        return None
     certain, share, ratio = best
     # Times between those that are tried are not told apart.
-    begin, end = (grid.time[0] + (share + off) * (grid.time[-1] - grid.time[0]) for off in (-_NEAR, _NEAR))
-    return [
-        fault(
-            CHANGED,
-            axis.joint,
-            f"{axis.command_name} accelerates {axis.joint} {ratio:.3g} times as much from some time between"
-            f" {begin:.4g} and {end:.4g} s on ({certain:.2g} standard errors): another machine, load, supply or unit,"
-            " or two recordings in one",
-            "cut the record there with `--rows` of `idloop start`, `rows:` in the mapping, and fit the parts apart",
-            evidence={"ratio": ratio, "errors": certain},
-            spoils=("identification",),
-            places=[(float(begin), float(end))],
-        )
-    ]
+    begin, end = (float(grid.time[0] + (share + off) * np.ptp(grid.time)) for off in (-_NEAR, _NEAR))
+    return fault(
+        CHANGED,
+        axis.joint,
+        f"{axis.command_name} accelerates {axis.joint} {ratio:.3g} times as much from some time between {begin:.4g} and"
+        f" {end:.4g} s on ({certain:.2g} standard errors): another machine, load, supply or unit, or two recordings in"
+        " one",
+        "cut the record there with `--rows` of `idloop start`, `rows:` in the mapping, and fit the parts apart",
+        evidence={"ratio": ratio, "errors": certain},
+        spoils=("identification",),
+        places=[(begin, end)],
+    )
 
 
-def _parts(one: Response, share: float) -> tuple[Rows, Rows]:
+def _parts(one: Response, share: float) -> tuple[Integers, Integers]:
     """Rows before and after a time, in motion: at rest friction takes any command, and the gain is none."""
     rows = np.flatnonzero(one.known & (np.abs(one.others[:, _FRICTION]) > _MOVING))
     cut = int(np.searchsorted(rows, share * one.known.size))
     return rows[:cut], rows[cut:]
 
 
-def _gains(one: Response, parts: tuple[Rows, Rows], *, beside_position: bool = False) -> tuple[Gain, Gain]:
+def _gains(one: Response, parts: tuple[Integers, Integers], *, beside_position: bool = False) -> tuple[Gain, Gain]:
     before, after = (one.gain_of(part, beside_position=beside_position) for part in parts)
     return before, after
 

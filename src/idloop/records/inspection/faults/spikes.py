@@ -1,4 +1,4 @@
-"""Single bad readings."""
+"""Single bad readings: samples far off a smooth course, or far outside of all others."""
 
 from __future__ import annotations
 
@@ -19,29 +19,25 @@ _FURTHER = 4.0
 def stray(axis: Axis) -> dict[str, Integers]:
     """Return the samples of position and velocity off the course of their neighbours, by ``joint.field``."""
     after = driven(axis)
-    signals = {"position": axis.place, "velocity": axis.velocity}
-    return {
-        axis.name(signal): _near(axis, signal, value, after) for signal, value in signals.items() if value is not None
-    }
+    return {axis.name(signal): _near(axis, signal, value, after) for signal, value in axis.signals.items()}
 
 
-def check(axis: Axis) -> list[Finding]:
-    """Name the readings far outside of all others, and look for samples off the course of their neighbours."""
-    found = []
-    near = stray(axis)
-    for signal, value in (("position", axis.place), ("velocity", axis.velocity), ("command", axis.command)):
+def spikes(axis: Axis) -> list[Finding]:
+    """Name the readings far outside of all others, and the samples off the course of their neighbours."""
+    found, near = [], stray(axis)
+    for signal, value in {**axis.signals, "command": axis.command}.items():
+        name, unit = axis.name(signal), axis.unit(signal)
+        time = axis.input_time if signal == "command" else axis.time
         # A command may jump as it likes.
-        rows = near.get(axis.name(signal), _none())
-        when, off = axis.time[rows] if rows.size else np.zeros(0), _distance(value, rows)
-        if signal in axis.bad and value is not None:
+        rows = near.get(f"{axis.joint}.{signal}", np.zeros(0, dtype=np.int64))
+        when, off = time[rows], _distance(value, rows)
+        if signal in axis.bad:
             far, values = axis.bad[signal]
             when, off = np.append(when, far), np.append(off, np.abs(values - np.nanmedian(value)))
         if not when.size:
             continue
-        name, unit = axis.command_name if signal == "command" else axis.name(signal), axis.unit(signal)
         largest = int(np.argmax(off))
         many = "1 value" if when.size == 1 else f"{when.size} values"
-        time = axis.input_time if signal == "command" else axis.time
         found.append(
             fault(
                 "spikes",
@@ -49,25 +45,18 @@ def check(axis: Axis) -> list[Finding]:
                 f"{name}: {many} off the others, by up to {off[largest]:.3g} {unit} (at {when[largest]:.4g} s): single"
                 " bad readings",
                 "look at the wiring of the sensor; fits leave them out",
-                evidence={"spikes": float(when.size), "largest": float(off[largest])},
-                count=int(when.size),
+                evidence={"spikes": when.size, "largest": off[largest]},
                 places=around(time, np.searchsorted(time, np.sort(when))),
             )
         )
     return found
 
 
-def _none() -> Integers:
-    return np.zeros(0, dtype=np.int64)
-
-
-def _distance(value: Array | None, rows: Integers) -> Array:
+def _distance(value: Array, rows: Integers) -> Array:
     """How far samples lie off the middle of the measured ones beside them."""
-    if value is None or not rows.size:
-        return np.zeros(0)
     known = np.flatnonzero(np.isfinite(value))
     place = np.searchsorted(known, rows)
-    beside = 0.5 * (value[known[place - 1]] + value[known[place + 1]])
+    beside = 0.5 * (value[known[place - 1]] + value[known[place + 1]]) if rows.size else np.zeros(0)
     return np.asarray(np.abs(value[rows] - beside))
 
 
@@ -81,26 +70,21 @@ def _near(axis: Axis, signal: str, value: Array, after: Integers) -> Integers:
         even[1:] &= ~uneven
         even[:-1] &= ~uneven
     rows = isolated(values, axis.resolution[signal], even)
-    # A value that is repeated lies off as well, and so does the answer of a fast axis to a jump of its command.
-    rows = rows[(values[rows] != values[rows - 1]) & (~np.isin(known[rows], after) | _far(values, rows))]
-    rows = rows[~_on_the_way(values, rows)]
+    before, here, next_ = values[rows - 1], values[rows], values[rows + 1]
+    # A value that is repeated lies off as well, and so does the answer of a fast axis to a jump of its command. One
+    # between those beside it was read late or early within the interval, and is true.
+    odd = (
+        (here != before) & (~np.isin(known[rows], after) | _far(values, rows)) & ((here - before) * (next_ - here) <= 0)
+    )
+    rows = rows[odd]
     if signal == "velocity" and axis.place is not None and axis.trusts_velocity:
         rows = rows[~_moved(axis.place[known], time, values, rows)]
-    if rows.size > _MOST * values.size:
-        return _none()
-    return np.asarray(known[rows])
-
-
-def _on_the_way(value: Array, rows: Integers) -> Mask:
-    """Whether samples lie between the ones beside them: read late or early within the interval, a true value."""
-    before, after = value[rows] - value[rows - 1], value[rows + 1] - value[rows]
-    return np.asarray(before * after > 0.0)
+    return np.asarray(known[rows if rows.size <= _MOST * values.size else rows[:0]])
 
 
 def _far(value: Array, rows: Integers) -> Mask:
     """Whether samples lie further off than the signal moves in any sample around them."""
-    beside = rows[:, None] + np.array([-5, -4, -3, 2, 3, 4, 5])
-    beside = np.clip(beside, 1, value.size - 1)
+    beside = np.clip(rows[:, None] + np.array([-5, -4, -3, 2, 3, 4, 5]), 1, value.size - 1)
     largest = np.max(np.abs(value[beside] - value[beside - 1]), axis=1)
     return np.asarray(np.abs(value[rows] - 0.5 * (value[rows - 1] + value[rows + 1])) > _FURTHER * largest)
 

@@ -1,4 +1,4 @@
-"""A limited rate of the command is named; a delay and a lag, which make jumps gradual as well, are not."""
+"""Limits of rate and speed are named; delays, lags and single stays at the largest speed are not."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from idloop.records.inspection.faults import rate_limit
+from idloop.records.inspection.axis import Axis
+from idloop.records.inspection.faults import drive_limits
 
 LEVELS = np.repeat(np.sign(np.random.default_rng(3).normal(size=600)), 5)
 STEP, SAMPLE = 0.3, 0.005
@@ -52,15 +53,31 @@ def limited(value: Callable[[float], float]) -> Callable[[float], float]:
 
 @pytest.mark.parametrize("delay", [0.3, 0.5, 0.82, 1.0])
 def test_a_delay_of_part_of_a_sample_is_no_limit(make_axis, delay):
-    assert rate_limit.check(make_axis(command=LEVELS, drive=later(delay))) == []
+    assert drive_limits.limited_rate(make_axis(command=LEVELS, drive=later(delay))) is None
 
 
 def test_a_lag_with_a_delay_is_no_limit(make_axis):
     lag, delay = slower(0.5), later(0.6)
-    assert rate_limit.check(make_axis(command=LEVELS, drive=lambda value: lag(delay(value)))) == []
+    assert drive_limits.limited_rate(make_axis(command=LEVELS, drive=lambda value: lag(delay(value)))) is None
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.6])
 def test_a_limit_is_named_with_and_without_a_delay(make_axis, delay):
-    (found,) = rate_limit.check(make_axis(command=LEVELS, drive=limited(later(delay))))
+    found = drive_limits.limited_rate(make_axis(command=LEVELS, drive=limited(later(delay))))
     assert found.evidence["rate"] == pytest.approx(STEP / SAMPLE, rel=0.2)
+
+
+def axis(stays: int) -> Axis:
+    """Drive an axis up to the largest speed under a large command, and keep it there under a smaller one."""
+    time = np.arange(12_000) / 2000.0
+    phase = np.mod(time, time[-1] / stays + 1e-9) / (time[-1] / stays)
+    speed = np.interp(phase, [0.0, 0.7, 0.75, 0.9, 1.0], [0.0, 7.15, 7.2, 7.15, 0.0])
+    command = np.where(phase < 0.75, 2.5, 1.7)
+    noisy = speed + 0.1 * np.random.default_rng(0).normal(size=time.size)
+    units = {"j.velocity": "rad/s", "j.effort": "V"}
+    return Axis("j", time, None, noisy, time, command, "j.effort", units)
+
+
+@pytest.mark.parametrize(("stays", "named"), [(1, False), (3, True)])
+def test_a_speed_that_is_reached_several_times_is_a_limit(stays, named):
+    assert bool(drive_limits.limited_speed(axis(stays))) == named

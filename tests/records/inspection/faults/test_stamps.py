@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from idloop.records.inspection.faults import clocks
+from idloop.records.inspection.faults import stamps
 from idloop.records.inspection.time_axes import time_axes
 
 STREAM = SimpleNamespace(stamped=True)
@@ -15,7 +15,7 @@ STREAM = SimpleNamespace(stamped=True)
 
 @pytest.fixture(autouse=True)
 def one_clock_by_receipt(monkeypatch):
-    monkeypatch.setattr(clocks, "clock_finding", lambda *_: None)
+    monkeypatch.setattr(stamps, "clock_finding", lambda *_: None)
 
 
 def _axis(make_axis, offset=0.0, faster=0.0, *, joined=True, **changes):
@@ -27,13 +27,13 @@ def _axis(make_axis, offset=0.0, faster=0.0, *, joined=True, **changes):
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("joined", [True, False])
 def test_one_clock(make_axis, seed, joined):
-    assert clocks.check(_axis(make_axis, 1e-4, joined=joined, seed=seed)) == []
+    assert stamps.two_clocks(_axis(make_axis, 1e-4, joined=joined, seed=seed)) is None
 
 
 @pytest.mark.parametrize("faster", [0.004, -0.004, 0.015])
 def test_clocks_that_drift_apart(make_axis, faster):
     axis = _axis(make_axis, 0.02, faster)
-    (found,) = clocks.check(axis)
+    found = stamps.two_clocks(axis)
     assert found.kind == "two_clocks"
     assert found.spoils == ("identification",)
     # With the cure both run alike.
@@ -43,7 +43,7 @@ def test_clocks_that_drift_apart(make_axis, faster):
 
 
 def test_a_motion_before_its_command(make_axis):
-    (found,) = clocks.check(_axis(make_axis, 0.12))
+    found = stamps.two_clocks(_axis(make_axis, 0.12))
     assert found.kind == "two_clocks"
     assert found.evidence["offset"] == pytest.approx(-0.12, abs=0.006)
     assert "offset: -0.12" in found.cure
@@ -52,15 +52,15 @@ def test_a_motion_before_its_command(make_axis):
 
 
 def test_a_motion_late_in_joined_files_may_be_a_delay(make_axis):
-    (found,) = clocks.check(_axis(make_axis, -0.1))
-    assert found.kind == clocks.OFFSET
+    found = stamps.two_clocks(_axis(make_axis, -0.1))
+    assert found.kind == stamps.OFFSET
     assert found.evidence["offset"] == pytest.approx(0.1, abs=0.006)
     assert f"--late {-found.evidence['offset']:.4g}`" in found.cure
     assert "command_late" not in found.evidence
-    assert clocks.check(_axis(make_axis, -0.1, joined=False)) == [], "a delay"
+    assert stamps.two_clocks(_axis(make_axis, -0.1, joined=False)) is None, "a delay"
 
 
 def test_a_motion_that_the_command_does_not_explain_shows_no_clock(make_axis):
     rng = np.random.default_rng(1)
-    assert clocks.check(_axis(make_axis, 0.12, drive=lambda _: rng.normal())) == []
+    assert stamps.two_clocks(_axis(make_axis, 0.12, drive=lambda _: rng.normal())) is None
     assert time_axes(make_axis(count=100)) is None

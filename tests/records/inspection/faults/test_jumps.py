@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from idloop.records.inspection.faults import spliced
+from idloop.records.inspection.faults import jumps
 
 
 def _without(axis, start, stop):
@@ -20,7 +20,7 @@ def _without(axis, start, stop):
 
 def test_along_the_motion_it_is_said_how_many_samples_may_be_lost(make_axis):
     axis = make_axis(command=np.repeat([1.0, 0.0, -1.0, 0.0], 750))
-    (found,) = spliced.check(_without(axis, 500, 600))
+    found = jumps.spliced(_without(axis, 500, 600))
     assert (
         ": samples were lost (about 100 at the speed there), two recordings were joined, or its zero was set;"
         in found.text
@@ -30,5 +30,5 @@ def test_along_the_motion_it_is_said_how_many_samples_may_be_lost(make_axis):
 def test_a_jump_against_the_motion_is_no_loss_first(make_axis):
     axis = make_axis(command=np.repeat([1.0, 0.0, -1.0, 0.0], 750))
     position = axis.position - np.where(axis.time > 2.5, 0.5 * np.ptp(axis.position), 0.0)
-    (found,) = spliced.check(replace(axis, position=position))
+    found = jumps.spliced(replace(axis, position=position))
     assert ": two recordings were joined, samples were lost, or its zero was set;" in found.text

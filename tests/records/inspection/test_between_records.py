@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from idloop.records.inspection.between import between_records
 from idloop.records.inspection.response import response
+from idloop.records.inspection.together import between_records
 
 
 def kinds(**records):
