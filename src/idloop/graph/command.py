@@ -18,12 +18,7 @@ OWN_PACKAGE = "idloop_nodes"
 
 
 def node_command(node: NodeEntry, parameter_file: Path) -> list[str]:
-    """Return the words that start a node.
-
-    Our own nodes run with this interpreter; those of other packages with the script that ROS installed.
-
-    Raises IdloopError: the executable is not installed.
-    """
+    """Return the words that start a node; IdloopError: its executable is not installed."""
     command = _executable(node)
     command += [*node.arguments, "--ros-args"]
     for file in node.parameter_files:

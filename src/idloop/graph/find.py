@@ -16,10 +16,7 @@ _NAME = re.compile(r"[A-Za-z0-9_\-]{1,200}")
 
 
 def package_share(package: str) -> Path:
-    """Return the share folder of a ROS package.
-
-    Raises InputError: it is neither in the sourced ROS environment nor in this checkout.
-    """
+    """Return the share folder of a ROS package; InputError: neither in the sourced ROS nor in this checkout."""
     if not _NAME.fullmatch(package):
         raise InputError(f"no ROS package {listed([package])}: not a valid name")
     for prefix in filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
@@ -39,20 +36,14 @@ def graph_names() -> list[str]:
 
 
 def graph_summary(name: str) -> str:
-    """Return the first sentence of the comment at the head of a launch file.
-
-    `name`: as for `graph_path`.
-    """
+    """Return the first sentence of the comment at the head of a graph's launch file."""
     lines = graph_path(name).read_text(encoding="utf-8").splitlines()
     head = " ".join(line.lstrip("# ") for line in takewhile(lambda line: line.startswith("#"), lines))
     return head.partition(". ")[0].removesuffix(".")
 
 
 def graph_path(name: str) -> Path:
-    """Return the launch file of a graph: its name, or the path of a launch file.
-
-    Raises InputError: there is no such graph; the message lists the known ones.
-    """
+    """Return the launch file of a graph, by its name or path; InputError lists those that there are."""
     path = Path(name)
     if path.suffix in (".yaml", ".yml"):
         if not os.path.isfile(path):  # noqa: PTH113  (pathlib raises where a name is too long)

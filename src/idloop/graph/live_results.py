@@ -56,10 +56,7 @@ class LiveResult:
 
 
 def read_results(bag: Path) -> LiveResult:
-    """Read the estimator's last result from a bag.
-
-    Raises IdloopError: when the bag cannot be read.
-    """
+    """Read the estimator's last result from a bag; IdloopError where it cannot be read."""
     newest: dict[str, Statuses] = {}
     fits = 0
     for name, statuses in _read_diagnostics(bag, ("fit", "parameters")):
@@ -103,10 +100,7 @@ class Findings:
 
 
 def read_findings(bag: Path) -> Findings:
-    """Read the results about missing effects from a bag.
-
-    Raises IdloopError: when the bag cannot be read.
-    """
+    """Read the results about missing effects from a bag; IdloopError where it cannot be read."""
     diagnoses: list[dict[str, Any]] = []
     experiments: list[dict[str, Any]] = []
     evidence: list[dict[str, Any]] = []

@@ -94,10 +94,7 @@ class GraphRun:
         return [child.label for child in self._children if child.process.poll() is None]
 
     def wait(self, stopped: Callable[[], bool] = lambda: False) -> None:
-        """Wait until the node that ends the graph has ended, or `stopped` returns True.
-
-        Raises IdloopError: a node ended before that, with its last line of output.
-        """
+        """Wait for the node that ends the graph, or for `stopped`; IdloopError: another ended, with its last line."""
         while not stopped():
             for child in self._children:
                 code = child.process.poll()

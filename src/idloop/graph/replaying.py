@@ -36,29 +36,9 @@ def replay_bag(
 ) -> LiveResult:
     """Play a bag into a graph of estimator and recorder.
 
-    Parameters
-    ----------
-    bag : Path
-        The recording.
-    model : str
-        Preset or model file of the estimator.
-    target : Path
-        New bag with the results of the estimator.
-    effects : sequence of str, optional
-        Effects added to the model.
-    windows : Windows, optional
-        Windows of the estimator.
-    rate : float
-        Relative to real time; 0: as fast as the nodes acknowledge.
-    say, domain_id : optional
-        As in `run_graph`.
-
-    Raises
-    ------
-    InputError
-        The bag is too short for the windows.
-    IdloopError
-        Stopped before the end, or without a fit.
+    `model`: preset or model file of the estimator; `target`: new bag with its results; `effects`: added to the model;
+    `rate`: relative to real time, 0: as fast as the nodes acknowledge; `say`, `domain_id`: as in `run_graph`. Raises
+    InputError: the bag is too short for the windows; IdloopError: stopped before the end, or without a fit.
     """
     from idloop.records import read_record
 

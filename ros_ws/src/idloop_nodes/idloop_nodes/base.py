@@ -40,11 +40,7 @@ SETTLE_PERIOD = 0.005  # seconds between two checks of the acknowledgements
 
 
 class StreamNode(Node):
-    """A node whose streams are bytes.
-
-    `kind`: executable's name; also the default name of the node. `table`: its parameters; default those of the kind's
-    description.
-    """
+    """A node whose streams are bytes, of a `kind` (its executable), with its parameters in a `table`."""
 
     poll_period = 0.2  # seconds between calls of `poll` when nothing else wakes the node
     scheduling: Scheduling = "normal"  # batch: may lag behind; preferred: keeps up with the clock beside other work
@@ -81,10 +77,7 @@ class StreamNode(Node):
         return (one for one in super().subscriptions if one not in self._polled)
 
     def thread(self, run: Callable[[], None], name: str) -> threading.Thread:
-        """Return a thread for a loop of this node; an error that ends it ends the node as well.
-
-        A node without its loop would otherwise stay in the graph and do nothing.
-        """
+        """Return a thread for a loop; its error ends the node, which would otherwise do nothing in the graph."""
 
         def guarded() -> None:
             try:
@@ -99,10 +92,7 @@ class StreamNode(Node):
     # streams
 
     def publisher(self, topic: str) -> Callable[[bytes], None]:
-        """Create a raw publisher and return its publish function.
-
-        A node that does not know yet whether it belongs to this graph publishes no sample.
-        """
+        """Create a raw publisher; return its publish function, silent until the node knows that this is its graph."""
         publisher: Any = self.create_publisher(topic_type(topic), topic, topic_qos(topic))
         self.publishers_by_topic[topic] = publisher
         # What rclpy does around it, to tell bytes from messages and to count users, costs as much as a step of a plant.
@@ -124,10 +114,7 @@ class StreamNode(Node):
     def subscribe(
         self, message_type: type, topic: str, callback: Callable[[bytes], None], profile: QoSProfile, **events: Any
     ) -> Any:
-        """Return a subscription to bytes that notices publishers whose quality of service does not satisfy it.
-
-        `events`: further event callbacks.
-        """
+        """Return a subscription to bytes that notices publishers whose quality of service does not satisfy it."""
         callbacks = self.quality.callbacks(topic, **events)
         subscription = self.create_subscription(
             message_type, topic, callback, profile, raw=True, event_callbacks=callbacks
@@ -182,10 +169,7 @@ class StreamNode(Node):
             self.subscriptions_by_topic[topic] = stream.subscription
 
     def offer(self, name: str, run: Callable[[], str]) -> None:
-        """Offer a std_srvs/Trigger service.
-
-        `run`: returns the message of the answer; raises InputError with the reason of a refusal.
-        """
+        """Offer a std_srvs/Trigger; `run` returns its message, or raises InputError with the reason of a refusal."""
 
         def answer(request: Any, response: Any) -> Any:
             try:

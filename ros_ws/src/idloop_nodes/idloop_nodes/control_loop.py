@@ -56,10 +56,7 @@ def compensation_lines(controller: Controller) -> list[str]:
 
 
 def controller_columns(controller: Controller, model: Model) -> list[tuple[str, str]]:
-    """Return joint and field of each measurement that the controller needs.
-
-    Raises InputError: one of them is no output of the model.
-    """
+    """Return joint and field of each measurement that the controller needs; InputError: one is no output."""
     known = {f"{joint}.{field}": (joint, field) for joint, field in output_columns(model)}
     missing = [name for name in controller.inputs if name not in known]
     if missing:

@@ -24,10 +24,7 @@ CHECK_PERIOD = 0.5  # seconds between two checks for missing peers
 
 
 def command_topic(topic: str, family: Iterable[str]) -> str:
-    """Return the topic of the commands that a machine received: behind a bridge the applied command, after all limits.
-
-    `topic`: of the command, as the model names it; `family`: kinds of the nodes of the graph.
-    """
+    """Return the topic of the commands that a machine received: behind a bridge the applied command."""
     return APPLIED_COMMAND if topic == REQUESTED_COMMAND and "bridge" in family else topic
 
 
@@ -99,11 +96,7 @@ class StartBarrier:
 
 
 class DuplicateNodeCheck:
-    """What a node knows of others of its name.
-
-    `now`: time at which the node was made, of a clock that never jumps [s]; `discovery_time`: time from then on in
-    which others may still be discovered [s].
-    """
+    """What a node knows of others of its name; for `discovery_time` after `now` others may be discovered [s]."""
 
     def __init__(self, now: float, discovery_time: float) -> None:
         self._discovered_at = now + discovery_time
@@ -112,10 +105,7 @@ class DuplicateNodeCheck:
         self._known: float | None = None
 
     def is_unique(self, count: int, now: float) -> bool:
-        """Whether no other node of this name will announce itself.
-
-        `count`: known nodes of this name, this one included. A dead node stays known for a while. `now`: [s].
-        """
+        """Whether no other of `count` nodes of this name will announce itself: a dead one stays known for a while."""
         if now < self._discovered_at:
             return False
         if count < 2:
@@ -128,10 +118,7 @@ class DuplicateNodeCheck:
         self._announced = now
 
     def is_second(self, now: float) -> bool:
-        """Take in an announcement of a node of this name; return whether this node is the second one.
-
-        The node that has run for longer goes on. The announcements of a dead node are not delivered any more.
-        """
+        """Take in an announcement of a node of this name; return whether this node is the second and must end."""
         self._announcements += 1
         if self._announced is None:
             return True
@@ -139,10 +126,7 @@ class DuplicateNodeCheck:
 
 
 class GraphStart:
-    """Tells when a node may begin.
-
-    Attributes: `ready`: whether this node has announced that its streams are connected.
-    """
+    """Tells when a node may begin; `ready` once it has announced that its streams are connected."""
 
     def __init__(self, node: StreamNode) -> None:
         now = time.monotonic()
@@ -179,10 +163,7 @@ class GraphStart:
         return self._match.complete([one for _, one in self.partners()], time.monotonic())
 
     def announce(self) -> bool:
-        """Tell the others once that this node is ready; return whether it is.
-
-        Raises IdloopError: the peers do not appear in time.
-        """
+        """Tell the others once that this node is ready; return whether it is; IdloopError: peers do not appear."""
         if self.ready:
             return True
         if self.connected() and self._unique():

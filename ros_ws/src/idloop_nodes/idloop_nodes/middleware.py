@@ -127,10 +127,7 @@ class StandstillWatch:
         self._now, self._worked = now, worked
 
     def forgotten(self, now: float, worked: float) -> bool:
-        """Return whether the process has stood still since the last call for longer than the others wait.
-
-        `now`: steady time [s]; `worked`: processor time of the process [s].
-        """
+        """Whether it has stood still for longer than the others wait, by steady and by worked time [s]."""
         gap, work = now - self._now, worked - self._worked
         self._now, self._worked = now, worked
         return gap > LEASE - MARGIN and work < IDLE_SHARE * gap

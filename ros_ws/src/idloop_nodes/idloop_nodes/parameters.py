@@ -15,10 +15,7 @@ BIGGEST = 1.7976931348623157e308
 
 @dataclass(frozen=True)
 class NodeParameter(ParameterSpec):
-    """One row of a node's parameter table: the library's row, and whether it is fixed at the start.
-
-    `read_only`: the value cannot change while the node runs.
-    """
+    """One row of a node's parameter table: the library's row, and whether it is fixed at the start."""
 
     read_only: bool = False
 

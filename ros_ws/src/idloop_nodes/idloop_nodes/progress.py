@@ -103,11 +103,7 @@ class BackPressure:
         return [name for name in self.listeners if name not in self.progress.done]
 
     def finished_by(self, limit: float, now: float, timeout: float) -> bool:
-        """Whether every listener is done after the end of a run.
-
-        `limit`, `now`: latest time, and the present time [s]; `timeout`: parameter ``drain_timeout``, for the error
-        line [s]. Raises IdloopError: the time is over.
-        """
+        """Whether every listener is done after the end of a run; IdloopError: the time `limit` is over."""
         if self.finished():
             return True
         if now > limit:

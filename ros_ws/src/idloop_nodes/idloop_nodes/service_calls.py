@@ -37,10 +37,7 @@ class _Call:
 
 
 class ServiceCalls:
-    """Service clients of one node; every call is answered, or given up with a reason.
-
-    `timeout`: time within which a node has to answer [s].
-    """
+    """Service clients of one node; every call is answered, or given up with a reason after `timeout` [s]."""
 
     def __init__(self, node: Any, timeout: float = TIMEOUT) -> None:
         self._node = node

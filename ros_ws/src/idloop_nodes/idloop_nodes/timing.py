@@ -80,10 +80,7 @@ class Pace:
         self._begun: float | None = None
 
     def early(self, simulated: float, now: float) -> bool:
-        """Whether it is too early for this instant.
-
-        `simulated`: time since the start of the run [s]; `now`: of a clock that never jumps [s].
-        """
+        """Whether it is too early, at the steady time `now`, for this simulated time since the start of the run [s]."""
         if self._factor <= 0.0:
             return False
         due = simulated / self._factor
@@ -114,10 +111,7 @@ class Bursts:
         self._weighed: tuple[float, float] | None = None
 
     def due(self, now: float) -> bool:
-        """Whether it is time for a burst.
-
-        `now`: of a clock that never jumps [s].
-        """
+        """Whether it is time for a burst, at the steady time `now` [s]."""
         self.wait = self._next - now
         return self.wait <= 0.0
 
@@ -135,10 +129,7 @@ class Bursts:
         self._next = now + self.wait
 
     def weigh(self, now: float, spent: float) -> None:
-        """Draw the bursts apart or together by what the work takes.
-
-        `now`: as for `due`; `spent`: processor time of the process so far [s].
-        """
+        """Draw the bursts apart or together by the processor time that the process has spent so far [s]."""
         if self._weighed is None:
             self._weighed = now, spent
             return

@@ -1,102 +1,52 @@
-"""Every conversion between a message's bytes and the values the library works with.
+"""Every conversion between bytes of messages and values: no message object is built on a control path."""
 
-Nodes publish and subscribe raw CDR bytes: no message object is built on a control path, and the
-bytes of equal values are equal.
-"""
-
-from idloop.records.bags.cdr import CdrError
-from idloop_nodes.codec.commands import (
-    TrajectoryPoint,
-    decode_float,
-    decode_floats,
-    decode_trajectory,
-    encode_float,
-    encode_floats,
-    encode_trajectory,
-)
-from idloop_nodes.codec.diagnostics import Level, Status, decode_diagnostics, encode_diagnostics
-from idloop_nodes.codec.effects import (
-    EffectSummary,
-    Estimate,
-    MissingSummary,
-    UnknownSummary,
-    missing_from_statuses,
-    missing_to_statuses,
-)
-from idloop_nodes.codec.evidence import EffectEvidence, EvidenceSummary, evidence_from_statuses, evidence_to_statuses
-from idloop_nodes.codec.joints import (
-    JointReader,
-    JointSample,
-    JointWriter,
-    decode_header,
-    decode_joint_state,
-    decode_time,
-    encode_header,
-    encode_joint_state,
-    encode_time,
-    peek_stamp,
-)
-from idloop_nodes.codec.ladder import LadderSummary, Measures, StepSummary, ladder_from_statuses, ladder_to_statuses
-from idloop_nodes.codec.recursion import RecursionSummary, recursion_from_statuses, recursion_to_statuses
-from idloop_nodes.codec.results import (
-    FitSummary,
-    ParameterSummary,
-    fit_from_statuses,
-    fit_to_statuses,
-    parameters_from_statuses,
-    parameters_to_statuses,
-)
-from idloop_nodes.codec.wear import WatchSummary, WearSummary, wear_from_statuses, wear_to_statuses
-
-__all__ = [
-    "CdrError",
-    "EffectEvidence",
-    "EffectSummary",
-    "Estimate",
-    "EvidenceSummary",
-    "FitSummary",
-    "JointReader",
-    "JointSample",
-    "JointWriter",
-    "LadderSummary",
-    "Level",
-    "Measures",
-    "MissingSummary",
-    "ParameterSummary",
-    "RecursionSummary",
-    "Status",
-    "StepSummary",
-    "TrajectoryPoint",
-    "UnknownSummary",
-    "WatchSummary",
-    "WearSummary",
-    "decode_diagnostics",
-    "decode_float",
-    "decode_floats",
-    "decode_header",
-    "decode_joint_state",
-    "decode_time",
-    "decode_trajectory",
-    "encode_diagnostics",
-    "encode_float",
-    "encode_floats",
-    "encode_header",
-    "encode_joint_state",
-    "encode_time",
-    "encode_trajectory",
-    "evidence_from_statuses",
-    "evidence_to_statuses",
-    "fit_from_statuses",
-    "fit_to_statuses",
-    "ladder_from_statuses",
-    "ladder_to_statuses",
-    "missing_from_statuses",
-    "missing_to_statuses",
-    "parameters_from_statuses",
-    "parameters_to_statuses",
-    "peek_stamp",
-    "recursion_from_statuses",
-    "recursion_to_statuses",
-    "wear_from_statuses",
-    "wear_to_statuses",
-]
+from idloop.records.bags.cdr import CdrError as CdrError
+from idloop_nodes.codec.commands import TrajectoryPoint as TrajectoryPoint
+from idloop_nodes.codec.commands import decode_float as decode_float
+from idloop_nodes.codec.commands import decode_floats as decode_floats
+from idloop_nodes.codec.commands import decode_trajectory as decode_trajectory
+from idloop_nodes.codec.commands import encode_float as encode_float
+from idloop_nodes.codec.commands import encode_floats as encode_floats
+from idloop_nodes.codec.commands import encode_trajectory as encode_trajectory
+from idloop_nodes.codec.diagnostics import Level as Level
+from idloop_nodes.codec.diagnostics import Status as Status
+from idloop_nodes.codec.diagnostics import decode_diagnostics as decode_diagnostics
+from idloop_nodes.codec.diagnostics import encode_diagnostics as encode_diagnostics
+from idloop_nodes.codec.effects import EffectSummary as EffectSummary
+from idloop_nodes.codec.effects import Estimate as Estimate
+from idloop_nodes.codec.effects import MissingSummary as MissingSummary
+from idloop_nodes.codec.effects import UnknownSummary as UnknownSummary
+from idloop_nodes.codec.effects import missing_from_statuses as missing_from_statuses
+from idloop_nodes.codec.effects import missing_to_statuses as missing_to_statuses
+from idloop_nodes.codec.evidence import EffectEvidence as EffectEvidence
+from idloop_nodes.codec.evidence import EvidenceSummary as EvidenceSummary
+from idloop_nodes.codec.evidence import evidence_from_statuses as evidence_from_statuses
+from idloop_nodes.codec.evidence import evidence_to_statuses as evidence_to_statuses
+from idloop_nodes.codec.joints import JointReader as JointReader
+from idloop_nodes.codec.joints import JointSample as JointSample
+from idloop_nodes.codec.joints import JointWriter as JointWriter
+from idloop_nodes.codec.joints import decode_header as decode_header
+from idloop_nodes.codec.joints import decode_joint_state as decode_joint_state
+from idloop_nodes.codec.joints import decode_time as decode_time
+from idloop_nodes.codec.joints import encode_header as encode_header
+from idloop_nodes.codec.joints import encode_joint_state as encode_joint_state
+from idloop_nodes.codec.joints import encode_time as encode_time
+from idloop_nodes.codec.joints import peek_stamp as peek_stamp
+from idloop_nodes.codec.ladder import LadderSummary as LadderSummary
+from idloop_nodes.codec.ladder import Measures as Measures
+from idloop_nodes.codec.ladder import StepSummary as StepSummary
+from idloop_nodes.codec.ladder import ladder_from_statuses as ladder_from_statuses
+from idloop_nodes.codec.ladder import ladder_to_statuses as ladder_to_statuses
+from idloop_nodes.codec.recursion import RecursionSummary as RecursionSummary
+from idloop_nodes.codec.recursion import recursion_from_statuses as recursion_from_statuses
+from idloop_nodes.codec.recursion import recursion_to_statuses as recursion_to_statuses
+from idloop_nodes.codec.results import FitSummary as FitSummary
+from idloop_nodes.codec.results import ParameterSummary as ParameterSummary
+from idloop_nodes.codec.results import fit_from_statuses as fit_from_statuses
+from idloop_nodes.codec.results import fit_to_statuses as fit_to_statuses
+from idloop_nodes.codec.results import parameters_from_statuses as parameters_from_statuses
+from idloop_nodes.codec.results import parameters_to_statuses as parameters_to_statuses
+from idloop_nodes.codec.wear import WatchSummary as WatchSummary
+from idloop_nodes.codec.wear import WearSummary as WearSummary
+from idloop_nodes.codec.wear import wear_from_statuses as wear_from_statuses
+from idloop_nodes.codec.wear import wear_to_statuses as wear_to_statuses

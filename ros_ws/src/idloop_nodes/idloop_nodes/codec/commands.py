@@ -29,10 +29,7 @@ def encode_floats(values: Sequence[float]) -> bytes:
 
 
 def decode_floats(data: bytes) -> tuple[float, ...]:
-    """Return the numbers of a std_msgs/Float64MultiArray, whatever its dimensions are.
-
-    Raises CdrError: when the bytes are cut short or no Float64MultiArray.
-    """
+    """Return the numbers of a std_msgs/Float64MultiArray of any dimensions; CdrError when it is none."""
     reader = CdrReader(data)
     for _ in range(reader.count()):  # dimensions
         reader.string()
@@ -52,10 +49,7 @@ class TrajectoryPoint:
 
 
 def encode_trajectory(stamp_ns: int, names: Sequence[str], points: Sequence[TrajectoryPoint]) -> bytes:
-    """Return trajectory_msgs/JointTrajectory as bytes.
-
-    `stamp_ns`: time from which the points count [ns], 0: from its arrival.
-    """
+    """Return trajectory_msgs/JointTrajectory as bytes; its points count from the stamp [ns], 0: from its arrival."""
     writer = CdrWriter()
     writer.stamp(stamp_ns)
     writer.string("")
@@ -73,10 +67,7 @@ def encode_trajectory(stamp_ns: int, names: Sequence[str], points: Sequence[Traj
 
 
 def decode_trajectory(data: bytes) -> tuple[int, tuple[str, ...], tuple[TrajectoryPoint, ...]]:
-    """Return stamp, joints and points of a trajectory_msgs/JointTrajectory.
-
-    Raises CdrError: when the bytes are cut short or no JointTrajectory.
-    """
+    """Return stamp, joints and points of a trajectory_msgs/JointTrajectory; CdrError when it is none."""
     reader = CdrReader(data)
     stamp, _ = reader.stamp(), reader.string()
     names = tuple(reader.string() for _ in range(reader.count(5)))

@@ -48,10 +48,7 @@ def encode_diagnostics(stamp_ns: int, statuses: Sequence[Status], frame_id: str 
 
 
 def decode_diagnostics(data: bytes) -> tuple[int, list[Status]]:
-    """Return stamp in nanoseconds and statuses of a DiagnosticArray.
-
-    Raises CdrError: when the bytes are cut short or no DiagnosticArray.
-    """
+    """Return stamp in nanoseconds and statuses of a DiagnosticArray; CdrError when it is none."""
     reader = CdrReader(data)
     stamp, _ = reader.stamp(), reader.string()
     statuses = []
@@ -71,11 +68,7 @@ def check_name(namespace: str, node: str, check: str) -> str:
 
 
 def seen_from(namespace: str, name: str) -> tuple[str, str]:
-    """Return node and check of a published name; nodes of this namespace without it, others from the root.
-
-    `namespace`: of the node that reads, such as ``/left``. `name`: as published; without ``": "`` all of it is the
-    node's.
-    """
+    """Return node and check of a published name; nodes of the reader's namespace without it, others from the root."""
     node, _, check = name.partition(": ")
     return node_seen_from(namespace, f"/{node.lstrip('/')}"), check  # some publish it with the slash
 

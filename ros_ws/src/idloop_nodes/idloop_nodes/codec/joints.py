@@ -78,10 +78,7 @@ def encode_joint_state(sample: JointSample) -> bytes:
 
 
 def decode_joint_state(data: bytes) -> JointSample:
-    """Return the content of a sensor_msgs/JointState.
-
-    Raises CdrError: when the bytes are cut short or no JointState.
-    """
+    """Return the content of a sensor_msgs/JointState; CdrError when it is none."""
     reader = CdrReader(data)
     stamp, frame = reader.stamp(), reader.string()
     names = tuple(reader.string() for _ in range(reader.count(5)))
@@ -89,10 +86,7 @@ def decode_joint_state(data: bytes) -> JointSample:
 
 
 class JointWriter:
-    """Packs JointState messages of one shape: only stamp and numbers change.
-
-    `names`: joints; `fields`: which of position, velocity, effort are filled (one value per joint each).
-    """
+    """Packs JointState messages of joints and filled fields: only stamp and numbers change."""
 
     def __init__(self, names: Sequence[str], fields: Sequence[str]) -> None:
         unknown = set(fields) - set(FIELDS)
@@ -144,10 +138,7 @@ class JointReader:
         self._shape: tuple[object, ...] = ()
 
     def read(self, data: bytes) -> tuple[int, tuple[float, ...]]:
-        """Return stamp in nanoseconds and the wanted values.
-
-        Raises CdrError: when the bytes are cut short or no JointState.
-        """
+        """Return stamp in nanoseconds and the wanted values; CdrError when the bytes are no JointState."""
         if self._layout is None or len(data) < self._layout.end or self._fixed(data) != self._shape:
             self._learn(data)
         seconds, nanoseconds = _STAMP.unpack_from(data, 4)
@@ -195,10 +186,7 @@ def _picker(offsets: Sequence[int | None]) -> Callable[[bytes], tuple[float, ...
 
 
 class OutputPacker:
-    """Packs a model's outputs into one JointState: NaN where a joint's field is not measured.
-
-    `outputs`: outputs in the model's order.
-    """
+    """Packs a model's outputs, in their order, into one JointState: NaN where a field is not measured."""
 
     def __init__(self, outputs: Sequence[tuple[str, str]]) -> None:
         joints = list(dict.fromkeys(joint for joint, _ in outputs))
@@ -219,10 +207,7 @@ class OutputPacker:
 
 
 def output_columns(model: Model) -> list[tuple[str, str]]:
-    """Return (joint, field) of every output.
-
-    Raises InputError: when the outputs lie on several topics.
-    """
+    """Return (joint, field) of every output; InputError when they lie on several topics."""
     topics = {output.topic for output in model.outputs}
     if len(topics) > 1:
         raise InputError(

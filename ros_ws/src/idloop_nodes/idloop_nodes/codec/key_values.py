@@ -83,10 +83,7 @@ def to_values(summary: Any, prefix: str = "") -> dict[str, str]:
 
 
 def from_values(kind: Callable[..., Summary], values: Mapping[str, str], prefix: str = "", **more: Any) -> Summary:
-    """Return the dataclass that `to_values` wrote.
-
-    `more`: fields of other types. Raises KeyError, ValueError, InputError: a value is missing or cannot be read.
-    """
+    """Return the dataclass that `to_values` wrote; `more`: fields of other types. KeyError or ValueError otherwise."""
     hints, found = get_type_hints(kind), dict(more)
     for one in fields(kind):  # type: ignore[arg-type]
         key = prefix + (one.metadata.get("key") or one.name)
@@ -102,10 +99,7 @@ def from_values(kind: Callable[..., Summary], values: Mapping[str, str], prefix:
 
 @contextlib.contextmanager
 def reading(topic: str, statuses: Sequence[Status]) -> Iterator[dict[str, str]]:
-    """Give the key values of the first status; errors of reading become a CdrError that names the topic.
-
-    Raises CdrError: there is no status, or a value is missing or cannot be read.
-    """
+    """Give the key values of the first status; errors become a CdrError that names the topic."""
     if not statuses:
         raise CdrError(f"{topic} holds no status")
     try:

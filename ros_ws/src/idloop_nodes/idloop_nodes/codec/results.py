@@ -1,7 +1,4 @@
-"""Fit and parameters as diagnostic statuses and back, without loss.
-
-The message of a status is for a person (one decimal); the key values hold full precision.
-"""
+"""Fit and parameters as diagnostic statuses and back: for a person one decimal, in the values full precision."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""One file for each kind of node, named like its executable and like its module in nodes/.
-
-Nothing in here imports ROS: the start barrier, the documentation and the command line read it.
-"""
+"""One file for each kind of node, named like its module in nodes/; nothing in here imports ROS."""
 
 from __future__ import annotations
 
@@ -17,10 +14,7 @@ KINDS = tuple(sorted(one.stem for one in Path(__file__).parents[1].glob("nodes/[
 
 @cache
 def describe(kind: str) -> NodeDescription:
-    """Return the description of a kind of node.
-
-    Raises KeyError: no such kind.
-    """
+    """Return the description of a kind of node; KeyError where there is none."""
     if kind not in KINDS:
         raise KeyError(kind)
     description: NodeDescription = importlib.import_module(f"idloop_nodes.descriptions.{kind}").DESCRIPTION

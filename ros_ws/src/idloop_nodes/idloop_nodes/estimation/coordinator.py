@@ -68,10 +68,7 @@ class Coordinator:
     # orders
 
     def order(self, verb: str, **more: Any) -> str:
-        """Give an order; return what was started.
-
-        Raises InputError: one is under way already, nothing to do it with, or no data.
-        """
+        """Give an order; return what was started, or raise InputError: one is under way, nothing to do, or no data."""
         if self.busy:
             raise InputError(f"{self.ordered or self.waiting} is under way: wait for its result")
         if verb == ADD_BEST and (self.missing is None or self.missing.verdict != "missing"):

@@ -24,11 +24,7 @@ MAXIMUM_LINES = 4  # of where the model fails, in the log; the message has all o
 
 
 class DiagnosisSchedule:
-    """Orders diagnoses of the newest data and publishes their results.
-
-    `client`: of the excitation node; `adopt`: continues with the model of a new step of the ladder. Attributes: `last`:
-    stamp of the newest sample that was processed [ns]; `model`: the estimator's present model.
-    """
+    """Orders diagnoses of the newest data and publishes their results; `adopt` takes the model of a new step."""
 
     def __init__(
         self, context: EstimatorContext, client: ExperimentClient, model: Model, adopt: Callable[[Model], None]

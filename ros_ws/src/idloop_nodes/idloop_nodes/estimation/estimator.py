@@ -28,11 +28,7 @@ FORGET_PERIOD = SECOND // 2  # between two deletions of old samples [ns]
 
 
 class Estimator:
-    """Gives each block of samples to the parts.
-
-    `publisher`: returns the publish function of a topic of samples; `adopted`: called with the model of a new step of
-    the ladder. Attributes: `model`: the present one.
-    """
+    """Gives each block of samples to the parts; `adopted` takes the model of a new step of the ladder."""
 
     def __init__(
         self,

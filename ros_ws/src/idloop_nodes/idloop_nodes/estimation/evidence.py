@@ -43,10 +43,7 @@ def score(
     minimum_improvement: float,
     catalogue: Sequence[str],
 ) -> tuple[bytes, EvidenceSummary]:
-    """Score effects on a stretch of samples that ends at `stamp` [ns], by fits to earlier ones, in the worker.
-
-    `state`: pickle of the evidence so far, empty at the start; the estimator keeps it between two jobs.
-    """
+    """Score effects on a stretch that ends at `stamp` [ns]; `state`: pickle of the evidence so far, or empty."""
     from idloop.diagnosis.evidence.live_evidence import LiveEvidence
 
     before = LiveEvidence(model, level, minimum_improvement, tuple(catalogue))
@@ -77,11 +74,7 @@ def summarise_evidence(evidence: LiveEvidence, stamp: int) -> EvidenceSummary:
 
 
 class EvidenceSchedule:
-    """Scores every stretch of new samples once, judges the estimates, and ends the experiment if asked.
-
-    `missing`: returns the newest diagnosis of the present model, or None; `diagnose`: orders a diagnosis, with the
-    reason for it.
-    """
+    """Scores every stretch of new samples once, judges the estimates, and ends the experiment if asked."""
 
     def __init__(
         self,

@@ -78,10 +78,7 @@ def missed(comparison: Comparison) -> dict[str, float]:
 
 
 class FitSchedule:
-    """Orders a fit of a sliding window every `fit_period`, judged on the samples after the window.
-
-    `judged`: receives each fit that succeeded, and the stamp of the last sample that it was judged on [ns].
-    """
+    """Orders a fit of a sliding window every `fit_period`; `judged` takes each that succeeded, and its last stamp."""
 
     def __init__(
         self, context: EstimatorContext, judged: Callable[[FitSummary, Sequence[ParameterSummary], int], None]

@@ -49,10 +49,7 @@ class Follower:
 
 
 class Prediction(Follower):
-    """Predicts measurements, publishes predictions and residuals.
-
-    `values`: ``recursive`` and ``sample_time`` (nominal step; every update uses the measured stamps).
-    """
+    """Predicts measurements, publishes predictions and residuals."""
 
     def __init__(self, values: Values, publish_prediction: PublishRow, publish_residual: PublishRow) -> None:
         self._wanted: bool = values["recursive"]
@@ -89,10 +86,7 @@ class Prediction(Follower):
         self.begin(model)
 
     def take(self, origin: int, block: Sequence[Sample], commands: Sequence[Sample | None]) -> None:
-        """Predict a block of measurements, each with the command that holds at its stamp.
-
-        `origin`: stamp that counts as time 0 [ns].
-        """
+        """Predict a block of measurements with the commands that hold at their stamps; time begins at `origin` [ns]."""
         while block and self._recursive is not None and not self.failure:
             # With the last sample of its own block it learns, which takes milliseconds: what comes before goes first.
             count = max(self._recursive.block - 1 - self._followed, 0) or len(block)
@@ -116,10 +110,7 @@ class Prediction(Follower):
 
 
 class RecursiveModel(Follower):
-    """A black-box model that follows every sample; publishes innovations and coefficients.
-
-    `model`: whose input and outputs are followed.
-    """
+    """A black-box model that follows every sample; publishes innovations and coefficients."""
 
     def __init__(self, context: EstimatorContext, model: Model, publish_innovation: PublishRow) -> None:
         self._context = context

@@ -21,12 +21,7 @@ Sample = tuple[int, tuple[float, ...]]
 
 
 class SampleInput:
-    """Takes messages in and gives blocks of measurements out, in order, as soon as their commands are known.
-
-    `period_ns`: sample time [ns]; `buffer`: receives every sample; `restart`: called when the stamps were set back: a
-    new run begins. Attributes: `unreadable`: messages that could not be read; `last`: stamp of the newest sample that
-    was given out [ns].
-    """
+    """Takes messages in and gives blocks of measurements out, in order, as soon as their commands are known."""
 
     def __init__(
         self, model: Model, period_ns: int, lockstep: bool, buffer: SampleBuffer, restart: Callable[[], None]

@@ -41,10 +41,7 @@ def learn_normal(
     records: Sequence[Record],
     bags: Sequence[str],
 ) -> Watched:
-    """Learn what is normal from the healthy start of this run, or else from bags, in the worker.
-
-    `watches`, `vary`, `false_alarms`: as the parameters `monitor`, `monitor_vary` and `monitor_false_alarms`.
-    """
+    """Learn what is normal from the healthy start of this run, or else from bags, in the worker."""
     from idloop.monitoring import Monitor, choose_watches, learn, parse_false_alarms
     from idloop.records import read_records
 
@@ -60,10 +57,7 @@ def learn_normal(
 
 
 def check_stretch(report: Report, *, state: bytes, record: Record, new_run: bool) -> Watched:
-    """Check a stretch of data that begins early by the settling time of the observer, in the worker.
-
-    `new_run`: whether a new run of the clock begins with it.
-    """
+    """Check a stretch that begins early by the settling time of the observer, in the worker."""
     monitor: Monitor = pickle.loads(state)  # noqa: S301  (our own estimator's)
     if new_run:
         monitor.begin()
@@ -103,10 +97,7 @@ def _summarise(baseline: Baseline, state: WatchState, *, able: bool) -> WatchSum
 
 
 class WearSchedule:
-    """Learns from the healthy start of a run, or from bags, and then checks every stretch of data once.
-
-    `model`: of the healthy machine; later fits and steps of the ladder do not change it.
-    """
+    """Learns from the healthy start of a run, or from bags, and then checks every stretch of data once."""
 
     def __init__(self, context: EstimatorContext, model: Model) -> None:
         self._context = context

@@ -26,10 +26,7 @@ class WhitenessWatch:
         self.armed, self._bad, self._error = True, 0, 0.0
 
     def look(self, whiteness: Mapping[str, float], fit: Mapping[str, float]) -> bool:
-        """Take in one fit; return whether to diagnose now.
-
-        `whiteness`: by output, p-value of the whiteness test; `fit`: FIT of the same residuals in percent.
-        """
+        """Take in p-values of the whiteness test and FIT [%] by output; return whether to diagnose now."""
         if not whiteness:
             return False
         worst = min(whiteness.values())

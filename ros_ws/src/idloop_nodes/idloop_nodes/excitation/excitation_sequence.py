@@ -154,10 +154,7 @@ class ExcitationSequence:
             self._announced.pop()
 
     def cut(self, now: int, handover: float) -> int | None:
-        """End an experiment that is not over at `now`, with a smooth way back; return the stamp of its end.
-
-        What was announced for after `now` has to be announced again.
-        """
+        """End an experiment at `now`, with a smooth way back, to be announced again; return the stamp of its end."""
         stop = now + self._period_ns
         if self.span is None or stop >= self.span[1]:
             return None

@@ -114,10 +114,7 @@ def read_experiment(text: str, target: str, sample_time: float) -> Experiment:
 
 
 class AxisGuard:
-    """Compares the measurements during an experiment with its limits.
-
-    `poll_topic`: subscribes to a topic.
-    """
+    """Compares the measurements during an experiment with its limits."""
 
     def __init__(self, poll_topic: Callable[[str], PolledStream], joint: str) -> None:
         self._poll_topic = poll_topic

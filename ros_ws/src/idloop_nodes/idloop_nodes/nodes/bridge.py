@@ -18,10 +18,7 @@ __all__ = ["BridgeNode", "make", "prepare"]
 
 
 class BridgeNode(GuardedNode[float]):
-    """Turns a robot's messages into ours and ours into the robot's, through a `SafetyGate`.
-
-    Every message is forwarded on arrival.
-    """
+    """Forwards a robot's messages to us and ours to the robot on arrival, through a `SafetyGate`."""
 
     _gate: SafetyGate
 

@@ -98,10 +98,7 @@ class EstimatorNode(StreamNode):
             self._adopting = False
 
     def _switch_off_automatic(self) -> str:
-        """Add and move nothing unasked any more: the step that the user took back would come again.
-
-        Returns: what was switched off, for the user; empty when nothing was on.
-        """
+        """Add and move nothing unasked any more, or the step would come back; return what was switched off."""
         names = [name for name in ("auto_add", "auto_experiment") if self.parameters[name]]
         if not names:
             return ""

@@ -19,10 +19,7 @@ __all__ = ["GuardianNode", "make", "prepare"]
 
 
 class GuardianNode(StreamNode):
-    """Receives from the bridge, over a Unix socket, that it is alive and which message stops the motor.
-
-    A thread that neither the executor nor the middleware can hold up watches the socket.
-    """
+    """Watches the bridge's beats in a thread that neither the executor nor the middleware can hold up."""
 
     poll_period = 0.02
 

@@ -35,10 +35,7 @@ def simulated(values: NodeParameters) -> Plant:
 
 
 class PlantNode(StreamNode):
-    """Steps a machine: when the command arrives (lock-step) or by the clock (real time).
-
-    `kind`: executable, whose parameters are declared; `build`: makes the machine from the parameters.
-    """
+    """Steps the machine that `build` makes: when the command arrives (lock-step) or by the clock (real time)."""
 
     poll_period = 0.005
 

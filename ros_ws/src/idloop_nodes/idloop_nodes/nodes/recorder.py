@@ -147,10 +147,7 @@ class RecorderNode(StreamNode):
             self.tell_progress(end, DONE)
 
     def _complete(self, end: int) -> bool:
-        """Whether every stream that reaches the end of the run has done so; its sender may then go.
-
-        A sender that has ended sends nothing again that was lost on the way, so the measurement alone is no sign.
-        """
+        """Whether all streams have reached the end: a sender that has ended sends nothing again that was lost."""
         if self._watermark < end:
             return False
         late = [topic for topic in TO_THE_END if 0 <= self._newest.get(topic, -1) < end]
@@ -175,10 +172,7 @@ class RecorderNode(StreamNode):
         )
 
     def close(self) -> None:
-        """Take in what is still on its way, then finish the bag.
-
-        Raises IdloopError: when the bag could not be written to its end.
-        """
+        """Take in what is still on its way, then finish the bag; IdloopError: it could not be written to its end."""
         quiet_since = started = time.monotonic()
         while (now := time.monotonic()) - quiet_since < DRAIN_QUIET and now - started < DRAIN_LIMIT:
             if self._failure:

@@ -27,10 +27,7 @@ HEALTH_PERIOD, LIMITS_PERIOD = 0.5, 5.0  # seconds between two updates of health
 
 
 class WorkbenchNode(StreamNode):
-    """Fills the page's buffers from the streams and its state from the results; its orders become service calls.
-
-    The graph starts and runs without this node: it is not part of the start barrier.
-    """
+    """Fills the page from streams and results; its orders become service calls; no part of the start barrier."""
 
     poll_period = 0.02
 

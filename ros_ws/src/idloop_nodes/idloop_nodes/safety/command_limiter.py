@@ -22,13 +22,7 @@ class CommandLimits:
 
 
 class CommandLimiter:
-    """Tracks the command of a motor and limits the next one.
-
-    Times are nanoseconds of a steady clock. The state is never cleared: a motor does not cool down because
-    of a service call.
-
-    Attributes: `work`: sum of abs(command × velocity) over time, forgotten with `energy_time`.
-    """
+    """Tracks a motor's command and limits the next; never cleared: no motor cools down because of a service call."""
 
     def __init__(self, limits: CommandLimits) -> None:
         self.limits = limits

@@ -28,22 +28,14 @@ FULL_LOAD = 0.9  # share of a processor core beyond which messages begin to wait
 
 
 class BridgeCounters:
-    """Measurements, commands and sent messages of a bridge.
-
-    Attributes: `load`: processor time of the thread that forwards messages [s]; `unreadable`: messages that could not
-    be read.
-    """
+    """What a bridge counts; `load`: processor time of the thread that forwards messages [s]."""
 
     def __init__(self) -> None:
         self.measured, self.commanded, self.sent, self.load = (RateCounter() for _ in range(4))
         self.unreadable = 0
 
     def status(self, values: dict[str, str], commanders: int, problem: str) -> Status:
-        """Return the check of the streams.
-
-        `values`: further key values. `commanders`: nodes that publish commands. `problem`: error that goes before all
-        others; empty when there is none.
-        """
+        """Return the check of the streams; a `problem` goes before all others."""
         rate, load = self.measured.rate(), self.load.rate()
         counts = {
             "measurements": str(self.measured.count),
@@ -85,10 +77,7 @@ class GuardedNode(ManagedNode, Generic[Command]):
         self._urgent = False
 
     def guard(self, gate: Interlock[Command], command_type: str) -> None:
-        """Begin to drive the motor through a gate; the last call of a subclass's constructor.
-
-        `command_type`: of the robot, among the names of `MESSAGES`.
-        """
+        """Begin to drive the motor through a gate; the last call of a subclass's constructor."""
         values = self.parameters
         self._gate = gate
         self._to_robot: Any = self.create_publisher(MESSAGES[command_type], values["robot_commands"], qos.newest())

@@ -29,10 +29,7 @@ class Hello:
 
 
 def address(domain: int, bridge: str) -> str:
-    """Return the abstract socket address at which the guardian of a bridge listens.
-
-    `domain`: ROS domain; `bridge`: fully qualified name of the bridge's node.
-    """
+    """Return the abstract socket address of the guardian of a bridge, by ROS domain and its qualified name."""
     # Hashed, since an address holds 107 bytes and a namespace may be longer.
     return "\0idloop-guardian-" + hashlib.sha256(f"{os.getuid()} {domain} {bridge}".encode()).hexdigest()
 
@@ -87,10 +84,7 @@ class BridgeEnd:
         self._lost = ""
 
     def listen(self, now_ns: int) -> str:
-        """Take in what the guardian has sent; never waits.
-
-        `now_ns`: steady time [ns]. Returns: why the motor must not be driven; empty while the guardian watches.
-        """
+        """Take in what the guardian has sent; return why the motor must not be driven. Never waits."""
         self.intervened = self._take(now_ns)
         if self._connection is None or self._heard is None:
             return self._lost or "no guardian watches the bridge (start idloop_nodes guardian)"
@@ -101,10 +95,7 @@ class BridgeEnd:
         return "" if self._state == WATCHES else "the guardian has not met the robot yet"
 
     def beat(self, neutral: bytes) -> None:
-        """Tell that the bridge is alive; never waits.
-
-        `neutral`: message to the robot that the guardian is to send if the bridge falls silent; empty for none.
-        """
+        """Tell that the bridge is alive, and what the guardian is to send if it falls silent. Never waits."""
         if self._connection is not None:
             with contextlib.suppress(OSError):  # a guardian that hangs does not empty its queue
                 self._connection.send(BEAT + neutral)
@@ -147,11 +138,7 @@ class BridgeEnd:
 
 
 class GuardianEnd:
-    """The guardian's end of the link; one bridge at a time.
-
-    `where`: address from `address`. Attributes: `hello`: of the bridge that came last. Raises InputError: another
-    guardian listens there.
-    """
+    """The guardian's end of the link; one bridge at a time. InputError: another guardian listens there."""
 
     def __init__(self, where: str) -> None:
         self.hello: Hello | None = None
@@ -175,11 +162,7 @@ class GuardianEnd:
         return self._connection is not None
 
     def receive(self) -> tuple[bytes | None, bool]:
-        """Take in what has come.
-
-        Returns: the newest neutral message (empty: nothing is to be sent), None when no beat has come; whether the
-        bridge has gone since the last time.
-        """
+        """Return the newest neutral message, None without a beat, and whether the bridge has gone since last time."""
         if self._connection is None:
             self._accept()
         if self._connection is None:

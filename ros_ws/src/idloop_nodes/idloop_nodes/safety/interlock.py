@@ -44,10 +44,7 @@ class Interlock(ABC, Generic[Command]):
     # orders
 
     def forbid(self, source: str, reason: str) -> None:
-        """Let no command pass for a reason that the gate cannot see; an empty reason lets them pass again.
-
-        `source`: origin of the reason: each has one at a time.
-        """
+        """Let no command pass for a reason that the gate cannot see, one of each source; empty: let them pass again."""
         self._forbidden[source] = reason
 
     @property
@@ -121,10 +118,7 @@ class Interlock(ABC, Generic[Command]):
         self.reason = reason
 
     def take(self, stream: str, arrival: Arrival, **values: float | None) -> bool:
-        """Take in the numbers of a message; return whether they can be used.
-
-        `stream`: name of the stream; `arrival`: what the message is to it, not stale.
-        """
+        """Take in the numbers of a message of a stream, not stale; return whether they can be used."""
         bound = CREDIBLE if stream == "measurement" else math.inf
         wrong = [n for n, v in values.items() if v is not None and not (math.isfinite(v) and abs(v) <= bound)]
         why = f"the {wrong[0]} is not finite" if wrong else ""

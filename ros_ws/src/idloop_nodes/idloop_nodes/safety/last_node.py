@@ -41,10 +41,7 @@ def prepare() -> None:
 
 
 def refuse_loops(node: Any) -> None:
-    """Refuse topics of the robot that are topics of the bridge itself.
-
-    Raises InputError: the bridge would read or forward its own messages.
-    """
+    """Refuse topics of the robot that are the bridge's own: it would read or forward its own messages."""
     for parameter, ours in (("robot_states", "joint_states"), ("robot_commands", "joint_command")):
         topic = node.resolve_topic_name(node.parameters[parameter])
         if topic == node.resolve_topic_name(ours):
@@ -68,10 +65,7 @@ def competing_publishers(node: Any, topic: str, known: Collection[str]) -> str:
 
 
 def several_commanders(node: Any, count: int) -> str:
-    """Return why no command may pass because several nodes publish `joint_command`; empty when at most one does.
-
-    `count`: publishers that are connected.
-    """
+    """Return why no command may pass because several nodes publish `joint_command`; else empty."""
     if count <= 1:
         return ""
     names = ", ".join(sorted(_name(one) for one in node.get_publishers_info_by_topic("joint_command")))

@@ -99,10 +99,7 @@ class RobotJoints:
         self._encode = self._encoder(values["command_type"])
 
     def read(self, data: bytes) -> tuple[int, list[float]] | None:
-        """Return stamp and position, velocity, effort of every joint in our units; None without the driven joint.
-
-        Raises CdrError: when the bytes are no JointState.
-        """
+        """Return stamp and position, velocity, effort of every joint in our units; None without the driven joint."""
         stamp, raw = self._reader.read(data)
         if self.robot_names[0] not in self._reader.names:
             return None

@@ -38,10 +38,7 @@ class GateSettings:
 
 
 def gate_settings(values: Mapping[str, Any]) -> GateSettings:
-    """Return what the parameters allow.
-
-    Raises InputError: a limit is missing, or two of them contradict one another.
-    """
+    """Return what the parameters allow; InputError: a limit is missing, or two contradict one another."""
     if values["limit.command"] is None:
         raise InputError("bridge: limit.command is not set; give the largest command that this motor may get")
     position = values["interface"] == "position"
@@ -83,10 +80,7 @@ def gate_settings(values: Mapping[str, Any]) -> GateSettings:
 
 
 class VelocityEstimator:
-    """Slope of the positions over a short window.
-
-    `window_ns`: least distance of the two positions that are compared: short ones show the encoder's steps.
-    """
+    """Slope of the positions over a window; in a shorter one the encoder's steps would show."""
 
     def __init__(self, window_ns: int = 20_000_000) -> None:
         self._window_ns = window_ns

@@ -33,23 +33,12 @@ class PathTiming:
 
     The pace is the path time that passes in a second: 0 at rest, 1 as planned. It grows to 1 at the rate 1 / `ramp`,
     and after `go` seconds falls to 0 at the same rate, so that whoever receives nothing more comes to rest on the path.
-
-    Attributes
-    ----------
-    place : float
-        Path time at the instant [s].
-    pace : float
-        At the instant, in [0, 1].
-    go : float
-        Time for which the motion goes on [s]; 0: it slows down at once.
-    ramp : float
-        Time from rest to the full pace and back [s].
     """
 
-    place: float
-    pace: float
-    go: float
-    ramp: float
+    place: float  # path time at the instant [s]
+    pace: float  # at the instant, in [0, 1]
+    go: float  # time for which the motion goes on [s]; 0: it slows down at once
+    ramp: float  # time from rest to the full pace and back [s]
 
     @property
     def until_rest(self) -> float:

@@ -42,10 +42,7 @@ def rank_topics(topics: Sequence[str]) -> dict[str, int]:
 
 
 class CanonicalOrder:
-    """Sorts messages by stamp, then topic, with a delay that covers how far streams run apart.
-
-    A message that was repeated, because its answer did not arrive, is kept once.
-    """
+    """Sorts messages by stamp, then topic; keeps one that was repeated, because its answer did not arrive, once."""
 
     def __init__(self) -> None:
         self._heap: list[Entry] = []
@@ -74,10 +71,7 @@ class CanonicalOrder:
 
 
 def choose_folder(bag: str, directory: str, prefix: str) -> Path:
-    """Return a folder that does not exist yet: the named one, or one named by the time of day.
-
-    Raises InputError: when the named one exists: a recording is never written over.
-    """
+    """Return the named folder, or one named by the time of day; InputError: a recording is never written over."""
     if bag:
         path = Path(bag)
         if path.exists():

@@ -56,10 +56,7 @@ class HeldStream:
 
 
 class PolledStream:
-    """Messages as bytes, taken in batches.
-
-    Attributes: `topic`: fully qualified name; `received`: whether any message has arrived.
-    """
+    """Messages as bytes, taken in batches; `received`: whether any has arrived."""
 
     def __init__(self, subscription: Any) -> None:
         self.subscription = subscription

@@ -45,11 +45,7 @@ def _mapping(form: str, items: Iterable[tuple[int, int]]) -> bytes:
 
 
 class McapFile:
-    """Writes messages in chunks with indexes.
-
-    `sink`: object with ``write``; `chunk_size`: bytes of records after which a chunk is written; `library`: who writes
-    it.
-    """
+    """Writes messages to a sink, in chunks of a size in bytes, with indexes."""
 
     def __init__(self, sink: Sink, chunk_size: int, library: str) -> None:
         self._sink = sink

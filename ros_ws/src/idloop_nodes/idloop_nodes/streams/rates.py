@@ -31,10 +31,7 @@ class RateCounter:
 
 
 class Decimator:
-    """Passes samples up to a mean rate, as a leaky bucket.
-
-    `rate`: largest rate [Hz]. Attributes: `left_out`: samples that were not passed.
-    """
+    """Passes samples up to a mean rate [Hz], as a leaky bucket; counts those that it has left out."""
 
     def __init__(self, rate: float) -> None:
         self.left_out = 0

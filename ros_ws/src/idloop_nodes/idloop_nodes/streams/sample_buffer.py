@@ -23,10 +23,7 @@ MOST_NEW = 256  # rows that wait to be stored together: one by one, each costs a
 
 
 class SampleStore:
-    """Rows of numbers with stamps in nanoseconds, strictly increasing.
-
-    `columns`: numbers in a row.
-    """
+    """Rows of so many numbers with stamps in nanoseconds, strictly increasing."""
 
     def __init__(self, columns: int) -> None:
         self._stamps = np.zeros(1024, dtype=np.int64)
@@ -61,10 +58,7 @@ class SampleStore:
         self._new_stamps, self._new_rows = [], []
 
     def window(self, first: int, last: int, before: bool = False) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Return copies of stamps (n,) and rows (n, c) with first <= stamp < last.
-
-        `first`, `last`: nanoseconds; `before`: include the row before the window: a held value reaches into it.
-        """
+        """Return copies of stamps (n,) and rows (n, c) in [first, last), with the row `before` that still holds."""
         self._store_new()
         stamps = self._stamps[self._start : self._stop]
         low = int(np.searchsorted(stamps, first))

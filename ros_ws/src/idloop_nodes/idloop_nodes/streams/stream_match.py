@@ -42,10 +42,7 @@ class QualityWatch:
         self._ever = False
 
     def callbacks(self, topic: str, **others: Any) -> SubscriptionEventCallbacks:
-        """Return the event callbacks of a new subscription.
-
-        `topic`: name as given to `watch`; `others`: further callbacks.
-        """
+        """Return the event callbacks of a new subscription, as `watch` will know it; `others`: further callbacks."""
 
         def incompatible(event: Any) -> None:
             self._reported[topic] = qos_policy_name_from_kind(event.last_policy_kind).lower()
@@ -100,10 +97,7 @@ def _advice(cure: str, wanted: str = "") -> str:
 
 
 def mismatch(offered: QoSProfile, wanted: QoSProfile) -> tuple[str, str] | None:
-    """Return how an offer falls short of what is asked for, and what should be offered; None where it suffices.
-
-    `offered`, `wanted`: of the publisher, as discovery has it, and of the subscription.
-    """
+    """Return how an offer falls short of what is asked for, and what should be offered; None where it suffices."""
     # Not by `qos_check_compatible`: it takes the deadline that discovery leaves at zero for one that was asked for.
     best_effort = offered.reliability == ReliabilityPolicy.BEST_EFFORT
     volatile = offered.durability == DurabilityPolicy.VOLATILE
@@ -171,10 +165,7 @@ class StreamMatch:
         self._connected_since: float | None = None
 
     def complete(self, streams: Iterable[Endpoints], now: float) -> bool:
-        """Whether all partners are connected.
-
-        `streams`: of one node, as they are now; `now`: of a clock that never jumps [s].
-        """
+        """Whether all partners of a node's streams are connected at the steady time `now` [s]."""
         streams = list(streams)
         if not all(one.connected for one in streams):
             self._connected_since = None

@@ -78,10 +78,7 @@ def effective_time(stamp: int, received: int, now: int) -> int:
 
 
 class ArrivalTimes:
-    """Times of arrival that never step back within a topic, unless the clock was set.
-
-    What was lost on the way and came again arrived after its successors, and is handed out before them.
-    """
+    """Times of arrival that never step back within a topic, though what was lost on the way came again later."""
 
     def __init__(self) -> None:
         self._newest: dict[str, int] = {}

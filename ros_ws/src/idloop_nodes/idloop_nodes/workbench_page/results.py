@@ -22,11 +22,7 @@ if TYPE_CHECKING:
 
 
 class PageResults:
-    """Takes results in, one method for each topic.
-
-    `source`: whose state and model are kept up to date; `model`: as the estimator starts with it. Attributes: `takers`:
-    method by topic.
-    """
+    """Takes results in, one method for each topic: `takers`. The estimator starts with `model`."""
 
     def __init__(self, source: LiveSource, model: Model) -> None:
         self._source, self._page, self._base = source, source.state, model
