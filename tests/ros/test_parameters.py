@@ -13,6 +13,7 @@ from idloop_nodes import executables
 from idloop_nodes.descriptions import KINDS, describe
 from idloop_nodes.document import document
 from idloop_nodes.parameters import accept, accept_all
+from idloop_nodes.progress import REPORT_EVERY
 
 TABLES = {kind: describe(kind).parameters() for kind in KINDS}
 BY_NAME = {spec.name: spec for kind in ("plant", "estimator") for spec in TABLES[kind]}
@@ -64,6 +65,10 @@ def test_integers_stand_for_doubles():
 @pytest.mark.parametrize("value", [None, [], [""]])
 def test_an_empty_list_has_three_spellings(value):
     assert accept(BY_NAME["effects"], value) == []
+
+
+def test_a_listener_may_lag_behind_until_it_reports_again():
+    assert BY_NAME["listener_window"].minimum == REPORT_EVERY
 
 
 def test_the_excitation_offers_every_parameter_of_every_signal():

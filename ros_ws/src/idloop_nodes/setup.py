@@ -15,7 +15,7 @@ setup(
     license="Apache-2.0",
     classifiers=[f"Programming Language :: Python :: {version}" for version in VERSIONS],
     packages=find_packages(include=["idloop_nodes", "idloop_nodes.*"]),
-    package_data={"idloop_nodes": ["py.typed", "*.xml"]},
+    package_data={"idloop_nodes": ["py.typed", "*.xml", "descriptions/*.yaml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/idloop_nodes"]),
         ("share/idloop_nodes", ["package.xml"]),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import Any
 
 from idloop.errors import InputError
@@ -27,28 +27,6 @@ class NodeParameter(ParameterSpec):
 
 
 Table = Sequence[NodeParameter]
-
-
-def _row_of(kind: Any) -> Callable[..., NodeParameter]:
-    """Return the constructor of rows of one type: ``row(name, default, description, **more)``."""
-
-    def row(name: str, default: Any, description: str, **more: Any) -> NodeParameter:
-        return NodeParameter(name, kind, default, description, **more)
-
-    return row
-
-
-number, whole, flag, text, texts = map(_row_of, ("float", "int", "bool", "str", "strs"))
-
-
-def seconds(name: str, default: float | None, description: str, *, minimum: float = 0.0, **more: Any) -> NodeParameter:
-    """Return a row of a time."""
-    return number(name, default, description, unit="s", minimum=minimum, **more)
-
-
-def fixed(*rows: NodeParameter) -> Table:
-    """Return rows whose values cannot change while the node runs."""
-    return tuple(replace(row, read_only=True) for row in rows)
 
 
 def accept(spec: NodeParameter, value: object) -> Any:
