@@ -50,7 +50,7 @@ from idloop_nodes.codec import (
     parameters_to_statuses,
     peek_stamp,
 )
-from idloop_nodes.codec.numbers import plus_minus
+from idloop_nodes.codec.key_values import plus_minus
 
 stamps = st.integers(0, 2**31 * 10**9 - 1)
 texts = st.text(st.characters(exclude_characters="\x00", exclude_categories=("Cs",)), max_size=12)

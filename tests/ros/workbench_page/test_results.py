@@ -25,7 +25,7 @@ from idloop_nodes.codec import (
     ladder_to_statuses,
     parameters_to_statuses,
 )
-from idloop_nodes.workbench_page.results import PageResults
+from idloop_nodes.workbench_page.reading import PageResults
 from idloop_nodes.workbench_page.source import LiveSource
 
 MODEL = load_model("dc_motor")

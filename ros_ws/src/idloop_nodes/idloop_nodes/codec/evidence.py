@@ -8,8 +8,7 @@ from dataclasses import asdict, dataclass
 
 from idloop.documents import read_json
 from idloop_nodes.codec.diagnostics import Level, Status
-from idloop_nodes.codec.key_values import reading
-from idloop_nodes.codec.numbers import as_json
+from idloop_nodes.codec.key_values import as_json, reading
 from idloop_nodes.codec.results import ParameterSummary
 
 SCHEMA = "idloop/live_evidence/1"

@@ -16,7 +16,7 @@ from idloop_nodes.codec import (
     StepSummary,
     UnknownSummary,
 )
-from idloop_nodes.codec.numbers import as_json
+from idloop_nodes.codec.key_values import as_json
 
 if TYPE_CHECKING:
     from idloop.diagnosis import Candidate, Diagnosis, Ladder, Step, UnknownStructure

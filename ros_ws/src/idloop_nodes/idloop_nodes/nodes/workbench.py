@@ -18,8 +18,7 @@ from idloop_nodes.graph_start import command_topic
 from idloop_nodes.service_calls import ExperimentClient, ServiceCalls
 from idloop_nodes.streams.rates import RateCounter
 from idloop_nodes.workbench_page.orders import PageOrders
-from idloop_nodes.workbench_page.reading import activity_of, automatic_of, health_of, limits_of
-from idloop_nodes.workbench_page.results import PageResults
+from idloop_nodes.workbench_page.reading import PageResults, activity_of, automatic_of, health_of, limits_of
 from idloop_nodes.workbench_page.source import LiveSource
 
 SILENT = 3.5  # seconds without a health message after which a node counts as silent
