@@ -158,14 +158,8 @@ class ExperimentClient:
 
     def __init__(self, node: Any, excitation: str) -> None:
         self._name = excitation
-        self._calls = ServiceCalls(node, EXPERIMENT_TIMEOUT)
-        self._calls.expect(f"{excitation}/run_experiment")
-        self.poll = self._calls.poll
-
-    @property
-    def busy(self) -> bool:
-        """Whether an answer is still to come."""
-        return self._calls.busy
+        self.calls = ServiceCalls(node, EXPERIMENT_TIMEOUT)
+        self.calls.expect(f"{excitation}/run_experiment")
 
     def ask_limits(self, done: Callable[[MotionLimits], None], refused: Refused) -> None:
         """Ask what an experiment may do."""
@@ -180,7 +174,7 @@ class ExperimentClient:
             done(MotionLimits(**known, adds_to=adds_to, absolute=target == "reference"))
 
         names = ["target", *(f"limit.{name}" for name in LIMITS)]
-        self._calls.get_parameters(self._name, names, answered, lambda _, reason: refused(reason))
+        self.calls.get_parameters(self._name, names, answered, lambda _, reason: refused(reason))
 
     def run(self, experiment: str, done: Callable[[str], None], refused: Refused) -> None:
         """Hand an experiment over and start it."""
@@ -189,9 +183,9 @@ class ExperimentClient:
             return lambda success, text: go_on(text) if success else refused(f"{self._name}: {text}")
 
         def start(_: str) -> None:
-            self._calls.trigger(f"{self._name}/run_experiment", then(done))
+            self.calls.trigger(f"{self._name}/run_experiment", then(done))
 
-        self._calls.set_parameter(self._name, "experiment", experiment, "", then(start))
+        self.calls.set_parameter(self._name, "experiment", experiment, "", then(start))
 
 
 class ExperimentEnd:

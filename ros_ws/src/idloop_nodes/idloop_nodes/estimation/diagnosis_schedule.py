@@ -87,7 +87,7 @@ class DiagnosisSchedule:
 
     def follow(self, progress: Progress) -> None:
         """Diagnose again when an experiment has brought new data."""
-        self._client.poll()
+        self._client.calls.poll()
         if self._postponed and not self.coordinator.busy:
             self._diagnose(self._postponed)
         if progress.experiment is None or progress.experiment[1] is None or self.last is None:

@@ -105,13 +105,13 @@ class Estimator:
         """Lock-step: whether simulated time waits for a result, so that equal runs give equal results."""
         values = self._context.parameters
         deciding = (values["auto_diagnose"] or values["end_when_decided"]) and self._jobs.busy
-        return self._context.lockstep and (deciding or self.diagnosis.coordinator.busy or self._evidence.ending)
+        return self._context.lockstep and (deciding or self.diagnosis.coordinator.busy or self._evidence.end.busy)
 
     def update(self, progress: Progress) -> None:
         """Take the answers of the worker, then process the samples whose commands are known."""
         self._jobs.deliver()
         self.diagnosis.follow(progress)
-        self._evidence.poll()
+        self._evidence.end.poll()
         while not self.holding:
             block = self.input.next_block((self.fits.due, self.diagnosis.due, self._evidence.due), progress.end)
             if not block:

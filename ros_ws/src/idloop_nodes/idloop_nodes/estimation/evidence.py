@@ -85,7 +85,7 @@ class EvidenceSchedule:
         end: ExperimentEnd,
     ) -> None:
         self._context = context
-        self._missing, self._diagnose, self._end = missing, diagnose, end
+        self._missing, self._diagnose, self.end = missing, diagnose, end
         self._from: int | None = None  # stamp from which on nothing was scored [ns]
         self._newest: int | None = None  # stamp after the newest sample [ns]
         self.begin(model)
@@ -101,16 +101,7 @@ class EvidenceSchedule:
     @property
     def busy(self) -> bool:
         """Whether a job, or the end of the experiment, is under way."""
-        return self._ordered is not None or self._end.busy
-
-    @property
-    def ending(self) -> bool:
-        """Whether the end of the experiment is under way."""
-        return self._end.busy
-
-    def poll(self) -> None:
-        """Go on with the end of the experiment."""
-        self._end.poll()
+        return self._ordered is not None or self.end.busy
 
     @property
     def due(self) -> int | None:
@@ -188,7 +179,7 @@ class EvidenceSchedule:
         if enough and self._context.parameters["end_when_decided"] and not self.summary.ended:
             self.summary = replace(self.summary, ended=enough)
             self._context.info(f"the experiment ends: {enough}")
-            self._end.end()
+            self.end.end()
             if self.summary.decided:
                 self._diagnose("the evidence has decided")
         self._context.publish("evidence", self.summary.stamp, evidence_to_statuses(self._context.name, self.summary))

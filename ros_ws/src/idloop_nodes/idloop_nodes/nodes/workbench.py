@@ -82,7 +82,7 @@ class WorkbenchNode(StreamNode):
         while not self.source.requests.empty():
             self._orders.carry_out(*self.source.requests.get())
         self._calls.poll()
-        self._excitation.poll()
+        self._excitation.calls.poll()
         for name, stream, reader in self._streams:
             stamps: list[int] = []
             rows: list[tuple[float, ...]] = []
@@ -111,7 +111,7 @@ class WorkbenchNode(StreamNode):
             self._page.change(health=health_of([(one, now - then > SILENT) for then, one in self._checks.values()]))
             if self._page.snapshot.assessment is None:
                 self.source.want("assess")
-        if now >= self._limits_due and not self._excitation.busy:
+        if now >= self._limits_due and not self._excitation.calls.busy:
             self._limits_due = now + LIMITS_PERIOD
             self._excitation.ask_limits(self._limits_known, lambda reason: None)
 

@@ -218,19 +218,14 @@ class SilenceWatch:
         self._neutral = b""
         self._heard: int | None = None  # None without a bridge
         self._gone_at: int | None = None
-        self._intervening = False
-
-    @property
-    def intervening(self) -> bool:
-        """Whether it sends in place of the bridge."""
-        return self._intervening
+        self.intervening = False  # whether it sends in place of the bridge
 
     def beat(self, now_ns: int, neutral: bytes) -> None:
         """Take in a beat and the message that stops the motor; empty when nothing is to be sent."""
         if self._heard is not None:
             self.longest_ns = max(self.longest_ns, now_ns - self._heard)
         self._heard, self._neutral = now_ns, neutral
-        self._gone_at, self._intervening = None, False
+        self._gone_at, self.intervening = None, False
 
     def gone(self, now_ns: int) -> None:
         """Take in that the bridge has ended."""
@@ -241,6 +236,6 @@ class SilenceWatch:
         hung = self._heard is not None and now_ns - self._heard > self._silence_ns
         leaving = self._gone_at is not None and now_ns - self._gone_at <= AFTER_END_NS
         intervening = bool(self._neutral) and (hung or leaving)
-        self.interventions += intervening and not self._intervening
-        self._intervening = intervening
+        self.interventions += intervening and not self.intervening
+        self.intervening = intervening
         return self._neutral if intervening else b""

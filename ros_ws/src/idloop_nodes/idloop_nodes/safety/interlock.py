@@ -26,7 +26,7 @@ class Interlock(ABC, Generic[Command]):
     `latch_watchdog`: what the watchdog finds stays until reset.
 
     Attributes: `active`: only an active gate lets commands pass; `reason`: why nothing passes, empty while commands do;
-    `faults`: how often commands that passed were stopped.
+    `faults`: how often commands that passed were stopped; `latched`: what stays until reset, empty when nothing.
     """
 
     def __init__(self, streams: Mapping[str, StreamWatch], *, watchdog: float, latch_watchdog: bool) -> None:
@@ -37,7 +37,7 @@ class Interlock(ABC, Generic[Command]):
         self._watchdog = watchdog
         self._latch_watchdog = latch_watchdog
         self._unusable = dict.fromkeys(streams, "")
-        self._breach = self._latched = ""
+        self._breach = self.latched = ""
         self._forbidden: dict[str, str] = {}
         self._left_at: int | None = None
 
@@ -64,22 +64,17 @@ class Interlock(ABC, Generic[Command]):
 
     def stop(self, now_ns: int) -> Command | None:
         """Stop until reset; return what has to be sent."""
-        self._latched = "emergency stop"
+        self.latched = "emergency stop"
         return self._decide(now_ns)
 
     def reset(self) -> str:
         """Forget what was latched; return why that cannot be, empty when it could."""
         if not self._breach:
-            self._latched = ""
+            self.latched = ""
         return self._breach
 
     def handed_over(self) -> None:
         """Take in that the newest neutral command was sent in place of this gate."""
-
-    @property
-    def latched(self) -> str:
-        """What stays until reset, empty when nothing."""
-        return self._latched
 
     # decisions
 
@@ -99,14 +94,14 @@ class Interlock(ABC, Generic[Command]):
         """Why nothing may pass; what stays until reset is latched on the way."""
         if not self.active:
             return "inactive"
-        self._latched = self._latched or self._breach
-        if self._latched:
-            return self._latched
+        self.latched = self.latched or self._breach
+        if self.latched:
+            return self.latched
         if self.forbidden:
             return self.forbidden
         lost = self._lost(now_ns)
         if lost and self._latch_watchdog:
-            self._latched = lost
+            self.latched = lost
         if lost:
             return lost
         missing = [name for name, watch in self._streams.items() if not watch.begun]

@@ -181,7 +181,7 @@ class TrajectoryGate(Interlock[Piece]):
         if not self.mine(now_ns):  # somebody else moves it: the next motion begins from where it is then
             self._path = None
             return
-        self._latched = f"{self._settings.limits.joints[worst]} is {away[worst]:.4g} away from the trajectory"
+        self.latched = f"{self._settings.limits.joints[worst]} is {away[worst]:.4g} away from the trajectory"
         time = np.array([0.0, self._settings.stop_time])
         speed = np.where(np.isfinite(velocity), velocity, 0.0)
         self._path = JointPath(self._planned.joints, time, position + np.outer(time, speed), np.tile(speed, (2, 1)))
@@ -197,7 +197,7 @@ class TrajectoryGate(Interlock[Piece]):
                 f"{settings.limits.joints[worst]} is {away[worst]:.4g} away from the beginning of the trajectory, more "
                 f"than approach {settings.approach:g}: bring it there"
             )
-        if self.active and not (self._latched or self._breach or self.forbidden):
+        if self.active and not (self.latched or self._breach or self.forbidden):
             self._path = self._planned.approached_from(position, settings.limits, APPROACH_SHARE, settings.stop_time)
             self._timing, self._since = self._slow(0.0, 0.0, 0.0), now_ns
         return ""
