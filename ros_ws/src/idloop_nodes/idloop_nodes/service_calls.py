@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import GetParameters, SetParameters
-from rclpy.parameter import Parameter
+from rclpy.parameter import Parameter, parameter_value_to_python
 from std_srvs.srv import Trigger
 
 from idloop_nodes.estimation.diagnosis_jobs import MotionLimits
@@ -63,11 +62,11 @@ class ServiceCalls:
     def get_parameters(
         self, node: str, names: Sequence[str], done: Callable[[list[Any]], None], refused: Answered
     ) -> None:
-        """Ask for parameters of a node; `done` receives a number, text, list of texts or None for each name."""
+        """Ask for parameters of a node; `done` receives a value or None for each name."""
         request = GetParameters.Request(names=list(names))
 
         def taken(response: Any) -> None:
-            values = [_plain(value) for value in response.values]
+            values = [parameter_value_to_python(value) for value in response.values]
             done(values + [None] * (len(names) - len(values)))
 
         self._begin(GetParameters, f"{node}/get_parameters", request, taken, refused)
@@ -137,22 +136,6 @@ class ServiceCalls:
         self._clients[call.service].call_async(call.request).add_done_callback(arrived)
 
 
-_FIELDS = {
-    ParameterType.PARAMETER_DOUBLE: ("double_value", float),
-    ParameterType.PARAMETER_INTEGER: ("integer_value", float),
-    ParameterType.PARAMETER_STRING: ("string_value", str),
-    ParameterType.PARAMETER_STRING_ARRAY: ("string_array_value", list),
-}
-
-
-def _plain(value: Any) -> Any:
-    """Return a parameter's value as a number, text or list of texts; None for any other."""
-    if value.type not in _FIELDS:
-        return None
-    field, kind = _FIELDS[value.type]
-    return kind(getattr(value, field))
-
-
 class ExperimentClient:
     """Hands experiments over to the excitation node of a name, by its parameters and one service."""
 
@@ -169,9 +152,9 @@ class ExperimentClient:
             if target is None:
                 refused(f"node {self._name} has no parameter target: it is no excitation of idloop")
                 return
-            known = {name: one if isinstance(one, float) else None for name, one in zip(LIMITS, limits, strict=True)}
+            numbers = [float(one) if isinstance(one, int | float) else None for one in limits]
             adds_to = "command" if target == "effort" else "reference"
-            done(MotionLimits(**known, adds_to=adds_to, absolute=target == "reference"))
+            done(MotionLimits(*numbers, adds_to=adds_to, absolute=target == "reference"))
 
         names = ["target", *(f"limit.{name}" for name in LIMITS)]
         self.calls.get_parameters(self._name, names, answered, lambda _, reason: refused(reason))
