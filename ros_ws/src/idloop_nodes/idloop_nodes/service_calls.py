@@ -152,9 +152,9 @@ class ExperimentClient:
             if target is None:
                 refused(f"node {self._name} has no parameter target: it is no excitation of idloop")
                 return
-            numbers = [float(one) if isinstance(one, int | float) else None for one in limits]
+            amplitude, low, high, velocity = (float(one) if isinstance(one, int | float) else None for one in limits)
             adds_to = "command" if target == "effort" else "reference"
-            done(MotionLimits(*numbers, adds_to=adds_to, absolute=target == "reference"))
+            done(MotionLimits(amplitude, low, high, velocity, adds_to, target == "reference"))
 
         names = ["target", *(f"limit.{name}" for name in LIMITS)]
         self.calls.get_parameters(self._name, names, answered, lambda _, reason: refused(reason))
