@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from idloop.diagnosis import Ladder, Step, add_effect, diagnose, refine
-from idloop.diagnosis.model_errors import model_errors
 from idloop.errors import InputError
 from idloop.physics import parse_effect
 from idloop.validation import compare
@@ -163,23 +162,15 @@ def _settings(order: DiagnosisOrder, report: Report) -> dict[str, Any]:
 
 
 def _step(model: Model, order: DiagnosisOrder, added: Candidate | None = None) -> Step:
-    return Step(
-        added=added,
-        model=model,
-        train=model_errors(model, order.records),
-        validation=model_errors(model, order.validation),
-    )
+    return Step(added, model).measured(model, order.records, order.validation)
 
 
 def _measured_anew(ladder: Ladder, order: DiagnosisOrder) -> Ladder:
     """New data may have come in: every step is judged on the same."""
     if len(ladder.steps[-1].train.get("records", {})) == len(order.records):
         return ladder
-    steps = []
-    for step in ladder.steps:
-        errors = model_errors(step.model, order.records), model_errors(step.model, order.validation)
-        steps.append(replace(step, train=errors[0], validation=errors[1]))
-    return replace(ladder, steps=tuple(steps))
+    steps = tuple(step.measured(step.model, order.records, order.validation) for step in ladder.steps)
+    return replace(ladder, steps=steps)
 
 
 def _newest_position(order: DiagnosisOrder) -> float | None:
