@@ -165,7 +165,7 @@ def test_somebody_else_at_the_robots_topic_stops_the_motor_and_is_named(bench):
 
     one = BridgeBench(bench)
     assert one.command(1.5) == 1.5
-    rival = one.bench.other.create_publisher(Float64MultiArray, COMMANDS, qos.newest())
+    rival = one.bench.other.create_publisher(Float64MultiArray, COMMANDS, qos.stream(1))
     one.bench.until(lambda: "others publish on /robot/commands, past all limits: /bench" in one.gate.reason)
     assert one.command(1.5) == 0.0
     one.bench.until(lambda: "past all limits: /bench" in statuses(one).get("bridge: safety", ""))

@@ -62,10 +62,10 @@ class StreamNode(Node):
         self._subscribed_again = False
         self.start = GraphStart(self)
         self.quality = QualityWatch(self, self.get_logger().warning)
-        self._health_publisher = self.create_publisher(DiagnosticArray, "/diagnostics", qos.health())
+        self._health_publisher = self.create_publisher(DiagnosticArray, "/diagnostics", topic_qos("/diagnostics"))
         # A late joiner receives every event, and of how far a node has come the newest only.
-        self._event_publisher = self.create_publisher(Header, "progress", qos.latched(EVENTS_KEPT))
-        self._progress_publisher = self.create_publisher(Header, "progress", qos.latched())
+        self._event_publisher = self.create_publisher(Header, "progress", qos.stream(EVENTS_KEPT, latched=True))
+        self._progress_publisher = self.create_publisher(Header, "progress", qos.stream(1, latched=True))
         self.listen("progress", self._on_progress)
         # Wall time may jump and simulated time may stand still; health goes on in either case.
         steady = Clock(clock_type=ClockType.STEADY_TIME)

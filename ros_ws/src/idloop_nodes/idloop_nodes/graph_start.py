@@ -10,7 +10,7 @@ from idloop.errors import IdloopError, InputError
 from idloop.records.bags.topics import APPLIED_COMMAND, REQUESTED_COMMAND
 from idloop_nodes.descriptions import KINDS, describe
 from idloop_nodes.progress import READY
-from idloop_nodes.streams.stream_match import Endpoints, StreamMatch, publishers, subscribers
+from idloop_nodes.streams.stream_match import Endpoints, StreamMatch, partners
 
 if TYPE_CHECKING:
     from idloop_nodes.base import StreamNode
@@ -146,12 +146,11 @@ class GraphStart:
         """Return for every stream its topic, its connections, and how many of them the peers make expect."""
         node = self._node
         family = [*node.others, node.kind]
+        sides = (node.publishers_by_topic, expected_subscribers), (node.subscriptions_by_topic, expected_publishers)
         return [
-            (topic, subscribers(node, publisher, expected_subscribers(topic, family), family))
-            for topic, publisher in node.publishers_by_topic.items()
-        ] + [
-            (topic, publishers(node, subscription, expected_publishers(topic, family), family))
-            for topic, subscription in node.subscriptions_by_topic.items()
+            (topic, partners(node, entity, expected(topic, family), family))
+            for entities, expected in sides
+            for topic, entity in entities.items()
         ]
 
     def unconnected(self) -> list[str]:

@@ -15,6 +15,7 @@ from std_msgs.msg import Header
 from idloop_nodes import topics
 
 STREAM_DEPTH = 5000
+HEALTH_DEPTH = 10
 TYPES: dict[str, type] = {
     topics.JOINT_STATE: JointState,
     topics.DIAGNOSTICS: DiagnosticArray,
@@ -23,38 +24,19 @@ TYPES: dict[str, type] = {
 }
 
 
-def stream(depth: int = STREAM_DEPTH) -> QoSProfile:
-    """Samples of which none may be lost: measurements, references, commands for a recorder."""
+def stream(depth: int = STREAM_DEPTH, *, reliable: bool = True, latched: bool = False) -> QoSProfile:
+    """Return the profile of a stream.
+
+    `depth`: messages of which none may be lost while the reader pauses; 1 where only the newest counts. `reliable`:
+    False for a robot that publishes best effort, of which a reliable reader would get nothing. `latched`: a late joiner
+    receives the newest.
+    """
     return QoSProfile(
-        reliability=ReliabilityPolicy.RELIABLE,
-        durability=DurabilityPolicy.VOLATILE,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
         history=HistoryPolicy.KEEP_LAST,
         depth=depth,
     )
-
-
-def newest() -> QoSProfile:
-    """Commands on a machine: only the newest counts."""
-    return stream(depth=1)
-
-
-def robot(*, reliable: bool) -> QoSProfile:
-    """Measurements of a robot, which may be published best effort: then a reliable reader would get none."""
-    profile = stream()
-    profile.reliability = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
-    return profile
-
-
-def latched(depth: int = 1) -> QoSProfile:
-    """Results: a late joiner receives the newest."""
-    profile = stream(depth)
-    profile.durability = DurabilityPolicy.TRANSIENT_LOCAL
-    return profile
-
-
-def health() -> QoSProfile:
-    """The profile that diagnostics tools expect on /diagnostics."""
-    return stream(depth=10)
 
 
 def topic_type(topic: str) -> type:
@@ -65,10 +47,9 @@ def topic_type(topic: str) -> type:
 def topic_qos(topic: str, results: int = 1) -> QoSProfile:
     """Return the quality of service of one of our topics; `results` is the depth for a late reader of results."""
     if topic in topics.RESULTS:
-        return latched(results)
+        return stream(results, latched=True)
     if topic == "progress":
         # A reader keeps this many of all senders together: a long run must not push the first announcements out.
-        return latched(STREAM_DEPTH)
-    if topic == "/diagnostics":
-        return health()
-    return stream()
+        return stream(latched=True)
+    # Diagnostics tools expect this depth on /diagnostics.
+    return stream(HEALTH_DEPTH if topic == "/diagnostics" else STREAM_DEPTH)

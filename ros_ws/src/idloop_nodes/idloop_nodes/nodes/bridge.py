@@ -32,14 +32,14 @@ class BridgeNode(GuardedNode[float]):
         self._sent_writer = JointWriter(self._robot.names[:1], ["effort"])
         self._decimator = Decimator(values["measurement_rate"])
         self._publish_states = self.publisher("joint_states")
-        profile = qos.robot(reliable=values["reliable"])
+        profile = qos.stream(reliable=values["reliable"])
         self.subscribe(JointState, values["robot_states"], self._on_measurement, profile)
         # Only the newest command counts: a bridge that was held up must not play back what has passed.
         self.subscriptions_by_topic["joint_command"] = self.subscribe(
             JointState,
             "joint_command",
             self._on_command,
-            qos.newest(),
+            qos.stream(1),
             # Known before the first command of the newcomer.
             matched=lambda info: self._check_commanders(),
         )

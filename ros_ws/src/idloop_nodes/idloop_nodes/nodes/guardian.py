@@ -68,7 +68,7 @@ class GuardianNode(StreamNode):
             self._robot_connected = False
             if self._to_robot is not None:
                 self.destroy_publisher(self._to_robot)
-            self._to_robot = self.create_publisher(MESSAGES[hello.message], hello.topic, qos.newest())
+            self._to_robot = self.create_publisher(MESSAGES[hello.message], hello.topic, qos.stream(1))
             self._hello = hello
             self.get_logger().info(f"watches {self._bridge}, which commands the robot on {hello.topic}")
         self._robot_connected = self._to_robot is not None and self._to_robot.get_subscription_count() > 0

@@ -49,8 +49,7 @@ class TrajectoryBridgeNode(GuardedNode[Piece]):
         self._reader = JointReader([(joint, field) for field in FIELDS for joint in path.joints])
         self._sent_writer = JointWriter(path.joints, ("position", "velocity"))
         # Only the newest counts: after a pause the arm is not where those that have waited say.
-        newest = qos.robot(reliable=values["reliable"])
-        newest.depth = 1
+        newest = qos.stream(1, reliable=values["reliable"])
         self.subscribe(JointState, values["robot_states"], self._on_measurement, newest)
         self.get_logger().info(
             f"{path.duration:g} s for {len(path.joints)} joints; a stop takes {values['stop_time']:g} s, and after the "

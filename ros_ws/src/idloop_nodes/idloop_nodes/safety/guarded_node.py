@@ -80,7 +80,7 @@ class GuardedNode(ManagedNode, Generic[Command]):
         """Begin to drive the motor through a gate; the last call of a subclass's constructor."""
         values = self.parameters
         self._gate = gate
-        self._to_robot: Any = self.create_publisher(MESSAGES[command_type], values["robot_commands"], qos.newest())
+        self._to_robot: Any = self.create_publisher(MESSAGES[command_type], values["robot_commands"], qos.stream(1))
         self._emergency = EmergencyStop(self, self._lock, self._stop_motor, gate.reset, "soft start")
         self._guardian = self._guardian_link(command_type) if values["require_guardian"] else None
         self._thread = self.thread(self._watch, "watchdog")

@@ -128,34 +128,23 @@ class Endpoints:
         return self.connected and self.own >= self.expected
 
 
-def subscribers(node: Any, publisher: Any, expected: int, family: Collection[str]) -> Endpoints:
-    """Look at who subscribes what `publisher` of `node` publishes; `family` are the names of the graph's nodes."""
-    known = [
-        one
-        for one in node.get_subscriptions_info_by_topic(publisher.topic_name)
-        if mismatch(publisher.qos_profile, one.qos_profile) is None and one.topic_type == _type_name(publisher)
-    ]
-    return Endpoints(expected, _own(node, known, family), len(known), publisher.get_subscription_count())
+def partners(node: Any, entity: Any, expected: int, family: Collection[str]) -> Endpoints:
+    """Look at who subscribes what a publisher of a node publishes, or who publishes what a subscription subscribes.
 
-
-def publishers(node: Any, subscription: Any, expected: int, family: Collection[str]) -> Endpoints:
-    """Look at who publishes what `subscription` of `node` subscribes; `family` are the names of the graph's nodes."""
-    known = [
-        one
-        for one in node.get_publishers_info_by_topic(subscription.topic_name)
-        if mismatch(one.qos_profile, subscription.qos_profile) is None and one.topic_type == _type_name(subscription)
-    ]
-    return Endpoints(expected, _own(node, known, family), len(known), subscription.get_publisher_count())
-
-
-def _type_name(entity: Any) -> str:
+    `expected`: how many of the graph's own nodes belong there; `family`: their names.
+    """
     package, kind, *_ = entity.msg_type.__module__.split(".")
-    return f"{package}/{kind}/{entity.msg_type.__name__}"
-
-
-def _own(node: Any, known: Iterable[Any], family: Collection[str]) -> int:
-    where = node.get_namespace()
-    return sum(one.node_name in family and one.node_namespace == where for one in known)
+    type_name = f"{package}/{kind}/{entity.msg_type.__name__}"
+    publishes = hasattr(entity, "get_subscription_count")
+    look = node.get_subscriptions_info_by_topic if publishes else node.get_publishers_info_by_topic
+    matched = entity.get_subscription_count() if publishes else entity.get_publisher_count()
+    known = []
+    for one in look(entity.topic_name):
+        offered, wanted = (entity, one) if publishes else (one, entity)
+        if one.topic_type == type_name and mismatch(offered.qos_profile, wanted.qos_profile) is None:
+            known.append(one)
+    own = sum(one.node_name in family and one.node_namespace == node.get_namespace() for one in known)
+    return Endpoints(expected, own, len(known), matched)
 
 
 class StreamMatch:
