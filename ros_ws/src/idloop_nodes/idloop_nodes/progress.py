@@ -94,19 +94,14 @@ class BackPressure:
         """Listeners that have not confirmed any sample."""
         return [name for name in self.listeners if name not in self.progress.reached]
 
-    def finished(self) -> bool:
-        """Whether every listener is done."""
-        return self.progress.done.issuperset(self.listeners)
-
     def missing(self) -> list[str]:
         """Listeners that are not done."""
         return [name for name in self.listeners if name not in self.progress.done]
 
     def finished_by(self, limit: float, now: float, timeout: float) -> bool:
         """Whether every listener is done after the end of a run; IdloopError: the time `limit` is over."""
-        if self.finished():
-            return True
-        if now > limit:
-            missing = ", ".join(self.missing())
-            raise IdloopError(f"{missing} did not finish within {timeout:g} s after the end; raise drain_timeout")
-        return False
+        missing = self.missing()
+        if missing and now > limit:
+            late = ", ".join(missing)
+            raise IdloopError(f"{late} did not finish within {timeout:g} s after the end; raise drain_timeout")
+        return not missing
