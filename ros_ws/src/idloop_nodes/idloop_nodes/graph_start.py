@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from idloop.errors import IdloopError, InputError
@@ -48,18 +49,14 @@ def expected_publishers(topic: str, peers: Iterable[str]) -> int:
     return sum(topic in describe(peer).publishes for peer in peers if peer in KINDS)
 
 
+@dataclass
 class StartBarrier:
-    """Watches the time that the other nodes of a graph take to get ready.
+    """Watches the time that the other nodes of a graph take to get ready."""
 
-    `peers`: their names. `limit`: longest wait for one that does not appear [s]; a running one has
-    `RUNNING_PEER_FACTOR` times as long. `born`: beginning of the wait, of a clock that never jumps [s].
-    """
-
-    def __init__(self, peers: Sequence[str], limit: float, born: float) -> None:
-        self._peers = tuple(peers)
-        self._limit = limit
-        self._born = born
-        self._reported = ""
+    peers: Sequence[str]  # their names
+    limit: float  # longest wait for one that does not appear [s]; a running one has RUNNING_PEER_FACTOR times as long
+    born: float  # beginning of the wait, of a clock that never jumps [s]
+    reported: str = ""  # for whom the node waited at the last notice
 
     def notice(self, ready: Collection[str], running: Collection[str], unconnected: Sequence[str], now: float) -> str:
         """Return for whom the node waits when that has changed; else nothing.
@@ -68,13 +65,13 @@ class StartBarrier:
         node that are not connected to all of their partners; `now`: time [s]. Raises IdloopError: the time limit is
         over.
         """
-        late = [name for name in self._peers if name not in ready]
+        late = [name for name in self.peers if name not in ready]
         absent = [name for name in late if name not in running]
         compiling = [name for name in late if name in running]
-        waited = now - self._born
-        if absent and waited > self._limit:
+        waited = now - self.born
+        if absent and waited > self.limit:
             raise IdloopError(
-                f"{', '.join(absent)} did not appear within {self._limit:g} s (parameter start_timeout); check the "
+                f"{', '.join(absent)} did not appear within {self.limit:g} s (parameter start_timeout); check the "
                 "parameter peers, the names of the nodes, and that all of them run in one ROS domain and namespace"
             )
         what = "; ".join(
@@ -86,43 +83,43 @@ class StartBarrier:
             )
             if names
         )
-        longest = RUNNING_PEER_FACTOR * self._limit
+        longest = RUNNING_PEER_FACTOR * self.limit
         if waited > longest:
             raise IdloopError(f"gave up after {longest:g} s (20 times start_timeout): {what or 'nobody is ready'}")
-        if waited < NOTICE or what in ("", self._reported):
+        if waited < NOTICE or what in ("", self.reported):
             return ""
-        self._reported = what
+        self.reported = what
         return f"waits: {what}"
 
 
+@dataclass
 class DuplicateNodeCheck:
-    """What a node knows of others of its name; for `discovery_time` after `now` others may be discovered [s]."""
+    """What a node knows of others of its name; times are of a clock that never jumps [s]."""
 
-    def __init__(self, now: float, discovery_time: float) -> None:
-        self._discovered_at = now + discovery_time
-        self._announced: float | None = None
-        self._announcements = 0
-        self._known: float | None = None
+    discovered_at: float  # time from which all others are known
+    announcement: float | None = None  # time at which this node has announced itself
+    announcements: int = 0  # of nodes of this name
+    known: float | None = None  # time since which another one is known
 
     def is_unique(self, count: int, now: float) -> bool:
         """Whether no other of `count` nodes of this name will announce itself: a dead one stays known for a while."""
-        if now < self._discovered_at:
+        if now < self.discovered_at:
             return False
         if count < 2:
             return True
-        self._known = now if self._known is None else self._known
-        return now - self._known >= NEW
+        self.known = now if self.known is None else self.known
+        return now - self.known >= NEW
 
     def announced(self, now: float) -> None:
         """Remember that this node announces itself now."""
-        self._announced = now
+        self.announcement = now
 
     def is_second(self, now: float) -> bool:
         """Take in an announcement of a node of this name; return whether this node is the second and must end."""
-        self._announcements += 1
-        if self._announced is None:
+        self.announcements += 1
+        if self.announcement is None:
             return True
-        return self._announcements > 1 and now - self._announced < NEW
+        return self.announcements > 1 and now - self.announcement < NEW
 
 
 class GraphStart:
@@ -131,7 +128,7 @@ class GraphStart:
     def __init__(self, node: StreamNode) -> None:
         now = time.monotonic()
         self.ready = False
-        self.duplicate = DuplicateNodeCheck(now, DISCOVERY_TIME if node.others else 0.0)
+        self.duplicate = DuplicateNodeCheck(now + (DISCOVERY_TIME if node.others else 0.0))
         self._node = node
         self._match = StreamMatch()
         self._barrier = StartBarrier(node.others, node.parameters["start_timeout"], now)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -14,40 +15,36 @@ from idloop_nodes.base import StreamNode
 STOPPED = "stopped until ~/reset"
 
 
+@dataclass(eq=False)
 class EmergencyStop:
-    """``~/emergency_stop``, latched, and ``~/reset``.
+    """``~/emergency_stop``, latched, and ``~/reset``."""
 
-    `node`: node that offers them. `lock`: held while one of them is served. `stop`: stops the motor at once. `reset`:
-    clears stop and faults; returns why that cannot be done, empty when it was. `done`: message of a successful reset.
-    Attributes: `latched`: ``emergency stop`` until reset, else empty.
-    """
+    node: Any  # node that offers them
+    lock: threading.Lock  # held while one of them is served
+    stop: Callable[[], None]  # stops the motor at once
+    reset: Callable[[], str]  # clears stop and faults; returns why that cannot be done, empty when it was
+    done: str  # message of a successful reset
+    latched: str = ""  # ``emergency stop`` until reset
 
-    def __init__(
-        self, node: Any, lock: threading.Lock, stop: Callable[[], None], reset: Callable[[], str], done: str
-    ) -> None:
-        self.latched = ""
-        self._node = node
-        self._lock = lock
-        self._stop = stop
-        self._reset = reset
-        self._done = done
-        node.create_service(Trigger, "~/emergency_stop", self._on_emergency_stop)
-        node.create_service(Trigger, "~/reset", self._on_reset)
+    def __post_init__(self) -> None:
+        """Offer the services."""
+        self.node.create_service(Trigger, "~/emergency_stop", self._on_emergency_stop)
+        self.node.create_service(Trigger, "~/reset", self._on_reset)
 
     def _on_emergency_stop(self, request: Any, response: Any) -> Any:
-        with self._lock:
+        with self.lock:
             self.latched = "emergency stop"
-            self._stop()
-        self._node.get_logger().warning(f"emergency stop: {STOPPED}")
+            self.stop()
+        self.node.get_logger().warning(f"emergency stop: {STOPPED}")
         response.success, response.message = True, STOPPED
         return response
 
     def _on_reset(self, request: Any, response: Any) -> Any:
-        with self._lock:
-            refused = self._reset()
+        with self.lock:
+            refused = self.reset()
             if not refused:
                 self.latched = ""
-        response.success, response.message = not refused, refused or self._done
+        response.success, response.message = not refused, refused or self.done
         return response
 
 
