@@ -8,12 +8,18 @@ for relays, `simulate_loop` checks them.
 
 from __future__ import annotations
 
-from idloop.estimation.describing_functions.describing_function import DescribingFunction, describing_function
+from idloop.estimation.describing_functions.describing_function import (
+    DescribingFunction,
+    SineAnswer,
+    describing_function,
+    drive_by_sine,
+)
 from idloop.estimation.describing_functions.dwell import Dwell, dwells_of, find_dwells
 from idloop.estimation.describing_functions.effect_element import EffectElement, effect_element
-from idloop.estimation.describing_functions.element import ClosedForm, Element
 from idloop.estimation.describing_functions.elements import (
+    ClosedForm,
     DeadZone,
+    Element,
     FrictionBacklash,
     InertiaBacklash,
     Relay,
@@ -23,7 +29,6 @@ from idloop.estimation.describing_functions.limit_cycle import LimitCycle, Limit
 from idloop.estimation.describing_functions.loop_simulation import LoopSimulation, simulate_loop
 from idloop.estimation.describing_functions.measured import MeasuredDescribingFunction, measure_describing_function
 from idloop.estimation.describing_functions.relay_cycle import RelayCycle, relay_cycles
-from idloop.estimation.describing_functions.sine_drive import SineAnswer, drive_by_sine
 
 __all__ = [
     "ClosedForm",

@@ -1,7 +1,8 @@
-"""A describing function as a table: computed, or measured, and read between its points."""
+"""The describing function of an element: driven by a sine until its answer repeats, and tabulated."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -10,22 +11,167 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from idloop.arrays import Array, Complex
-from idloop.errors import InputError
+from idloop.errors import IdloopError, InputError
 from idloop.estimation.black_box.labels import new_axes
-from idloop.estimation.describing_functions.element import (
+from idloop.estimation.describing_functions.elements import (
     ClosedForm,
     Element,
     check_size,
     positive_amplitudes,
 )
-from idloop.estimation.describing_functions.presentation import plain_list, with_unit
-from idloop.estimation.describing_functions.sine_drive import HARMONICS, SAMPLES, drive_by_sine
+from idloop.json_values import to_json
 
+SAMPLES = 2048  # per period: a switch is found to 0.2 % of the period
+HARMONICS = 9
+MOST_PERIODS = 1000
+# Change from one period to the next, of the answer's size, that counts as none; error of an extrapolated answer.
+REPEATS, EXTRAPOLATED = 1e-9, 1e-6
 # Frequencies that agree to this part are one.
 SAME_FREQUENCY = 1e-3
 Places = NDArray[np.intp]
-# A table's own edge is part of it, whatever rounding makes of its logarithm.
-_EDGE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class SineAnswer:
+    """Answer of an element to ``bias + amplitude · sin(2π frequency t)``, after the transient."""
+
+    # Of the sine [input unit, Hz, input unit]
+    amplitude: float
+    frequency: float
+    bias: float
+    # shape (n,): one period: phase [rad], what went in and what came out
+    phase: Array
+    input: Array
+    output: Array
+    phasors: Complex  # shape (m + 1,): mean, then Y_k of output = mean + Σ Im(Y_k exp(j k phase))
+    distortion: float  # total harmonic distortion: 0 for a sine, 0.483 for a square wave, NaN for a constant
+    periods: int  # periods driven until the answer repeated
+
+    @property
+    def gain(self) -> complex:
+        """First harmonic over the amplitude: the describing function."""
+        return complex(self.phasors[1] / self.amplitude)
+
+    @property
+    def mean(self) -> float:
+        """Mean of the output."""
+        return float(self.phasors[0].real)
+
+    @property
+    def harmonics(self) -> Array:
+        """Size of harmonics 2, 3, ... over the first, shape (m - 1,); NaN without a first harmonic."""
+        if not math.isfinite(self.distortion):
+            return np.full(self.phasors.size - 2, np.nan)
+        return np.asarray(np.abs(self.phasors[2:]) / abs(self.phasors[1]), dtype=np.float64)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for JSON; a number that is not finite becomes None."""
+        names = ("amplitude", "frequency", "bias", "mean", "distortion", "harmonics", "periods")
+        values = {name: getattr(self, name) for name in names}
+        return dict(to_json({**values, "gain_real": self.gain.real, "gain_imag": self.gain.imag}))
+
+    def plot(self, axes: Any = None) -> Any:
+        """Draw input, output and the output's first harmonic over one period; returns the matplotlib axes."""
+        ax = new_axes(axes)
+        turn = np.degrees(self.phase)
+        first = self.mean + np.imag(self.phasors[1] * np.exp(1j * self.phase))
+        ax.plot(turn, self.input, color="0.6", label="input")
+        ax.plot(turn, self.output, color="C0", label="output")
+        ax.plot(turn, first, "--", color="C1", label="first harmonic of the output")
+        ax.set(xlabel="phase of the input [°]", ylabel="value [unit of input, output]")
+        ax.legend(frameon=False)
+        return ax
+
+
+def drive_by_sine(
+    element: Element,
+    amplitude: float,
+    frequency: float,
+    bias: float = 0.0,
+    *,
+    samples: int = SAMPLES,
+    harmonics: int = HARMONICS,
+) -> SineAnswer:
+    """Drive an element alone by a sine and take the harmonics of its answer over a whole period.
+
+    Parameters
+    ----------
+    element : Element
+        A closed-form element or a `EffectElement`.
+    amplitude, bias : float
+        In the input's unit.
+    frequency : float
+        Hz.
+    samples : int
+        Per period, at least 16.
+    harmonics : int
+        Highest harmonic kept, at least 2.
+
+    Raises
+    ------
+    InputError
+        Amplitude, frequency or counts out of range.
+    IdloopError
+        The answer does not repeat: an element without damping, or one that drifts.
+    """
+    check_size(element.name, "amplitude", amplitude)
+    check_size(element.name, "frequency", frequency)
+    if samples < 16 or not 2 <= harmonics < samples // 2:
+        raise InputError(
+            f"{element.name}: {samples} samples per period and {harmonics} harmonics; take 16 and 2 or more"
+        )
+    omega = 2.0 * math.pi * frequency
+    # Between the samples of a period: no sample falls on a corner of a symmetric element.
+    phase = 2.0 * math.pi * (np.arange(samples) + 0.5) / samples
+    value = bias + amplitude * np.sin(phase)
+    rate, total = amplitude * omega * np.cos(phase), (bias * phase - amplitude * np.cos(phase)) / omega
+    rows = list(zip(value.tolist(), rate.tolist(), total.tolist(), strict=True))
+    answer = element.answer(1.0 / (frequency * samples))
+    drift, silent = bias / frequency, math.ceil(getattr(element, "dead_time", 0.0) * frequency) + 1
+    outputs: list[Array] = []
+    for period in range(MOST_PERIODS + silent):
+        output = np.array([answer(x, speed, place + drift * period) for x, speed, place in rows])
+        # The output before the first input arrives repeats as well and must not count.
+        outputs = [*outputs[-2:], output] if period >= silent else []
+        settled = _settled(outputs)
+        if settled is not None:
+            phasors = 2j / samples * (np.exp(-1j * np.outer(np.arange(harmonics + 1), phase)) @ settled)
+            phasors[0] = settled.mean()
+            left = _distortion(settled, abs(phasors[1]) ** 2)
+            return SineAnswer(amplitude, frequency, bias, phase, value, settled, phasors, left, period + 1)
+    raise IdloopError(
+        f"{element.name}: no steady answer after {MOST_PERIODS} periods of {frequency:g} Hz; "
+        "it drifts or lacks damping, or a time constant is far longer than the period"
+    )
+
+
+def _distortion(value: Array, first: float) -> float:
+    """Rms of all harmonics above the first over that of the first, whose squared size is given."""
+    power = 2.0 * float(np.var(value))
+    # What rounding leaves of a constant is no oscillation.
+    floor = 1e-24 * float(np.max(value**2, initial=0.0))
+    if power <= floor:
+        return float("nan")
+    return math.sqrt(max(power - first, 0.0) / first) if first > floor else float("inf")
+
+
+def _settled(outputs: list[Array]) -> Array | None:
+    """The period that the last two or three tend to, or None while it is unknown."""
+    if len(outputs) < 2:
+        return None
+    change, size = outputs[-1] - outputs[-2], float(np.max(np.abs(outputs[-1])))
+    if float(np.max(np.abs(change))) <= REPEATS * size:
+        return outputs[-1]
+    if len(outputs) < 3:
+        return None
+    # A single time constant, however long, leaves changes that shrink by one factor.
+    before = outputs[-2] - outputs[-3]
+    factor = float(change @ before / (before @ before))
+    rest = 1.0 - factor
+    if not 0.0 < rest < 1.0 or float(np.max(np.abs(change - factor * before))) > EXTRAPOLATED * size * rest:
+        return None
+    limit: Array = outputs[-1] + change * factor / rest
+    return limit
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -48,8 +194,7 @@ class DescribingFunction:
     @property
     def locus(self) -> Complex:
         """Critical locus −1/N, shape (n,); NaN where nothing passes."""
-        silent = self.gain == 0.0
-        return np.where(silent, np.nan, -1.0 / np.where(silent, 1.0, self.gain))
+        return np.asarray(-1.0 / np.where(self.gain == 0.0, np.nan, self.gain), dtype=np.complex128)
 
     def lines(self) -> Iterator[tuple[float, Places]]:
         """Each frequency [Hz] with the places of its points, by growing amplitude."""
@@ -62,17 +207,9 @@ class DescribingFunction:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON; numbers that are not finite become None."""
-        return {
-            "name": self.name,
-            "input_unit": self.input_unit,
-            "output_unit": self.output_unit,
-            "amplitude": plain_list(self.amplitude),
-            "frequency": plain_list(self.frequency),
-            "gain_real": plain_list(self.gain.real),
-            "gain_imag": plain_list(self.gain.imag),
-            "distortion": plain_list(self.distortion),
-            "harmonics": [plain_list(row) for row in self.harmonics],
-        }
+        names = ("name", "input_unit", "output_unit", "amplitude", "frequency", "distortion", "harmonics")
+        values = {name: getattr(self, name) for name in names}
+        return dict(to_json({**values, "gain_real": self.gain.real, "gain_imag": self.gain.imag}))
 
     def plot(self, axes: Any = None) -> Any:
         """Draw size, phase and distortion over the amplitude; returns the three matplotlib axes.
@@ -90,11 +227,12 @@ class DescribingFunction:
             for frequency, places in self.lines():
                 label = self.name if np.isnan(frequency) else f"{self.name}, {frequency:.4g} Hz"
                 self._draw(axes, self.amplitude[places], places, label)
-        unit = f"{self.output_unit}/{self.input_unit}" if self.input_unit and self.output_unit else ""
-        axes[0].set_ylabel(with_unit("|N|", unit))
+        unit = f" [{self.output_unit}/{self.input_unit}]" if self.input_unit and self.output_unit else ""
+        axes[0].set_ylabel(f"|N|{unit}")
         axes[1].set_ylabel("phase of N [°]")
         axes[2].set_ylabel("distortion [%]")
-        axes[2].set_xlabel("frequency [Hz]" if over_frequency else with_unit("amplitude", self.input_unit))
+        own = f" [{self.input_unit}]" if self.input_unit else ""
+        axes[2].set_xlabel("frequency [Hz]" if over_frequency else f"amplitude{own}")
         axes[0].legend(frameon=False)
         return axes
 
@@ -157,22 +295,23 @@ def describing_function(
     given = np.array([np.nan]) if frequency is None else np.atleast_1d(np.asarray(frequency, dtype=float)).ravel()
     if frequency is None and getattr(element, "needs_frequency", False):
         raise InputError(f"{element.name}: the answer depends on the frequency; give it in Hz")
-    for value in given[np.isfinite(given)] if frequency is None else given:
-        check_size(element.name, "frequency", float(value))
-    points = [(float(a), float(f)) for f in given for a in sizes]
+    if frequency is not None:
+        for value in given:
+            check_size(element.name, "frequency", float(value))
+    frequencies, amplitudes = np.repeat(given, sizes.size), np.tile(sizes, given.size)
     # The response of a static element does not depend on the frequency: take any.
     answers = [
-        drive_by_sine(element, a, f if np.isfinite(f) else 1.0, bias, samples=samples, harmonics=harmonics)
-        for a, f in points
+        drive_by_sine(element, float(a), float(f), bias, samples=samples, harmonics=harmonics)
+        for a, f in zip(amplitudes, np.nan_to_num(frequencies, nan=1.0), strict=True)
     ]
     gain = np.array([answer.gain for answer in answers], dtype=np.complex128)
     closed = closed_form(element)
     if closed is not None and not numerical and bias == 0.0:
-        gain = closed.gain([a for a, _ in points])
+        gain = closed.gain(amplitudes)
     return DescribingFunction(
         name=element.name,
-        amplitude=np.array([a for a, _ in points]),
-        frequency=np.array([f for _, f in points]),
+        amplitude=amplitudes,
+        frequency=frequencies,
         gain=gain,
         distortion=np.array([answer.distortion for answer in answers]),
         harmonics=np.array([answer.harmonics for answer in answers]),
@@ -184,66 +323,3 @@ def describing_function(
 def closed_form(element: Element | DescribingFunction) -> ClosedForm | None:
     """The element itself where its describing function is known in closed form."""
     return element if hasattr(element, "threshold") else None  # type: ignore[return-value]
-
-
-class Exact:
-    """Gain of an element in closed form, the same at every frequency.
-
-    `element`: the element.
-    """
-
-    two_dimensional = False
-
-    def __init__(self, element: ClosedForm) -> None:
-        self._element = element
-
-    def mesh(self, amplitude: ArrayLike, frequency: ArrayLike) -> Complex:
-        """Gain at every amplitude (m,), shape (m, 1)."""
-        return self._element.gain(amplitude)[:, None]
-
-    def __call__(self, amplitude: float, frequency: float) -> complex:
-        """Gain at one amplitude."""
-        return complex(self._element.gain(amplitude))
-
-
-class Interpolated:
-    """Gain between the points of a table: straight lines over log amplitude, and log frequency.
-
-    A table of one frequency counts for all. Beyond the table the gain is NaN.
-
-    `table`: at least two amplitudes at each frequency. Raises InputError: fewer than two amplitudes at a frequency.
-    """
-
-    def __init__(self, table: DescribingFunction) -> None:
-        lines = sorted(table.lines(), key=lambda line: line[0])
-        if any(places.size < 2 for _, places in lines):
-            raise InputError(f"{table.name}: each frequency needs two amplitudes or more, between which to look")
-        self._frequency = np.log([frequency for frequency, _ in lines])
-        self._lines = [(np.log(table.amplitude[places]), table.gain[places]) for _, places in lines]
-
-    @property
-    def two_dimensional(self) -> bool:
-        """Whether the gain depends on the frequency too."""
-        return len(self._lines) > 1
-
-    def mesh(self, amplitude: ArrayLike, frequency: ArrayLike) -> Complex:
-        """Gain at every amplitude (m,) and every frequency [Hz] (k,), shape (m, k); (m, 1) of one frequency."""
-        where = np.log(np.atleast_1d(np.asarray(amplitude, dtype=float)))
-        rows = np.array([self._line(x, gain, where) for x, gain in self._lines])
-        if not self.two_dimensional:
-            return np.asarray(rows.T, dtype=np.complex128)
-        at = np.log(np.atleast_1d(np.asarray(frequency, dtype=float)))
-        right = np.clip(np.searchsorted(self._frequency, at), 1, self._frequency.size - 1)
-        share = (at - self._frequency[right - 1]) / (self._frequency[right] - self._frequency[right - 1])
-        share = np.where((at < self._frequency[0] - _EDGE) | (at > self._frequency[-1] + _EDGE), np.nan, share)
-        found = rows[right - 1].T * (1.0 - share) + rows[right].T * share
-        return np.asarray(found, dtype=np.complex128)
-
-    def __call__(self, amplitude: float, frequency: float) -> complex:
-        """Gain at one amplitude and frequency [Hz]."""
-        return complex(self.mesh(amplitude, frequency)[0, 0])
-
-    @staticmethod
-    def _line(x: Array, gain: Complex, where: Array) -> Complex:
-        inside = (where >= x[0] - _EDGE) & (where <= x[-1] + _EDGE)
-        return np.where(inside, np.interp(where, x, gain), np.nan)

@@ -22,25 +22,20 @@ _ALIKE = 0.03
 
 @dataclass(frozen=True, eq=False)
 class RecordedSignal:
-    """Stamps and values of one signal, what was not measured left out.
-
-    `name`, `unit`: as in the record; the unit of a reference or excitation is not recorded; `time`, `value` (n,):
-    stamps [s] and values.
-    """
+    """Stamps and values of one signal, what was not measured left out."""
 
     name: str
-    unit: str
-    time: Array
-    value: Array
+    unit: str  # empty for a reference or excitation, of which none is recorded
+    time: Array  # shape (n,): stamps [s]
+    value: Array  # shape (n,)
     held: bool  # held from each stamp to the next (command, reference, excitation), or sampled (outputs)
 
 
 def recorded_signal(record: Record, name: str) -> RecordedSignal:
     """Find a signal: the command, an output, or a column of the reference or the excitation.
 
-    `record`: the experiment; `name`: ``record.input_name``, one of ``record.output_names``, ``reference.position``,
-    ``reference.velocity``, ``excitation.position`` or ``excitation.effort``. Raises InputError: no such signal, or it
-    was never measured.
+    `name`: ``record.input_name``, one of ``record.output_names``, ``reference.position``, ``reference.velocity``,
+    ``excitation.position`` or ``excitation.effort``.
     """
     known: dict[str, tuple[Array, Array, str, bool]] = {
         record.input_name: (record.input_time, record.input, record.input_unit, True)

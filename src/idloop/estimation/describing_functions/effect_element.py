@@ -6,13 +6,16 @@ import math
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from idloop.errors import InputError
-from idloop.estimation.describing_functions.element import Answer
 from idloop.physics.effect import BODY, COUPLING, INPUT, Effect, catalogue, find_effect
 from idloop.spelling import did_you_mean_or_known
+
+if TYPE_CHECKING:
+    from idloop.estimation.describing_functions.elements import Answer
 
 COMMAND, POSITION, VELOCITY, TWIST = "command", "position", "velocity", "twist"
 _DRIVES = {INPUT: (COMMAND,), BODY: (POSITION, VELOCITY), COUPLING: (TWIST,)}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,83 +13,33 @@ from numpy.typing import ArrayLike
 from idloop.arrays import Array, Complex
 from idloop.errors import InputError
 from idloop.estimation.black_box.labels import new_axes
-from idloop.estimation.describing_functions.describing_function import (
-    DescribingFunction,
-    Exact,
-    Interpolated,
-    closed_form,
-)
-from idloop.estimation.describing_functions.element import ClosedForm, positive_amplitudes
-from idloop.estimation.describing_functions.elements import Relay
+from idloop.estimation.describing_functions.describing_function import DescribingFunction, closed_form, drive_by_sine
+from idloop.estimation.describing_functions.elements import ClosedForm, Relay, positive_amplitudes
 from idloop.estimation.describing_functions.linear_part import LinearPart, linear_part
-from idloop.estimation.describing_functions.presentation import plain, plain_list, with_unit
 from idloop.estimation.describing_functions.relay_cycle import RelayCycle, relay_cycles
-from idloop.estimation.describing_functions.sine_drive import drive_by_sine
+from idloop.json_values import to_json
 
-# A zero on an edge belongs to both triangles, so that it is not missed.
+# A zero on an edge belongs to both triangles, and a table's own edge to the table, whatever rounding makes of it.
 _EDGE = 1e-9
 # Amplitudes of the grid: how close to the threshold they begin, how far they reach, how many.
 NEAREST, FARTHEST, AMPLITUDES = 1e-4, 1e4, 500
 # Two answers that differ by less than this part are one limit cycle.
 SAME = 1e-4
-Gain = Exact | Interpolated
-
-
-def grid_roots(value: Complex) -> Array:
-    """Zeros of the function that is linear on each half of every cell of a grid.
-
-    `value` (m, k): values at the grid's points; cells with a value that is not finite hold no zero. Returns shape (r,
-    2): fractional row and column of each zero; one on an edge may appear twice.
-    """
-    if min(value.shape) < 2:
-        return np.zeros((0, 2))
-    low, right, up, far = value[:-1, :-1], value[:-1, 1:], value[1:, :-1], value[1:, 1:]
-    first, second = _triangle(low, up, right), _triangle(far, right, up)
-    found = [np.zeros((0, 2))]
-    for (rows, columns, s, t), sign, origin in ((first, 1.0, 0), (second, -1.0, 1)):
-        found.append(np.column_stack([rows + origin + sign * s, columns + origin + sign * t]))
-    return np.concatenate(found)
-
-
-def _triangle(corner: Complex, row: Complex, column: Complex) -> tuple[Array, Array, Array, Array]:
-    """Cells whose triangle holds 0, and how far along the row and the column it lies there."""
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        along, across = row - corner, column - corner
-        area = along.real * across.imag - along.imag * across.real
-        s = (across.real * corner.imag - across.imag * corner.real) / area
-        t = (along.imag * corner.real - along.real * corner.imag) / area
-        inside = (s >= -_EDGE) & (t >= -_EDGE) & (s + t <= 1.0 + 2.0 * _EDGE)
-    rows, columns = np.nonzero(inside)
-    return rows.astype(float), columns.astype(float), s[inside], t[inside]
+# Gain at amplitudes (m,) and frequencies [Hz] (k,), shape (m, k); (m, 1) where it is the same at every frequency.
+Gain = Callable[[ArrayLike, ArrayLike], Complex]
 
 
 @dataclass(frozen=True)
 class LimitCycle:
-    """One predicted oscillation of the loop.
+    """One predicted oscillation of the loop."""
 
-    Attributes
-    ----------
-    amplitude : float
-        Of the first harmonic at the element's input.
-    frequency : float
-        Hz.
-    point : complex
-        G(jω) = −1/N there.
-    growth : float
-        Rate at which a small relative error of the amplitude grows [1/s]; below 0 it dies out.
-    stable : bool
-        Whether the loop returns to it: the error dies out, and no other root of the loop with the
-        element's gain grows.
-    harmonics : float
-        Estimated rms of the higher harmonics at the element's input over the first: the linear part's
-        answer to the element's. The prediction holds where it is small.
-    """
-
-    amplitude: float
-    frequency: float
-    point: complex
-    growth: float
-    stable: bool
+    amplitude: float  # of the first harmonic at the element's input
+    frequency: float  # Hz
+    point: complex  # G(jω) = −1/N there
+    growth: float  # rate at which a small relative error of the amplitude grows [1/s]; below 0 it dies out
+    stable: bool  # the error dies out, and no other root of the loop with the element's gain grows
+    # Estimated rms of the higher harmonics at the element's input over the first: the linear part's answer to the
+    # element's. The prediction holds where it is small.
     harmonics: float
 
     @property
@@ -98,15 +49,9 @@ class LimitCycle:
 
     def to_dict(self) -> dict[str, float | bool | None]:
         """Return plain values for JSON."""
-        return {
-            "amplitude": self.amplitude,
-            "frequency": self.frequency,
-            "point_real": self.point.real,
-            "point_imag": self.point.imag,
-            "growth": plain(self.growth),
-            "stable": self.stable,
-            "harmonics": plain(self.harmonics),
-        }
+        names = ("amplitude", "frequency", "growth", "stable", "harmonics")
+        values = {name: getattr(self, name) for name in names}
+        return dict(to_json({**values, "point_real": self.point.real, "point_imag": self.point.imag}))
 
     def plot(self, axes: Any = None) -> Any:
         """Mark the point in the complex plane, full where stable; returns the matplotlib axes."""
@@ -154,18 +99,13 @@ class LimitCycles:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON."""
-        return {
-            "name": self.name,
-            "unit": self.unit,
-            "cycles": [cycle.to_dict() for cycle in self.cycles],
-            "exact": [cycle.to_dict() for cycle in self.exact],
-            "amplitude": plain_list(self.amplitude),
-            "locus_real": plain_list(self.locus.real),
-            "locus_imag": plain_list(self.locus.imag),
-            "frequency": plain_list(self.frequency),
-            "response_real": plain_list(self.response.real),
-            "response_imag": plain_list(self.response.imag),
-        }
+        values = {name: getattr(self, name) for name in ("name", "unit", "amplitude", "frequency")}
+        for name in ("cycles", "exact"):
+            values[name] = [cycle.to_dict() for cycle in getattr(self, name)]
+        for name in ("locus", "response"):
+            curve = getattr(self, name)
+            values |= {f"{name}_real": curve.real, f"{name}_imag": curve.imag}
+        return dict(to_json(values))
 
     def plot(self, axes: Any = None) -> Any:
         """Draw G(jω), −1/N(A) and their meetings in the complex plane; returns the matplotlib axes."""
@@ -177,11 +117,11 @@ class LimitCycles:
         for one in self.exact:
             text = f"exact: A {one.amplitude:.4g}, {one.frequency:.4g} Hz"
             ax.plot(one.point.real, one.point.imag, "x", color="C3", label=text)
-        # Both curves are unbounded: show the neighbourhood of the intersections, or else of −1.
         points = [cycle.point for cycle in self.cycles] + [one.point for one in self.exact]
+        # Both curves are unbounded: show the neighbourhood of the intersections, or else of −1.
         reach = 2.0 * max([abs(point) for point in points], default=1.0)
         ax.set(xlim=(-reach, 0.5 * reach), ylim=(-reach, 0.5 * reach))
-        ax.set(xlabel=with_unit("real part", "-"), ylabel=with_unit("imaginary part", "-"))
+        ax.set(xlabel="real part [-]", ylabel="imaginary part [-]")
         ax.axhline(0.0, color="0.6", linewidth=0.6)
         ax.axvline(0.0, color="0.6", linewidth=0.6)
         ax.legend(frameon=False)
@@ -243,23 +183,22 @@ def limit_cycles(
     [(0.637, 0.1592, True)]
     """
     linear, gain = linear_part(system, delay), _gain(element)
-    band = linear.grid(*_band(element, gain, frequency))
+    band = linear.grid(*_band(element, frequency))
     response = linear.response(band)
     known = np.isfinite(response)
     band, response = band[known], response[known]
     sizes = _amplitudes(element, amplitude, response)
-    values = gain.mesh(sizes, band)
+    values = gain(sizes, band)
     with np.errstate(divide="ignore", invalid="ignore"):
         grid = response[None, :] + 1.0 / np.where(values == 0.0, np.nan, values)
     cycles: list[LimitCycle] = []
     for row, column in grid_roots(grid):
-        start = float(_between(np.log(sizes), row)), float(_between(np.log(band), column))
-        a, f = _refined(linear, gain, *start)
+        a, f = _refined(linear, gain, _between(sizes, row), _between(band, column))
         if not any(abs(a / c.amplitude - 1.0) < SAME and abs(f / c.frequency - 1.0) < SAME for c in cycles):
             cycles.append(_cycle(linear, element, gain, a, f))
     cycles.sort(key=lambda cycle: (cycle.amplitude, cycle.frequency))
     at = cycles[0].frequency if cycles else float(band[band.size // 2])
-    locus = np.array([_inverse(value) for value in gain.mesh(sizes, at)[:, 0]], dtype=np.complex128)
+    locus = np.array([_inverse(value) for value in gain(sizes, at)[:, 0]], dtype=np.complex128)
     label = unit or getattr(element, "input_unit", "")
     exact: tuple[RelayCycle, ...] = ()
     if isinstance(element, Relay) and element.lower == -element.on and linear.held_between:
@@ -267,27 +206,83 @@ def limit_cycles(
     return LimitCycles(element.name, tuple(cycles), sizes, locus, band, response, label, exact)
 
 
+def grid_roots(value: Complex) -> Array:
+    """Fractional rows and columns, shape (r, 2), of the zeros of a function that is linear on each half of every cell.
+
+    `value` (m, k): cells with a value that is not finite hold no zero; one on an edge may appear twice.
+    """
+    if min(value.shape) < 2:
+        return np.zeros((0, 2))
+    low, right, up, far = value[:-1, :-1], value[:-1, 1:], value[1:, :-1], value[1:, 1:]
+    return np.concatenate([_triangle_roots(low, up, right), 1.0 + _triangle_roots(far, right, up, sign=-1.0)])
+
+
+def _triangle_roots(corner: Complex, row: Complex, column: Complex, sign: float = 1.0) -> Array:
+    """Cells whose triangle holds 0, and how far along the row and the column it lies there."""
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        along, across = row - corner, column - corner
+        area = along.real * across.imag - along.imag * across.real
+        s = (across.real * corner.imag - across.imag * corner.real) / area
+        t = (along.imag * corner.real - along.real * corner.imag) / area
+        inside = (s >= -_EDGE) & (t >= -_EDGE) & (s + t <= 1.0 + 2.0 * _EDGE)
+    return np.argwhere(inside) + sign * np.column_stack([s[inside], t[inside]])
+
+
+def _gain(element: ClosedForm | DescribingFunction) -> Gain:
+    """Gain of an element in closed form, or interpolated in a table."""
+    if isinstance(element, DescribingFunction):
+        return _interpolated(element)
+    known = closed_form(element)
+    if known is None:
+        raise InputError(f"{element.name}: no closed form; tabulate it with describing_function first")
+    return lambda amplitude, frequency: known.gain(np.atleast_1d(np.asarray(amplitude, dtype=float)))[:, None]
+
+
+def _interpolated(table: DescribingFunction) -> Gain:
+    """Gain on straight lines over log amplitude and log frequency; NaN beyond the table."""
+    lines = sorted(table.lines(), key=lambda line: line[0])
+    if any(places.size < 2 for _, places in lines):
+        raise InputError(f"{table.name}: each frequency needs two amplitudes or more, between which to look")
+    frequencies = np.log([frequency for frequency, _ in lines])
+
+    def gain(amplitude: ArrayLike, frequency: ArrayLike) -> Complex:
+        where, at = (np.log(np.atleast_1d(np.asarray(one, dtype=float))) for one in (amplitude, frequency))
+        rows = np.array([_on_line(where, np.log(table.amplitude[one]), table.gain[one]) for _, one in lines])
+        if len(rows) == 1:
+            return np.asarray(rows.T, dtype=np.complex128)
+        return np.array([_on_line(at, frequencies, column) for column in rows.T], dtype=np.complex128)
+
+    return gain
+
+
+def _on_line(where: Array, x: Array, value: Complex) -> Complex:
+    inside = (where >= x[0] - _EDGE) & (where <= x[-1] + _EDGE)
+    return np.where(inside, np.interp(where, x, value), np.nan)
+
+
+def _at(gain: Gain, amplitude: float, frequency: float) -> complex:
+    return complex(gain(amplitude, frequency)[0, 0])
+
+
 def _inverse(gain: complex) -> complex:
     return -1.0 / gain if gain != 0.0 else complex("nan")
 
 
 def _between(values: Array, place: float) -> float:
-    return float(np.exp(np.interp(place, np.arange(values.size), values)))
+    return float(np.exp(np.interp(place, np.arange(values.size), np.log(values))))
 
 
 def _band(
-    element: ClosedForm | DescribingFunction, gain: Gain, frequency: tuple[float | None, float | None]
+    element: ClosedForm | DescribingFunction, frequency: tuple[float | None, float | None]
 ) -> tuple[float | None, float | None]:
     low, high = frequency
-    if isinstance(element, DescribingFunction) and gain.two_dimensional:
+    if isinstance(element, DescribingFunction) and sum(1 for _ in element.lines()) > 1:
         low = float(np.min(element.frequency)) if low is None else low
         high = float(np.max(element.frequency)) if high is None else high
     return low, high
 
 
-def _amplitudes(
-    element: ClosedForm | DescribingFunction, amplitude: ArrayLike | None, response: Complex
-) -> Array:  # fmt: skip
+def _amplitudes(element: ClosedForm | DescribingFunction, amplitude: ArrayLike | None, response: Complex) -> Array:
     if amplitude is not None:
         return np.unique(positive_amplitudes(amplitude, element.name))
     if isinstance(element, DescribingFunction):
@@ -301,26 +296,14 @@ def _amplitudes(
     return np.geomspace(0.5 * sizes.min(), 2.0 * sizes.max(), AMPLITUDES)
 
 
-def _gain(element: ClosedForm | DescribingFunction) -> Gain:
-    if isinstance(element, DescribingFunction):
-        return Interpolated(element)
-    known = closed_form(element)
-    if known is None:
-        raise InputError(f"{element.name}: no closed form; tabulate it with describing_function first")
-    return Exact(known)
-
-
 def _refined(linear: LinearPart, gain: Gain, amplitude: float, frequency: float) -> tuple[float, float]:
     """Root of 1 + N G near a point of the grid; the point itself where none is found."""
     from scipy.optimize import root
 
     def equation(x: Array) -> list[float]:
         # A root far from the cell is another one.
-        a, f = (
-            amplitude * math.exp(float(np.clip(x[0], -1.0, 1.0))),
-            frequency * math.exp(float(np.clip(x[1], -1.0, 1.0))),
-        )
-        left = 1.0 + gain(a, f) * complex(linear.response(f)[0])
+        a, f = np.exp(np.clip(x, -1.0, 1.0)) * (amplitude, frequency)
+        left = 1.0 + _at(gain, a, f) * complex(linear.response(f)[0])
         return [left.real, left.imag] if np.isfinite(left) else [1e3, 1e3]
 
     found = root(equation, [0.0, 0.0], tol=1e-12)
@@ -332,23 +315,19 @@ def _refined(linear: LinearPart, gain: Gain, amplitude: float, frequency: float)
 
 def _cycle(
     linear: LinearPart, element: ClosedForm | DescribingFunction, gain: Gain, amplitude: float, frequency: float
-) -> LimitCycle:  # fmt: skip
-    step = 1e-4
-    high, low = gain(amplitude * (1.0 + step), frequency), gain(amplitude * (1.0 - step), frequency)
-    point, here = complex(linear.response(frequency)[0]), gain(amplitude, frequency)
+) -> LimitCycle:
+    point, step = complex(linear.response(frequency)[0]), 1e-4
+    louder, quieter = (_inverse(_at(gain, amplitude * (1.0 + one), frequency)) for one in (step, -step))
     # N varies with the frequency as well where its table has several.
-    bend = 1e-4 * frequency
-    turn = (_inverse(gain(amplitude, frequency + bend)) - _inverse(gain(amplitude, frequency - bend))) / (
-        4 * math.pi * bend
-    )
-    along = (_inverse(high) - _inverse(low)) / (2.0 * step)
-    growth = -(along / (linear.slope(frequency) - turn)).imag
+    faster, slower = (_inverse(_at(gain, amplitude, frequency * (1.0 + one))) for one in (step, -step))
+    turn = (faster - slower) / (4.0 * math.pi * step * frequency)
+    growth = -((louder - quieter) / (2.0 * step) / (linear.slope(frequency) - turn)).imag
     return LimitCycle(
         amplitude=amplitude,
         frequency=frequency,
         point=point,
         growth=float(growth),
-        stable=bool(growth < 0.0 and not _other_growth(linear, here, frequency)),
+        stable=bool(growth < 0.0 and not _other_growth(linear, _at(gain, amplitude, frequency), frequency)),
         harmonics=_harmonics(linear, element, amplitude, frequency, point),
     )
 
@@ -367,7 +346,7 @@ def _other_growth(linear: LinearPart, gain: complex, frequency: float) -> bool:
 
 def _harmonics(
     linear: LinearPart, element: ClosedForm | DescribingFunction, amplitude: float, frequency: float, point: complex
-) -> float:  # fmt: skip
+) -> float:
     if isinstance(element, DescribingFunction):
         share = element.harmonics[np.argmin(np.abs(element.amplitude - amplitude))]
     else:

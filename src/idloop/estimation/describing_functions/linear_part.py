@@ -67,19 +67,14 @@ class LinearPart:
         return np.asarray(np.log(roots[np.abs(roots) > 1e-12]) / self.sample_time, dtype=np.complex128)
 
     def grid(self, low: float | None = None, high: float | None = None) -> Array:
-        """Frequencies [Hz] that show every bend of the response between two limits.
-
-        By default from a hundredth of the slowest to a hundred times the fastest pole, zero or
-        delay, or to half the sample rate.
-        """
+        """Frequencies [Hz] that show every bend of the response, by default two decades beyond all poles and zeros."""
         roots = self.rates
         sizes = np.abs(roots)[np.abs(roots) > 1e-6 * float(np.max(np.abs(roots), initial=0.0))]
         if self.delay > 0.0:
             sizes = np.append(sizes, 1.0 / self.delay)
         if self.discrete:
             sizes = np.append(sizes, 1.0 / self.sample_time)
-        if sizes.size == 0:
-            sizes = np.ones(1)
+        sizes = sizes if sizes.size else np.ones(1)
         bottom = 0.01 * sizes.min() / (2.0 * math.pi) if low is None else low
         top = 100.0 * sizes.max() / (2.0 * math.pi)
         if self.delay > 0.0:
@@ -107,10 +102,7 @@ class LinearPart:
         return self._in_s(np.linalg.eigvals(a - gain / (1.0 + gain * d[0, 0]) * (b @ c)).astype(complex))
 
     def whole_delay(self) -> int:
-        """Delay in samples of a sampled system.
-
-        Raises InputError: it is no whole number of samples.
-        """
+        """Delay in samples of a sampled system; InputError where it is no whole number of them."""
         samples = round(self.delay / self.sample_time)
         if abs(samples * self.sample_time - self.delay) > 1e-6 * self.sample_time:
             raise InputError(
@@ -133,11 +125,7 @@ class LinearPart:
 
 
 def linear_part(system: Any, delay: float = 0.0) -> LinearPart:
-    """Read a python-control system.
-
-    `system`: one input, one output, continuous or sampled; `delay`: delay in series [s]. Raises InputError: not such a
-    system, improper, of unknown sample time, or a delay that is negative.
-    """
+    """Read a python-control system of one input and one output; InputError for another or an improper one."""
     import control
 
     if not isinstance(system, control.TransferFunction | control.StateSpace):

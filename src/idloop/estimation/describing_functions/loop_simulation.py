@@ -12,13 +12,13 @@ import numpy as np
 from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.estimation.black_box.labels import new_axes
-from idloop.estimation.describing_functions.element import Element
+from idloop.estimation.describing_functions.describing_function import HARMONICS
+from idloop.estimation.describing_functions.elements import Element
 from idloop.estimation.describing_functions.limit_cycle import LimitCycle
 from idloop.estimation.describing_functions.linear_part import LinearPart, linear_part
-from idloop.estimation.describing_functions.presentation import plain, with_unit
 from idloop.estimation.describing_functions.relay_cycle import RelayCycle
-from idloop.estimation.describing_functions.sine_drive import HARMONICS
 from idloop.estimation.describing_functions.sine_fit import refine_frequency, sine_fit
+from idloop.json_values import to_json
 
 # The last periods, over which amplitude and frequency are measured, and what they may differ by.
 MEASURED, STEADY = 10, 0.01
@@ -40,12 +40,7 @@ class LoopSimulation:
 
     def to_dict(self) -> dict[str, float | bool | None]:
         """Return the figures as plain values for JSON."""
-        return {
-            "amplitude": plain(self.amplitude),
-            "frequency": plain(self.frequency),
-            "distortion": plain(self.distortion),
-            "steady": self.steady,
-        }
+        return dict(to_json({name: getattr(self, name) for name in ("amplitude", "frequency", "distortion", "steady")}))
 
     def plot(self, axes: Any = None, unit: str = "") -> Any:
         """Draw the element's input over time; returns the matplotlib axes."""
@@ -55,7 +50,7 @@ class LoopSimulation:
             for sign in (-1.0, 1.0):
                 text = f"first harmonic: A {self.amplitude:.4g}, {self.frequency:.4g} Hz" if sign > 0 else None
                 ax.axhline(sign * self.amplitude, color="C1", linestyle="--", label=text)
-        ax.set(xlabel="time [s]", ylabel=with_unit("input of the element", unit))
+        ax.set(xlabel="time [s]", ylabel=f"input of the element [{unit}]" if unit else "input of the element")
         ax.legend(frameon=False)
         return ax
 
@@ -171,17 +166,13 @@ def _run(
 
 def _measured(time: Array, signal: Array, cycle: LimitCycle | RelayCycle, start: float, whole: bool) -> LoopSimulation:
     """Figures of the last periods."""
-    nothing = float("nan")
     last = time >= time[-1] - 2.0 * MEASURED / cycle.frequency
     swing = 0.5 * float(np.ptp(signal[last]))
-    if not whole:
-        return LoopSimulation(time, signal, float("inf"), nothing, nothing, steady=False)
-    if swing < DIED * start * cycle.amplitude:
-        return LoopSimulation(time, signal, swing, nothing, nothing, steady=False)
     t, x = time[last], signal[last] - signal[last].mean()
     up = np.flatnonzero((x[:-1] < 0.0) & (x[1:] >= 0.0))
-    if up.size < MEASURED:
-        return LoopSimulation(time, signal, swing, nothing, nothing, steady=False)
+    if not whole or swing < DIED * start * cycle.amplitude or up.size < MEASURED:
+        size = swing if whole else math.inf
+        return LoopSimulation(time, signal, size, frequency=math.nan, distortion=math.nan, steady=False)
     crossing = t[up] - x[up] * (t[up + 1] - t[up]) / (x[up + 1] - x[up])
     frequency = refine_frequency(t, x, (up.size - 1) / float(crossing[-1] - crossing[0]))
     halves = []

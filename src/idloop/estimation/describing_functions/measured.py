@@ -11,12 +11,11 @@ import numpy as np
 
 from idloop.arrays import Array
 from idloop.errors import InputError
-from idloop.estimation.describing_functions.describing_function import DescribingFunction, Places
+from idloop.estimation.describing_functions.describing_function import HARMONICS, DescribingFunction, Places
 from idloop.estimation.describing_functions.dwell import Dwell, RecordedSignal, find_dwells, recorded_signal
 from idloop.estimation.describing_functions.linear_part import linear_part
-from idloop.estimation.describing_functions.presentation import plain_list
-from idloop.estimation.describing_functions.sine_drive import HARMONICS
 from idloop.estimation.describing_functions.sine_fit import SineFit, held_sine_fit, sine_fit
+from idloop.json_values import to_json
 from idloop.records import Record
 
 # Frequencies beside the fundamental at which the noise is read: enough to average, near enough for the same noise.
@@ -81,17 +80,9 @@ class MeasuredDescribingFunction(DescribingFunction):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON; numbers that are not finite become None."""
-        return {
-            **super().to_dict(),
-            "source": self.source,
-            "target": self.target,
-            "record": list(self.record),
-            "stderr": plain_list(self.stderr),
-            "radius": plain_list(self.radius),
-            "probability": self.probability,
-            "source_distortion": plain_list(self.source_distortion),
-            "periods": [int(count) for count in self.periods],
-        }
+        names = ("source", "target", "record", "stderr", "radius", "probability", "source_distortion")
+        measured = {name: getattr(self, name) for name in names}
+        return dict(to_json({**super().to_dict(), **measured, "periods": self.periods.astype(int)}))
 
     def _draw(self, axes: Any, x: Array, places: Places, label: str) -> None:
         super()._draw(axes, x, places, label)
@@ -259,7 +250,7 @@ def _point(
 
 def _fit(
     where: str, signal: RecordedSignal, dwell: Dwell, start: float, harmonics: int, trend: bool, beside: Array
-) -> SineFit:  # fmt: skip
+) -> SineFit:
     """Harmonics of one signal over one step, as many as its samples can resolve."""
     step = float(np.median(np.diff(signal.time)))
     slack = 0.5 * step
@@ -282,6 +273,5 @@ def _fit(
             f"{where}: {int(inside.sum())} samples of {signal.name} for {unknowns} unknowns; "
             "dwell longer or ask for fewer harmonics"
         )
-    return sine_fit(
-        signal.time[inside], signal.value[inside], dwell.frequency, most, trend=trend, beside=beside
-    )  # fmt: skip
+    time, value = signal.time[inside], signal.value[inside]
+    return sine_fit(time, value, dwell.frequency, most, trend=trend, beside=beside)

@@ -12,7 +12,7 @@ from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.estimation.describing_functions.elements import Relay
 from idloop.estimation.describing_functions.linear_part import LinearPart, linear_part
-from idloop.estimation.describing_functions.presentation import plain
+from idloop.json_values import to_json
 
 # Half periods that are tried, over the fastest and the slowest time constant, and how many for a factor of ten.
 SHORTEST, LONGEST, PER_DECADE = 1e-5, 20.0, 40
@@ -41,14 +41,8 @@ class RelayCycle:
 
     def to_dict(self) -> dict[str, float | bool | None]:
         """Return plain values for JSON."""
-        return {
-            "frequency": self.frequency,
-            "peak": self.peak,
-            "amplitude": self.amplitude,
-            "point_real": plain(self.point.real),
-            "point_imag": plain(self.point.imag),
-            "stable": self.stable,
-        }
+        values = {name: getattr(self, name) for name in ("frequency", "peak", "amplitude", "stable")}
+        return dict(to_json({**values, "point_real": self.point.real, "point_imag": self.point.imag}))
 
 
 def relay_cycles(system: Any, relay: Relay, *, delay: float = 0.0) -> tuple[RelayCycle, ...]:

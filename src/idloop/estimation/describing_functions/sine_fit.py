@@ -34,11 +34,10 @@ def sine_fit(
     trend: bool = True,
     beside: Array | None = None,
 ) -> SineFit:
-    """Fit a sampled signal by least squares: mean, straight line, sine and harmonics together.
+    """Fit mean, straight line, sine and harmonics to samples (n,) of whole periods by least squares.
 
-    `time`, `value` (n,): stamps [s] and samples, all finite; whole periods. `frequency`: fundamental [Hz]. `harmonics`:
-    highest harmonic, 1 or more. `trend`: let the signal drift along a straight line, as a position does. `beside` (q,):
-    frequencies [Hz] at which the residual is wanted.
+    `trend`: let the signal drift along a straight line, as a position does; `beside` (q,): frequencies [Hz] at which
+    the residual is wanted.
     """
     phase = 2.0 * math.pi * frequency * np.outer(time, np.arange(1, harmonics + 1))
     middle, span = 0.5 * (time[0] + time[-1]), max(float(time[-1] - time[0]), 1e-300)
@@ -64,12 +63,9 @@ def held_sine_fit(
     *,
     beside: Array | None = None,
 ) -> SineFit:
-    """Harmonics of a signal that is held from each stamp to the next, by exact integration.
+    """Harmonics from `start` to `stop` of a signal that is held from each stamp to the next, by exact integration.
 
     A held sine lags its samples by half a sample and is a little smaller: the axis sees the held one.
-
-    `time`, `value` (n,): stamps [s] and values; the first not after `start`; `start`, `stop`: whole periods [s];
-    `frequency`, `harmonics`, `beside`: as in `sine_fit`.
     """
     first = max(int(np.searchsorted(time, start, side="right")) - 1, 0)
     after = int(np.searchsorted(time, stop, side="left"))
@@ -85,11 +81,7 @@ def held_sine_fit(
 
 
 def refine_frequency(time: Array, value: Array, frequency: float) -> float:
-    """Frequency [Hz] near a first guess at which a sine leaves the least of a sampled signal.
-
-    `time`, `value` (n,): stamps [s] and samples of several periods; `frequency`: guess, right to half a period over the
-    record.
-    """
+    """Frequency [Hz] at which a sine leaves the least of a signal; the guess is right to half a period over it."""
     from scipy.optimize import minimize_scalar
 
     reach = 0.5 / float(time[-1] - time[0])
