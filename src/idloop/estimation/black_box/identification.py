@@ -75,10 +75,7 @@ def identify(
 
 
 def information(found: Identified, data: Sequence[SampledData]) -> Information:
-    """Loss and criteria of a model on the data that it was identified from.
-
-    Raises InputError: a response, which predicts nothing.
-    """
+    """Loss and criteria of a model on the data that it was identified from."""
     import numpy as np
 
     model = found.linear

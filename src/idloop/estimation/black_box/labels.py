@@ -14,10 +14,7 @@ def control_names(names: Sequence[str]) -> list[str]:
 def bode_labels(
     inputs: Sequence[str], input_units: Sequence[str], outputs: Sequence[str], output_units: Sequence[str]
 ) -> tuple[str | None, list[list[str]]]:
-    """Unit of the magnitude, where all curves have the same, and the text of each curve.
-
-    Returns `unit`: none where the curves have several; then each has its own in its text; `texts`: by output and input.
-    """
+    """Unit of the magnitude, where all curves have the same, and the text of each curve."""
     units = [[ratio_unit(out, given) for given in input_units] for out in output_units]
     shared = len({unit for row in units for unit in row}) == 1
     texts = [

@@ -398,10 +398,7 @@ METHODS: dict[str, Method] = {
 
 
 def find_method(name: str) -> Method:
-    """Return a method by name.
-
-    Raises InputError: no such method.
-    """
+    """Return a method by name."""
     if name not in METHODS:
         raise InputError(f"no method {name!r}{did_you_mean_or_known(name, METHODS)}")
     return METHODS[name]

@@ -58,11 +58,7 @@ def prefiltered(data: Sequence[SampledData], prefilter: Filter | None) -> list[S
 
 
 def band_filter(low: float, high: float, sample_time: float) -> Filter:
-    """Butterworth filter of second order that weighs a fit towards a band.
-
-    `low`, `high`: edges [Hz]; 0 and infinity leave a side open; `sample_time`: [s]. Raises InputError: an empty band,
-    or one that half the sample rate does not hold.
-    """
+    """Butterworth filter of second order that weighs a fit towards a band."""
     from scipy.signal import butter
 
     nyquist = 0.5 / sample_time

@@ -177,10 +177,7 @@ def together(data: SampledData | Sequence[SampledData]) -> list[SampledData]:
 
 
 def check_fits(data: SampledData, method: str, inputs: int, outputs: int, sample_time: float) -> None:
-    """Check that a model's signals and sample time are those of the data.
-
-    Raises InputError: other numbers of signals or another sample time than the model's.
-    """
+    """Check that a model's signals and sample time are those of the data."""
     if (data.input.shape[1], data.output.shape[1]) != (inputs, outputs):
         raise InputError(
             f"{data.name}: {data.input.shape[1]} inputs and {data.output.shape[1]} outputs; the model"

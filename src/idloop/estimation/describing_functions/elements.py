@@ -53,10 +53,7 @@ class ClosedForm(Element, Protocol):
 
 
 def positive_amplitudes(amplitude: ArrayLike, where: str) -> Array:
-    """Check amplitudes, any shape.
-
-    Raises InputError: one of them is not above zero, or not finite.
-    """
+    """Check amplitudes, any shape."""
     values = np.asarray(amplitude, dtype=np.float64)
     if values.size == 0 or not np.all(np.isfinite(values)) or np.any(values <= 0.0):
         raise InputError(f"{where}: amplitudes must be finite and above 0; leave the others out")

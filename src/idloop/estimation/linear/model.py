@@ -280,10 +280,7 @@ class LinearModel:
 
 
 def instability_notes(a: Array) -> tuple[str, ...]:
-    """One note where the free run grows, none otherwise.
-
-    `a` (n, n): state matrix.
-    """
+    """One note where the free run grows, none otherwise."""
     if not np.all(np.isfinite(a)):
         return ()
     radius = float(np.max(np.abs(np.linalg.eigvals(a)), initial=0.0))

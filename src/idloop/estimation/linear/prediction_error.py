@@ -29,11 +29,7 @@ _SCALED_ON = 20_000  # samples from which the scale of the states is taken
 
 
 def start_model(start: LinearModel | control.StateSpace | control.TransferFunction, data: SampledData) -> LinearModel:
-    """A model with the signals of the data; one that is a LinearModel already as it is.
-
-    `start`: of a python-control system the Kalman gain is zero; a continuous one is sampled, its commands held. Raises
-    InputError: neither of these, or a system with other numbers of inputs and outputs than the data.
-    """
+    """A model with the signals of the data; one that is a LinearModel already as it is."""
     import control
 
     if isinstance(start, LinearModel):
@@ -167,11 +163,7 @@ def finished(
     focus: Focus,
     prefilter: Filter | None,
 ) -> LinearModel:
-    """Model at the end of a search, with its error covariance, coefficients and notes.
-
-    `shape`: whose method, signals and sample time the model has; `names`: of the parameters that are coefficients;
-    `kept`: which parameters these are.
-    """
+    """Model at the end of a search, with its error covariance, coefficients and notes."""
     notes = [] if found.converged else [f"not converged after {found.iterations} iterations"]
     if prefilter is not None:
         notes.append("fitted on filtered signals, whose noise the Kalman gain describes")

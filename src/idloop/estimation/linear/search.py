@@ -27,8 +27,6 @@ def autoregressive_covariance(series: Sequence[Array]) -> Array:
     A vector autoregression whose order minimises the Bayesian criterion is fitted; its spectral density at zero
     frequency is the answer (VARHAC; den Haan and Levin, Handbook of Statistics 15, 1997). The quadratic spectral
     kernel of `idloop.estimation.statistics.covariance` suits scores that die out without swinging.
-
-    `series` (n_i, k): of each experiment.
     """
     k = series[0].shape[1]
     scale = np.sqrt(sum(np.sum(one**2, axis=0) for one in series) / sum(len(one) for one in series))
@@ -157,8 +155,6 @@ def mirrored(model: Matrices, covariance: Array) -> Matrices:
 
     The spectrum of the outputs stays what it is (spectral factorisation; Anderson and Moore, Optimal Filtering,
     section 9.4), and near the circle so does the gain: a search passes over without a jump.
-
-    `covariance` (p, p): of the innovations.
     """
     if not predictor_radius(model) > 1.0 or not np.all(np.isfinite(model.flat())):
         return model

@@ -73,11 +73,7 @@ def narx_neural(
 
 
 def nguyen_widrow(hidden: int, inputs: int, random: np.random.Generator) -> tuple[Array, Array]:
-    """Weights and biases whose active regions share out the cube from −1 to 1 (Nguyen and Widrow 1990).
-
-    Returns `weight` (hidden, inputs): rows of length 1.4 hidden^(1 / inputs): a tanh is active from −2 to 2 of its
-    argument; `bias` (hidden,).
-    """
+    """Weights and biases whose active regions share out the cube from −1 to 1 (Nguyen and Widrow 1990)."""
     size = 2.0 * 0.7 * hidden ** (1.0 / inputs)
     weight = random.uniform(-1.0, 1.0, (hidden, inputs))
     weight *= size / np.linalg.norm(weight, axis=1, keepdims=True)

@@ -82,12 +82,7 @@ def prepare(
     random: np.random.Generator,
     free: Callable[[int, int], int],
 ) -> Preparation:
-    """Check the data, build its regressors and share out its samples.
-
-    `free`: how many numbers will be estimated, from the numbers of regressors and outputs. Raises InputError: no data,
-    records shorter than the delays, fewer training samples than numbers to estimate, an output or all commands that do
-    not move.
-    """
+    """Check the data, build its regressors and share out its samples."""
     several = together(data)
     source, lag = delays.taps(several[0].input.shape[1], several[0].output.shape[1])
     first = int(np.max(lag))

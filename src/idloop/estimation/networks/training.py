@@ -200,12 +200,7 @@ def _mean_squares(errors: Array, data: TrainingData) -> Array:
 def train(
     network: Network, data: TrainingData, rules: TrainingRules, *, parallel: bool = False, with_linear: bool = False
 ) -> tuple[Network, TrainingHistory]:
-    """Train all adjustable numbers of a network.
-
-    `network`: start; `parallel`: fit the free run (parallel form) instead of the prediction one step ahead
-    (series-parallel form); `with_linear`: whether the linear part is trained as well. Returns `network`: the one with
-    the least validation error; without validation data, the last; `history`.
-    """
+    """Train all adjustable numbers of a network."""
     point, mu = parameters(network, with_linear), rules.mu
     course = _errors_of(network, data, parallel)
     now = _mean_squares(course.errors(network), data)

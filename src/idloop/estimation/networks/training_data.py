@@ -16,20 +16,14 @@ BLOCK = 1024  # samples whose slopes are held at a time: as many as the cache ha
 
 
 def by_range(values: Array) -> tuple[Array, Array]:
-    """Centre and half width of the range of each column; the half width of a constant column is 1.
-
-    `values` (n, c). Returns `center, width` (c,).
-    """
+    """Centre and half width of the range of each column; the half width of a constant column is 1."""
     low, high = np.min(values, axis=0), np.max(values, axis=0)
     width = 0.5 * (high - low)
     return 0.5 * (low + high), np.where(width > 0, width, 1.0)
 
 
 def by_spread(values: Array) -> tuple[Array, Array]:
-    """Mean and standard deviation of each column; the standard deviation of a constant column is given as 1.
-
-    `values` (n, c). Returns `center, width` (c,).
-    """
+    """Mean and standard deviation of each column; the standard deviation of a constant column is given as 1."""
     center = np.mean(values, axis=0)
     width = np.std(values, axis=0)
     # Rounding of the mean makes a constant column seem to move.
@@ -79,10 +73,7 @@ class Split:
 
 
 def divide(division: Division, rows: Sequence[int], random: np.random.Generator) -> Split:
-    """Share out the rows of several experiments.
-
-    `rows`: of each experiment.
-    """
+    """Share out the rows of several experiments."""
     parts: tuple[list[Integers], list[Integers], list[Integers]] = ([], [], [])
     start = 0
     for count in [sum(rows)] if division.by == "random" else rows:
@@ -156,11 +147,7 @@ class TappedDelays:
 
 
 def regressors(source: Integers, lag: Integers, inputs: Array, outputs: Array) -> Array:
-    """Regressors of one experiment from the first sample on for which all of them are known.
-
-    `source`, `lag` (r,): of ``TappedDelays.taps``; `inputs`, `outputs` (N, m) and (N, p). Returns shape (N - longest
-    lag, r).
-    """
+    """Regressors of one experiment from the first sample on for which all of them are known."""
     first, p = int(np.max(lag)), outputs.shape[1]
     columns = [
         (outputs[:, one] if one < p else inputs[:, one - p])[first - back : len(outputs) - back]

@@ -119,11 +119,7 @@ def narx_wavelet(
 
 
 def dyadic_grid(z: Array, levels: int, cells: int) -> tuple[Integers, Array, Array]:
-    """Candidates on a dyadic grid, only where there are samples.
-
-    `z` (n, d): scaled regressors; `cells`: most cells of a level; those that hold most samples are kept. Returns `kind`
-    (c,); `center` (c, d); `dilation` (c,): the coarsest is one over the radius that holds nearly all samples.
-    """
+    """Candidates on a dyadic grid, only where there are samples."""
     radius = max(float(np.percentile(np.linalg.norm(z, axis=1), 99.0)), 1e-12)
     kinds, centers, dilations = [], [], []
     for level in range(levels):

@@ -115,10 +115,7 @@ class Distortion:
         return found
 
     def draw_levels(self, axes: Any, only: int | None = None) -> None:
-        """Add the standard errors with and without nonlinear distortion to the magnitudes of a Bode diagram.
-
-        `only`: draw this output; all when left out.
-        """
+        """Add the standard errors with and without nonlinear distortion to the magnitudes of a Bode diagram."""
         from idloop import drawing
 
         for index, name in enumerate(self.output_names):

@@ -44,10 +44,7 @@ class CrossSpectra:
 
 
 def without_trend(values: Array, trend: Trend) -> Array:
-    """Columns without their mean or their straight line, shape (n, c).
-
-    Raises InputError: a trend that is not known.
-    """
+    """Columns without their mean or their straight line, shape (n, c)."""
     if trend == "none":
         return values
     centred = values - np.mean(values, axis=0)
@@ -156,10 +153,7 @@ def welch(
 
 
 def segment_length(data: Sequence[SampledData], segment: int | None, overlap: float) -> int:
-    """Length of the segments after checks; by default it grows with the record, and so does the number of averages.
-
-    Raises InputError: too long for the data, too short for a spectrum, or an overlap out of range.
-    """
+    """Length of the segments after checks; by default it grows with the record, and so does the number of averages."""
     shortest = min(len(one) for one in data)
     if segment is None:
         segment = usual_segment(data)
@@ -178,12 +172,7 @@ def usual_segment(data: Sequence[SampledData]) -> int:
 
 
 def averaged(signals: Sequence[Array], length: int, overlap: float, sample_time: float) -> CrossSpectra:
-    """Average the periodograms of the segments of all experiments.
-
-    `signals` (n, c): one for each experiment; `length`: of a segment [samples]; `overlap`: share of a segment;
-    `sample_time`: [s]. Returns: at the segments' lines above zero and below half the sample rate. The number of
-    averages allows for what overlapping segments have in common (Welch 1967, section III).
-    """
+    """Average the periodograms of the segments of all experiments."""
     # Periodic, so that its lines are the segment's own.
     window = 0.5 * (1.0 - np.cos(2 * np.pi * np.arange(length) / length))
     hop = max(length - round(overlap * length), 1)
@@ -333,10 +322,7 @@ def _smoothing_notes(found: FrequencyResponse, finer: FrequencyResponse, window:
 
 
 def covariances(values: Array, lags: int) -> Array:
-    """Sums of products Σ_t z_i(t + τ) z_j(t) for τ = −lags..lags, by fast convolution, shape (2 lags + 1, c, c).
-
-    `values` (n, c).
-    """
+    """Sums of products Σ_t z_i(t + τ) z_j(t) for τ = −lags..lags, by fast convolution, shape (2 lags + 1, c, c)."""
     from scipy.fft import irfft, next_fast_len, rfft
 
     size = next_fast_len(len(values) + lags, real=True)

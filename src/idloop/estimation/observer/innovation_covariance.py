@@ -58,11 +58,7 @@ class InnovationCovariance:
             return self.known and bool(np.any(np.abs(innovation) > _DIVERGED * self.size))
 
     def weigh(self, innovation: Array) -> tuple[Array, Array]:
-        """Weights for least squares: less for outliers, none for missing outputs.
-
-        `innovation` (n, p): NaN where not measured. Returns `weight` (n, p, p); `weighted` (n, p): weight times
-        innovation.
-        """
+        """Weights for least squares: less for outliers, none for missing outputs."""
         known = np.isfinite(innovation)
         n, p = innovation.shape
         filled = np.where(known, innovation, 0.0)

@@ -203,11 +203,7 @@ class PredictorBank:
         self._layouts[index + 1] = None
 
     def probe(self, index: int, deviation: Array, upper: float) -> float:
-        """Typical size of a parameter: the power of ten that changes the waiting innovations by a norm of about 10.
-
-        `index`: parameter; `deviation` (p,): standard deviation of the innovations; `upper`: upper bound of the
-        parameter.
-        """
+        """Typical size of a parameter: the power of ten that changes the waiting innovations by a norm of about 10."""
         t, y, base = self._samples.since(0)
         layout, state, history = self._layout(index + 1), self._states[index + 1], self._histories[index + 1]
 

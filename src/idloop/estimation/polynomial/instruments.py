@@ -118,8 +118,6 @@ def refined(data: Sequence[Channel], orders: Orders, start: Array, rounds: int =
 
     Young, Recursive Estimation and Time-Series Analysis, 2nd ed., section 7.4: instruments and signals go
     through 1 / A, and all is repeated until A stays.
-
-    `orders`: na, nb and nk; `start` (k,). Returns shape (k,): with the roots of A inside the unit circle or on it.
     """
     first = first_row(orders)
     coefficients = start.copy()

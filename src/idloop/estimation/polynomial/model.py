@@ -21,11 +21,7 @@ _FIRST_LOOK = 20_000  # samples that are nearly always enough
 
 
 def excited_order(commands: Sequence[Array], most: int) -> int:
-    """Order of which a command is persistently exciting (Ljung, 2nd ed., definition 13.1), `most` or less.
-
-    `commands` (n_i,): the same command in several experiments. Returns: independent directions of its windows of `most`
-    samples.
-    """
+    """Order of which a command is persistently exciting (Ljung, 2nd ed., definition 13.1), `most` or less."""
     for few in (True, False):
         used = [command[:_FIRST_LOOK] if few else command for command in commands]
         blocks = [
@@ -48,9 +44,6 @@ def excitation_notes(
     """One note for each command that does not excite B and F sufficiently (Ljung, 2nd ed., section 13.4).
 
     Outputs excite A by their noise, whatever the command is.
-
-    `polynomials`: of each output; `instruments`: whether instruments keep noise out, so that A needs the command as
-    well.
     """
     notes = []
     for column, name in enumerate(data[0].input_names):
@@ -88,10 +81,7 @@ def assemble(
     *,
     notes: Sequence[str] = (),
 ) -> PolynomialModel:
-    """Put the outputs' polynomials together to one model.
-
-    `polynomials`: of each output; `errors`: prediction errors of each output in each experiment, up to its end.
-    """
+    """Put the outputs' polynomials together to one model."""
     from scipy.linalg import block_diag
 
     common = [

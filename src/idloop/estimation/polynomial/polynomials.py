@@ -116,10 +116,7 @@ class Orders:
 
 
 def per_input(value: int | Sequence[int], inputs: int, name: str) -> tuple[int, ...]:
-    """Spread one number over all inputs, or check that there is one for each.
-
-    Raises InputError: another count than that of the inputs.
-    """
+    """Spread one number over all inputs, or check that there is one for each."""
     values = (int(value),) * inputs if isinstance(value, int) else tuple(int(v) for v in value)
     if len(values) != inputs:
         raise InputError(f"{name} has {len(values)} entries for {inputs} inputs; give one number or one per input")
@@ -139,9 +136,6 @@ def reflect(polynomial: Array, limit: float = 1.0) -> Array:
     """Mirror the roots outside the unit circle at it, and pull what is still beyond `limit` in to that.
 
     Mirroring keeps the magnitude of the frequency response up to a factor.
-
-    `polynomial`: coefficients of 1, q^-1, ...; the first is 1; `limit`: largest magnitude that is left alone. Returns:
-    as long as `polynomial`, first coefficient 1.
     """
     if radius(polynomial) <= limit:
         return polynomial

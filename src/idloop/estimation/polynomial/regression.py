@@ -37,10 +37,7 @@ def lagged(signal: Array, lags: Sequence[int], first: int, last: int | None = No
 
 
 def triangle(blocks: Iterable[Array]) -> Array:
-    """Triangular factor R of the QR factorisation of blocks of rows on top of each other.
-
-    `blocks` (n_i, k). Returns shape (k, k): upper triangular, with the lengths and the inner products of the columns.
-    """
+    """Triangular factor R of the QR factorisation of blocks of rows on top of each other."""
     factor: Array | None = None
     for block in blocks:
         stacked = block if factor is None else np.vstack([factor, block])
@@ -67,10 +64,7 @@ class Solution:
 
 
 def solve(factor: Array) -> Solution:
-    """Solve for the last column of a triangular factor from the others.
-
-    `factor` (k + 1, k + 1): of `triangle`, from the rows [regressors, target].
-    """
+    """Solve for the last column of a triangular factor from the others."""
     k = factor.shape[1] - 1
     inverse, undetermined = inverse_factor(factor[:k, :k])
     scale = _scale(factor[:k, :k])
@@ -80,10 +74,7 @@ def solve(factor: Array) -> Solution:
 
 
 def inverse_factor(factor: Array) -> tuple[Array, Mask]:
-    """W with W W^T the pseudo-inverse of R^T R, and which coordinates it leaves open.
-
-    `factor` (n, k): R, or any matrix with as many columns as coefficients.
-    """
+    """W with W W^T the pseudo-inverse of R^T R, and which coordinates it leaves open."""
     scale = _scale(factor)
     _, values, right = np.linalg.svd(factor / scale, full_matrices=False)
     keep = values > _RANK * max(float(values[0]) if len(values) else 0.0, 1e-300) * max(factor.shape[1], 1)
@@ -138,10 +129,7 @@ def regression_blocks(data: Sequence[Channel], orders: Orders, first: int) -> It
 
 
 def least_squares(data: Sequence[Channel], orders: Orders) -> Solution:
-    """ARX coefficients in the order of `Orders.names`.
-
-    Raises InputError: fewer rows than coefficients.
-    """
+    """ARX coefficients in the order of `Orders.names`."""
     first = first_row(orders)
     rows = sum(max(len(c.output) - first, 0) for c in data)
     if rows <= orders.size:
@@ -194,10 +182,7 @@ def scores_of(channel: Channel, orders: Orders, solution: Solution, first: int) 
 
 
 def white_errors(factor: Array, variance: float, undetermined: Mask) -> Array:
-    """Variance of the errors times the inverse of the information (Ljung, 2nd ed., eq. 9.42), shape (k, k).
-
-    `factor` (k, r): W with W W^T the inverse of the sum of psi psi^T; `undetermined` (k,): coefficients that get NaN.
-    """
+    """Variance of the errors times the inverse of the information (Ljung, 2nd ed., eq. 9.42), shape (k, k)."""
     return _opened(variance * factor @ factor.T, undetermined)
 
 

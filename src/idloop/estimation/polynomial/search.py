@@ -234,10 +234,7 @@ class Information:
 
 
 def best(objective: Objective, starts: Sequence[Array]) -> Found:
-    """Follow the most promising starts to their minima and keep the lowest.
-
-    `starts` (r,): free coefficients. Raises IdloopError: when no start gives a predictor that stays finite.
-    """
+    """Follow the most promising starts to their minima and keep the lowest."""
     draft = _shortened(objective)
     valued = sorted(
         ((value, index) for index, s in enumerate(starts) if np.isfinite(value := _squares(draft, s))),

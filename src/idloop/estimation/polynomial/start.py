@@ -37,8 +37,6 @@ def starts(data: Sequence[Channel], orders: Orders) -> list[Array]:
     1982) on the innovations gives A, B and C; the iteration of Steiglitz and McBride (IEEE Trans. Automatic
     Control 10, 1965) on the data and on the impulse responses gives B and F, and the noise model follows from
     what these leave.
-
-    Returns shape (k,): with the roots of C and F inside the unit circle or on it.
     """
     found: list[Array] = []
     innovations, responses = _long_model(data, orders)

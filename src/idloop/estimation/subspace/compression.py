@@ -57,9 +57,6 @@ def window_moments(inputs: Array, outputs: Array, length: int) -> Array:
     lag j and those of the two next lags differ by the first and the last sample alone. The first block of rows is
     therefore all that has to be summed (as SLICOT's IB01MD does; Sima, Sima and Van Huffel, J. Comput. Appl. Math. 170,
     2004).
-
-    `inputs`, `outputs` (samples, m), (samples, p); `length`: samples in a window, at most `samples`. Returns shape
-    (length (m + p), length (m + p)): a row is one signal at one lag, (u, y) of one lag and then of the next.
     """
     samples, wide = len(outputs), inputs.shape[1] + outputs.shape[1]
     windows, rows = samples - length + 1, length * wide
@@ -84,10 +81,7 @@ def window_moments(inputs: Array, outputs: Array, length: int) -> Array:
 
 
 def triangular(moments: Array, ridge: float = 0.0) -> Array | None:
-    """Lower triangular square root, or none where the moments are too nearly singular to have one, shape (r, r).
-
-    `moments` (r, r); `ridge`: variance that is added to each row, as a share of its own.
-    """
+    """Lower triangular square root, or none where the moments are too nearly singular to have one, shape (r, r)."""
     size = np.sqrt(np.diagonal(moments))
     if not np.all(size > 0.0):
         return None
@@ -250,10 +244,7 @@ def check_excitation(compression: Compression) -> None:
 
 
 def not_exciting(compression: Compression, excited: int, needed: int) -> InputError:
-    """Error for commands that are not persistently exciting of the order that a method needs.
-
-    `excited`: directions of all commands that the data have; `needed`: of each command.
-    """
+    """Error for commands that are not persistently exciting of the order that a method needs."""
     first, each = compression.experiments[0], excited // compression.inputs
     sine = " as a single sine is" if each == 2 else ""
     return InputError(
@@ -322,11 +313,7 @@ def halved_windows(
     feedthrough: bool,
     exact: bool = False,
 ) -> Compression:
-    """Windows of past and future of one length: the user's, or the longest by the rule that the commands excite.
-
-    `feedthrough`: as for `default_horizon`; `exact`: as for `compress`. Returns: of windows of twice the horizon.
-    Raises InputError: a horizon below 2, or commands that excite too little for any, or for the order.
-    """
+    """Windows of past and future of one length: the user's, or the longest by the rule that the commands excite."""
     if horizon is not None:
         if horizon < 2:
             raise InputError(f"horizon of {horizon} samples; give at least 2")

@@ -42,11 +42,7 @@ class CommandMisfit:
 
 
 def controller_notes(spec: Mapping[str, Any], data: Sequence[SampledData]) -> list[str]:
-    """Say how far the controller that is taken for known is from the one that ran.
-
-    `spec`: ``controller:`` section of a model file; `data`: with every output that it reads. Returns: nothing where it
-    made the recorded commands. Raises InputError: its command does not explain the recorded one.
-    """
+    """Say how far the controller that is taken for known is from the one that ran."""
     period, own = data[0].sample_time, float(spec.get("sample_time", data[0].sample_time))
     if abs(period - own) > _SAME_PERIOD * period:
         note = f"the controller ran every {own:g} s and is only approximated on data every {period:g} s"

@@ -103,12 +103,7 @@ def _filtered(
 
 
 def modal_regression(a: Array, c: Array, gain: Array, compression: Compression, feedthrough: bool) -> ModalFit | None:
-    """Fit B, D and the first states to the outputs predicted with A, C and K.
-
-    `a`, `c`, `gain` (n, n), (p, n), (n, p): in scaled units; `compression`: whose experiments are taken in again, in
-    its units; `feedthrough`: whether D is estimated; else it is zero. Returns: none where modes or moments carry too
-    few digits: the rows themselves have to be taken then.
-    """
+    """Fit B, D and the first states to the outputs predicted with A, C and K."""
     modes = _modes(a - gain @ c)
     if modes is None:
         return None
@@ -264,11 +259,7 @@ def assembled(
     notes: tuple[str, ...],
     covariance: Array | None = None,
 ) -> LinearModel:
-    """Model in the signals' own units; its innovation covariance is that of its errors on the data.
-
-    `matrices`: in scaled units; `feedthrough`: whether D was estimated; `covariance` (p, p): of the prediction errors
-    in scaled units, where it is known; else the data are predicted.
-    """
+    """Model in the signals' own units; its innovation covariance is that of its errors on the data."""
     first = compression.experiments[0]
     n, m, p = len(matrices.a), compression.inputs, compression.outputs
     command, measure = compression.input_scale, compression.output_scale

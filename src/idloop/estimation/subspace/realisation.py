@@ -137,10 +137,7 @@ class Noise:
     cross: Array
 
     def kalman_gain(self, a: Array, c: Array) -> Array:
-        """Stationary gain of the one-step predictor, shape (n, p).
-
-        Raises IdloopError: no stationary predictor exists: an unstable mode that no output shows.
-        """
+        """Stationary gain of the one-step predictor, shape (n, p)."""
         output = self.output + _NOISE_FLOOR * np.eye(len(self.output))
         size = _NOISE_FLOOR * max(float(np.trace(self.process)), 1e-3)
         mixed = np.linalg.solve(output, self.cross.T).T
@@ -240,10 +237,7 @@ def reflected(a: Array) -> Array:
 
 
 def constrained(a: Array, *, stable: bool, integrates: bool) -> Array:
-    """A with what is known of its poles imposed: one integrator, none outside the unit circle.
-
-    Raises InputError: no real pole is near 1, so that the data contradict the integrator.
-    """
+    """A with what is known of its poles imposed: one integrator, none outside the unit circle."""
     a = integrating(a) if integrates else a
     return reflected(a) if stable else a
 
@@ -256,10 +250,7 @@ def beyond_windows(a: Array, horizon: int) -> bool:
 
 
 def integrating(a: Array) -> Array:
-    """A with its real pole nearest 1 moved to 1, all eigenvectors kept.
-
-    Raises InputError: no real pole lies within 0.1 of 1.
-    """
+    """A with its real pole nearest 1 moved to 1, all eigenvectors kept."""
     from scipy.linalg import eig
 
     poles, left, right = eig(a, left=True, right=True)
