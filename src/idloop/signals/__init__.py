@@ -7,8 +7,7 @@
 from __future__ import annotations
 
 from idloop.signals.base import LineGrid, Segment, SignalKind
-from idloop.signals.catalogue import COMMON_PARAMETERS, SIGNALS
-from idloop.signals.generate import build_signal, check_signal
+from idloop.signals.generate import COMMON_PARAMETERS, SIGNALS, build_signal, check_signal
 from idloop.signals.signal import Signal
 
 __all__ = [

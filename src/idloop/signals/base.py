@@ -20,28 +20,21 @@ CYCLE_TOLERANCE = 1e-9
 
 @dataclass(frozen=True)
 class Segment:
-    """One stretch of a stepped signal, in sample indices.
-
-    `start`, `settled`, `stop`: first sample, first sample after settling, and one past the last sample. `frequency`:
-    frequency in this stretch in Hz; 0 where the stretch holds a constant level.
-    """
+    """One stretch of a stepped signal, in sample indices."""
 
     start: int
-    settled: int
-    stop: int
-    frequency: float = 0.0
+    settled: int  # first sample after settling
+    stop: int  # one past the last sample
+    frequency: float = 0.0  # Hz; 0 where the stretch holds a constant level
 
 
 @dataclass(frozen=True)
 class LineGrid:
-    """Harmonics of a multisine.
+    """Harmonics of a multisine."""
 
-    `fundamental`: line spacing in Hz; `excited`, `odd_detection`, `even_detection`: harmonic numbers that carry power,
-    and those left empty inside the band, where only odd or even nonlinearity (and noise) can show up.
-    """
-
-    fundamental: float
-    excited: Integers
+    fundamental: float  # line spacing [Hz]
+    excited: Integers  # harmonic numbers that carry power
+    # Those left empty inside the band, where only odd or even nonlinearity (and noise) can show up
     odd_detection: Integers
     even_detection: Integers
 

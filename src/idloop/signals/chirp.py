@@ -11,12 +11,7 @@ from idloop.signals.base import Request, Shape, SignalKind
 
 
 def generate(
-    request: Request,
-    *,
-    frequency_start: float,
-    frequency_end: float | None,
-    sweep: str,
-    sweep_time: float | None,
+    request: Request, *, frequency_start: float, frequency_end: float | None, sweep: str, sweep_time: float | None
 ) -> Shape:
     """Sweep from one frequency to the other, starting at phase zero, again and again."""
     end = request.rate / 10.0 if frequency_end is None else frequency_end

@@ -9,12 +9,7 @@ from idloop.signals.base import Request, Segment, Shape, SignalKind
 
 
 def generate(
-    request: Request,
-    *,
-    drive_time: float,
-    coast_time: float,
-    fractions: tuple[float, ...],
-    alternate: bool,
+    request: Request, *, drive_time: float, coast_time: float, fractions: tuple[float, ...], alternate: bool
 ) -> Shape:
     """Drive at a level for `drive_time`, command zero for `coast_time`, and so on.
 

@@ -1,4 +1,4 @@
-"""Signals by name and parameters."""
+"""All kinds of excitation signals, and how they are built by name and parameters."""
 
 from __future__ import annotations
 
@@ -9,11 +9,37 @@ import numpy as np
 
 from idloop.arrays import Array
 from idloop.errors import InputError
-from idloop.parameter_table import check_values
+from idloop.parameter_table import REQUIRED, ParameterSpec, check_values, positive
+from idloop.signals import chirp, coast_down, multilevel, multisine, prbs, rgs, smooth, stepped_sine
 from idloop.signals.base import LONGEST, Request, Shape, SignalKind
-from idloop.signals.catalogue import COMMON_PARAMETERS, SIGNALS
 from idloop.signals.signal import Signal
+from idloop.signals.waves import CONSTANT, SAW, SINE, SQUARE, STEP, TRIANGLE, ZERO
 from idloop.spelling import did_you_mean
+
+COMMON_PARAMETERS: tuple[ParameterSpec, ...] = (
+    positive("sample_time", REQUIRED, "Time between samples.", "s"),
+    positive("duration", None, "Length of the signal; some kinds choose their own when it is left out.", "s"),
+    ParameterSpec("amplitude", "float", 1.0, "Peak about the offset (rgs: standard deviation).", minimum=0.0),
+    ParameterSpec("offset", "float", 0.0, "Added to the whole signal."),
+    ParameterSpec("seed", "int", 0, "Equal seeds give equal signals.", minimum=0, maximum=2**53),
+    ParameterSpec(
+        "ramp_in",
+        "float",
+        0.0,
+        "Time in which the whole signal, offset included, fades in from zero (smooth ignores it).",
+        unit="s",
+        minimum=0.0,
+    ),
+)
+
+SIGNALS: dict[str, SignalKind] = {
+    kind.name: kind
+    for kind in (
+        *(ZERO, CONSTANT, STEP, SINE, SQUARE, SAW, TRIANGLE),
+        *(stepped_sine.KIND, chirp.KIND, prbs.KIND, rgs.KIND, multilevel.KIND, multisine.KIND),
+        *(coast_down.KIND, smooth.KIND),
+    )
+}
 
 
 def build_signal(name: str, **parameters: Any) -> Signal:
@@ -32,8 +58,8 @@ def build_signal(name: str, **parameters: Any) -> Signal:
     InputError
         Unknown kind or parameter, a value out of range, or parameters that contradict each other.
     """
-    kind = find_kind(name)
     values = check_signal(name, parameters)
+    kind = SIGNALS[name]
     common = {spec.name: values[spec.name] for spec in COMMON_PARAMETERS}
     own = {spec.name: values[spec.name] for spec in kind.parameters}
     request = _request(kind, common)
@@ -55,21 +81,11 @@ def build_signal(name: str, **parameters: Any) -> Signal:
 
 
 def check_signal(name: str, parameters: dict[str, Any]) -> dict[str, Any]:
-    """Validate the parameters of a signal kind one by one, without building it.
-
-    Returns: every parameter of the kind, defaults filled in. Raises InputError: unknown kind or parameter, wrong type,
-    or out of range.
-    """
-    kind = find_kind(name)
-    return check_values((*COMMON_PARAMETERS, *kind.parameters), parameters, f"signal {name}")
-
-
-def find_kind(name: str) -> SignalKind:
-    """Look up a signal kind; InputError names the nearest known one."""
+    """Every parameter of a signal kind, checked one by one, with its default where it is left out."""
     if name not in SIGNALS:
         hint = did_you_mean(name, SIGNALS)
         raise InputError(f"signal: unknown kind {name!r}{hint}; known: {', '.join(SIGNALS)}")
-    return SIGNALS[name]
+    return check_values((*COMMON_PARAMETERS, *SIGNALS[name].parameters), parameters, f"signal {name}")
 
 
 def ramp(samples: int, sample_time: float, ramp_in: float) -> Array:

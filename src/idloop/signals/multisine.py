@@ -102,11 +102,7 @@ def generate(
         value,
         period_samples=length,
         lines=LineGrid(fundamental, excited, odd_detection, even_detection),
-        derived={
-            "frequency_max": high,
-            "fundamental": fundamental,
-            "excited_lines": int(excited.size),
-        },
+        derived={"frequency_max": high, "fundamental": fundamental, "excited_lines": int(excited.size)},
         notes=notes,
     )
 

@@ -10,68 +10,30 @@ from idloop.signals.base import Request, Shape, SignalKind
 
 # Exponents of a primitive feedback polynomial for each register length; the tests prove each one.
 TAPS: dict[int, tuple[int, ...]] = {
-    2: (2, 1),
-    3: (3, 2),
-    4: (4, 3),
-    5: (5, 3),
-    6: (6, 5),
-    7: (7, 6),
-    8: (8, 6, 5, 4),
-    9: (9, 5),
-    10: (10, 7),
-    11: (11, 9),
-    12: (12, 6, 4, 1),
-    13: (13, 4, 3, 1),
-    14: (14, 5, 3, 1),
-    15: (15, 14),
-    16: (16, 15, 13, 4),
-    17: (17, 14),
-    18: (18, 11),
-    19: (19, 6, 2, 1),
-    20: (20, 17),
-    21: (21, 19),
-    22: (22, 21),
-    23: (23, 18),
-    24: (24, 23, 22, 17),
-    25: (25, 22),
-    26: (26, 6, 2, 1),
-    27: (27, 5, 2, 1),
-    28: (28, 25),
-    29: (29, 27),
-    30: (30, 6, 4, 1),
-    31: (31, 28),
-}
+    2: (2, 1), 3: (3, 2), 4: (4, 3), 5: (5, 3), 6: (6, 5), 7: (7, 6), 8: (8, 6, 5, 4), 9: (9, 5), 10: (10, 7),
+    11: (11, 9), 12: (12, 6, 4, 1), 13: (13, 4, 3, 1), 14: (14, 5, 3, 1), 15: (15, 14), 16: (16, 15, 13, 4),
+    17: (17, 14), 18: (18, 11), 19: (19, 6, 2, 1), 20: (20, 17), 21: (21, 19), 22: (22, 21), 23: (23, 18),
+    24: (24, 23, 22, 17), 25: (25, 22), 26: (26, 6, 2, 1), 27: (27, 5, 2, 1), 28: (28, 25), 29: (29, 27),
+    30: (30, 6, 4, 1), 31: (31, 28),
+}  # fmt: skip
 
 
-def maximum_length_bits(order: int, count: int, start: int) -> NDArray[np.uint8]:
-    """Bits of a linear feedback shift register.
+def maximum_length_bits(order: int, count: int, start: int) -> NDArray[np.int8]:
+    """Bits of a linear feedback shift register, zeros and ones, shape (count,).
 
-    `order`: register length, 2 to 31; the bits repeat after ``2**order - 1``. `count`: number of bits. `start`:
-    register content at the start, 1 to ``2**order - 1``. Returns shape (count,): zeros and ones.
+    `order`: register length, 2 to 31; the bits repeat after ``2**order - 1``. `start`: register content at the start, 1
+    to ``2**order - 1``.
     """
-    taps = TAPS[order]
-    bits = np.zeros(max(count, order), dtype=np.uint8)
-    bits[:order] = (start >> np.arange(order)) & 1
-    filled, scale = order, 1
-    while filled < bits.size:
-        # Squaring a polynomial over GF(2) doubles its exponents: the recurrence also holds with
-        # every lag doubled, which fills ever longer blocks at once.
-        while 2 * scale * order <= filled:
-            scale *= 2
-        stop = min(filled + scale * min(taps), bits.size)
-        for tap in taps:
-            bits[filled:stop] ^= bits[filled - scale * tap : stop - scale * tap]
-        filled = stop
-    return bits[:count]
+    from scipy.signal import max_len_seq
+
+    state = (start >> np.arange(order)) & 1
+    # scipy counts the taps from the other end of the register.
+    bits, _ = max_len_seq(order, state, count, [order - tap for tap in TAPS[order][1:]])
+    return np.asarray(bits)
 
 
 def generate(
-    request: Request,
-    *,
-    order: int | None,
-    clock_divider: int | None,
-    band_hz: float | None,
-    inverse_repeat: bool,
+    request: Request, *, order: int | None, clock_divider: int | None, band_hz: float | None, inverse_repeat: bool
 ) -> Shape:
     """Two-level sequence, each bit held for `clock_divider` samples.
 

@@ -55,12 +55,7 @@ def generate(
 
 
 def _frequencies(
-    request: Request,
-    listed: tuple[float, ...] | None,
-    low: float,
-    high: float | None,
-    steps: int,
-    spacing: str,
+    request: Request, listed: tuple[float, ...] | None, low: float, high: float | None, steps: int, spacing: str
 ) -> Array:
     if listed is not None:
         if not listed:

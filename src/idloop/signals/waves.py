@@ -1,4 +1,4 @@
-"""Periodic waves: sine, square, saw tooth and triangle."""
+"""Constant levels, a step or pulse, and periodic waves: sine, square, saw tooth and triangle."""
 
 from __future__ import annotations
 
@@ -17,12 +17,27 @@ _DUTY = ParameterSpec(
 )
 
 
-def cycle_fraction(request: Request, frequency: float, phase: float) -> Array:
-    """Position within the cycle, in [0, 1).
+def zero(request: Request) -> Shape:
+    """Zero everywhere, to record noise, drift and the machine at rest; the offset is still added."""
+    return Shape(np.zeros(request.length), period_samples=1)
 
-    `request`: the sampling grid; `frequency`: frequency, at most half the sample rate [Hz]; `phase`: phase at time zero
-    [rad].
-    """
+
+def constant(request: Request) -> Shape:
+    """One everywhere."""
+    return Shape(np.ones(request.length), period_samples=1)
+
+
+def step(request: Request, *, start: float, width: float | None) -> Shape:
+    """Zero before `start`, one from `start` on and, where `width` is given, zero again after it."""
+    time = request.time() + CYCLE_TOLERANCE * request.sample_time
+    on = time >= start
+    if width is not None:
+        on &= time < start + width
+    return Shape(on.astype(np.float64))
+
+
+def cycle_fraction(request: Request, frequency: float, phase: float) -> Array:
+    """Position within the cycle, in [0, 1), at a frequency [Hz] and a phase at time zero [rad]."""
     request.check_frequency("frequency", frequency)
     period = whole_period(request, frequency)
     index = np.arange(request.length)
@@ -65,6 +80,17 @@ def triangle(request: Request, *, frequency: float, phase: float) -> Shape:
     return Shape(1.0 - 4.0 * np.abs(fraction - 0.5), period_samples=whole_period(request, frequency))
 
 
+ZERO = SignalKind("zero", "Zero (plus the offset).", (), zero)
+CONSTANT = SignalKind("constant", "Constant level: offset + amplitude.", (), constant)
+STEP = SignalKind(
+    "step",
+    "Step at a given time; a pulse where a width is given.",
+    (
+        ParameterSpec("start", "float", 1.0, "Time of the step.", unit="s", minimum=0.0),
+        positive("width", None, "Length of the pulse; left out, the step stays.", "s"),
+    ),
+    step,
+)
 SINE = SignalKind("sine", "Sine wave.", (_FREQUENCY, _PHASE), sine)
 SQUARE = SignalKind("square", "Square wave.", (_FREQUENCY, _PHASE, _DUTY), square)
 SAW = SignalKind("saw", "Saw-tooth wave, rising.", (_FREQUENCY, _PHASE), saw)

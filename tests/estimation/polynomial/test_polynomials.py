@@ -74,8 +74,3 @@ def test_first_coefficients_must_be_one():
         Orders(0, (0,), 0, 0, (0,), (1,))
     with pytest.raises(InputError, match="na = -1"):
         Orders(-1, (1,), 0, 0, (0,), (1,))
-
-
-def test_poles_and_zeros_are_drawn():
-    axes = some(Orders(2, (2, 1), 1, 1, (1, 0), (1, 0)), 2).plot()
-    assert axes.get_xlabel() == "real part of z [-]"

@@ -135,7 +135,7 @@ def describe_visible(outcomes: Sequence[Outcome]) -> str:
 
 def describe_signal(signal: Mapping[str, Any], adds_to: str, unit: str = "") -> str:
     """One line with the kind, the size and the length of a signal, by the arguments of `build_signal`."""
-    from idloop.signals.catalogue import SIGNALS
+    from idloop.signals import SIGNALS
 
     units = {spec.name: spec.unit for spec in SIGNALS[signal["name"]].parameters}
     per_second = {"velocity_limit": f"{unit}/s", "acceleration_limit": f"{unit}/s²"} if unit else {}

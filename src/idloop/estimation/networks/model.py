@@ -17,7 +17,7 @@ from idloop.estimation.black_box.labels import new_axes
 from idloop.estimation.black_box.sampled import SampledData, check_fits
 from idloop.estimation.networks.network import Network, ahead, parameters
 from idloop.estimation.networks.training import TrainingHistory
-from idloop.estimation.networks.training_data import Split, TappedDelays
+from idloop.estimation.networks.training_data import Form, Preparation, Split, TappedDelays
 from idloop.json_values import to_json
 from idloop.output_files import write_text
 
@@ -25,43 +25,50 @@ if TYPE_CHECKING:
     import control
 
 SCHEMA = "idloop/narx-model/1"
+_RANGES = 50.0  # a free run that leaves so many times the range of the training data has diverged
 
 
 @dataclass(frozen=True, eq=False)
 class NarxModel:
-    """A nonlinear ARX model y(k) = f(past outputs, past inputs), f a network.
+    """A nonlinear ARX model y(k) = f(past outputs, past inputs), f a network."""
 
-    Attributes
-    ----------
-    method : str
-        ``"narx-wavelet"`` or ``"narx-neural"``.
-    form : {"series-parallel", "parallel"}
-        Trained to predict one step ahead from measurements, or in free run from its own past outputs.
-    low, high : ndarray, shape (p,)
-        A free run is held between these: fifty times the range of the training data about its middle [output units].
-    sample_time : float
-        [s].
-    samples : int
-        Training samples.
-    split : Split
-        Which rows of the regressors served training, validation and test.
-    """
-
-    method: str
-    form: Literal["series-parallel", "parallel"]
+    method: str  # "narx-wavelet" or "narx-neural"
+    form: Form  # trained to predict one step ahead from measurements, or in free run from its own past outputs
     delays: TappedDelays
     network: Network
+    # shape (p,): a free run is held between these [output units]
     low: Array
     high: Array
-    sample_time: float
+    sample_time: float  # [s]
     input_names: tuple[str, ...]
     input_units: tuple[str, ...]
     output_names: tuple[str, ...]
     output_units: tuple[str, ...]
-    samples: int
-    split: Split
+    samples: int  # for training
+    split: Split  # which rows of the regressors served training, validation and test
     history: TrainingHistory
     notes: tuple[str, ...] = ()
+
+    @classmethod
+    def of(
+        cls, method: str, prepared: Preparation, network: Network, history: TrainingHistory, form: Form,
+        notes: tuple[str, ...] = (),
+    ) -> NarxModel:  # fmt: skip
+        """The model at the end of a training."""
+        reach = _RANGES * 2 * prepared.output_width
+        return cls(
+            method=method,
+            form=form,
+            delays=prepared.delays,
+            network=network,
+            low=prepared.output_center - reach,
+            high=prepared.output_center + reach,
+            samples=prepared.split.train.size,
+            split=prepared.split,
+            history=history,
+            notes=notes,
+            **prepared.experiments[0].labels,
+        )
 
     @property
     def first(self) -> int:
@@ -163,23 +170,26 @@ class NarxModel:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers for JSON."""
+        names = (
+            "method",
+            "form",
+            "sample_time",
+            "input_units",
+            "output_units",
+            "low",
+            "high",
+            "units",
+            "free",
+            "samples",
+        )
+        parts = {name: vars(getattr(self, name)) for name in ("delays", "split", "history")}
         return {
-            "method": self.method,
-            "form": self.form,
-            "delays": self.delays.to_dict(),
-            "sample_time": self.sample_time,
-            "inputs": list(self.input_names),
-            "input_units": list(self.input_units),
-            "outputs": list(self.output_names),
-            "output_units": list(self.output_units),
-            "low": self.low,
-            "high": self.high,
-            "units": self.units,
-            "free": self.free,
+            **{name: getattr(self, name) for name in names},
+            **parts,
             "samples": self.samples,
+            "inputs": self.input_names,
+            "outputs": self.output_names,
             "network": self.network._asdict(),
-            "split": {"train": self.split.train, "validation": self.split.validation, "test": self.split.test},
-            "history": self.history.to_dict(),
             "notes": list(self.notes),
         }
 
@@ -193,10 +203,6 @@ class NarxModel:
             Something is missing, or of another shape.
         """
         try:
-            names = {
-                key: tuple(map(str, document[key])) for key in ("inputs", "input_units", "outputs", "output_units")
-            }
-            network = _network(document["network"])
             history = dict(document["history"])
             curves: dict[str, Any] = {
                 key: _numbers(history.pop(key)) for key in ("train", "validation", "test", "gradient", "mu")
@@ -206,14 +212,14 @@ class NarxModel:
                 method=str(document["method"]),
                 form=document["form"],
                 delays=TappedDelays(**document["delays"]),
-                network=network,
+                network=_network(document["network"]),
                 low=_numbers(document["low"]),
                 high=_numbers(document["high"]),
                 sample_time=float(document["sample_time"]),
-                input_names=names["inputs"],
-                input_units=names["input_units"],
-                output_names=names["outputs"],
-                output_units=names["output_units"],
+                input_names=tuple(map(str, document["inputs"])),
+                input_units=tuple(map(str, document["input_units"])),
+                output_names=tuple(map(str, document["outputs"])),
+                output_units=tuple(map(str, document["output_units"])),
                 samples=int(document["samples"]),
                 split=Split(**rows),
                 history=TrainingHistory(**curves, **history),
@@ -221,7 +227,7 @@ class NarxModel:
             )
         except NOT_WHOLE as error:
             raise InputError(f"damaged, or not a network ({' '.join(str(error).split())})") from None
-        _check_shapes(network, len(model.input_names), len(model.output_names))
+        _check_shapes(model.network, len(model.input_names), len(model.output_names))
         return model
 
     def plot(self, axes: Any = None) -> Any:

@@ -11,9 +11,8 @@ from idloop.errors import InputError
 from idloop.estimation.black_box.sampled import SampledData
 from idloop.estimation.networks.model import NarxModel
 from idloop.estimation.networks.network import SIGMOID, Network
-from idloop.estimation.networks.preparation import Form, Preparation, prepare
 from idloop.estimation.networks.training import TrainingHistory, TrainingRules, mean_squares, train
-from idloop.estimation.networks.training_data import Division, TappedDelays, by_range
+from idloop.estimation.networks.training_data import Division, Form, Preparation, TappedDelays, by_range, prepare
 
 
 def narx_neural(
@@ -69,7 +68,7 @@ def narx_neural(
         if found is None or score < found[0]:
             found = score, network, history
     assert found is not None  # noqa: S101 - at least one start
-    return prepared.model("narx-neural", found[1], found[2], form, ())
+    return NarxModel.of("narx-neural", prepared, found[1], found[2], form)
 
 
 def nguyen_widrow(hidden: int, inputs: int, random: np.random.Generator) -> tuple[Array, Array]:
@@ -84,18 +83,6 @@ def nguyen_widrow(hidden: int, inputs: int, random: np.random.Generator) -> tupl
 def _start(prepared: Preparation, hidden: int, random: np.random.Generator) -> Network:
     center, width = by_range(prepared.train)
     direction, scale = nguyen_widrow(hidden, center.size, random)
-    p = prepared.output_center.size
-    return Network(
-        source=prepared.source,
-        lag=prepared.lag,
-        center=center,
-        width=width,
-        kind=np.full(hidden, SIGMOID, dtype=np.int64),
-        direction=np.ascontiguousarray(direction),
-        scale=np.ascontiguousarray(scale),
-        weight=random.uniform(-1.0, 1.0, (p, hidden)) / np.sqrt(hidden),
-        constant=np.zeros(p),
-        linear=np.zeros((p, center.size)),
-        output_center=prepared.output_center,
-        output_width=prepared.output_width,
-    )
+    weight = random.uniform(-1.0, 1.0, (prepared.output_center.size, hidden)) / np.sqrt(hidden)
+    kind = np.full(hidden, SIGMOID, dtype=np.int64)
+    return prepared.network(center, width, kind, np.ascontiguousarray(direction), np.ascontiguousarray(scale), weight)

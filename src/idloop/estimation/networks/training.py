@@ -9,107 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from idloop.arrays import Array, Mask
+from idloop.arrays import Array
 from idloop.errors import InputError
-from idloop.estimation.networks.network import SIGMOID, Network, ahead, parameters, slopes, with_parameters
-from idloop.estimation.networks.training_data import BLOCK, TrainingData, regressors
+from idloop.estimation.networks.network import Network, ahead, parameters, slopes, with_parameters
+from idloop.estimation.networks.training_data import BLOCK, TrainingData
 from idloop.estimation.polynomial.regression import triangle
 
 _SMALLEST_DAMPING = 1e-20
-
-
-@dataclass(frozen=True, eq=False)
-class InOrder:
-    """A network on the samples of some experiments."""
-
-    data: TrainingData
-    parallel: bool  # whether the network runs freely (parallel form) or predicts one step ahead (series-parallel form)
-
-    def errors(self, network: Network) -> Array:
-        """Measured outputs less the network's, scaled, shape (n, p)."""
-        found = []
-        for inputs, outputs, _ in self.data.pieces():
-            with np.errstate(over="ignore", invalid="ignore"):
-                error = (outputs - self._modelled(network, inputs, outputs)) / network.output_width
-            found.append(error[self.data.first :])
-        return np.concatenate(found)
-
-    def rows(self, network: Network, with_linear: bool) -> Iterator[Array]:
-        """Blocks of the columns (slopes in the order of `parameters`, scaled error) of the training samples."""
-        p, size = len(network.constant), parameters(network, with_linear).size
-        for inputs, outputs, purpose in self.data.pieces():
-            modelled = self._modelled(network, inputs, outputs)
-            errors = (outputs - modelled) / network.output_width
-            carry = np.zeros((max(self.data.first, 1), p, size))
-            for begin in range(self.data.first, len(outputs), BLOCK):
-                end = min(begin + BLOCK, len(outputs))
-                past = modelled if self.parallel else outputs
-                found = slopes(network, with_linear, inputs, past, begin, end, carry, self.parallel)
-                used = purpose[begin - self.data.first : end - self.data.first] == 0
-                yield np.column_stack([found[used].reshape(-1, size), errors[begin:end][used].ravel()])
-
-    def _modelled(self, network: Network, inputs: Array, outputs: Array) -> Array:
-        free = np.full(len(network.constant), np.inf)
-        steps = len(outputs) if self.parallel else 1
-        return np.asarray(ahead(network, inputs, outputs, self.data.first, steps, -free, free))
-
-
-@dataclass(frozen=True, eq=False)
-class OneStep:
-    """Scaled regressors and outputs of all samples."""
-
-    regressors: Array  # shape (n, r)
-    outputs: Array  # shape (n, p)
-    training: Mask  # shape (n,): samples that the slopes are wanted of
-
-    @classmethod
-    def of(cls, network: Network, data: TrainingData) -> OneStep:
-        """Scaled once for a whole training."""
-        skipped = data.first - int(np.max(network.lag))
-        rows = [regressors(network.source, network.lag, i, o)[skipped:] for i, o, _ in data.pieces()]
-        outputs = np.concatenate([outputs[data.first :] for _, outputs, _ in data.pieces()])
-        scaled = (outputs - network.output_center) / network.output_width
-        return cls((np.concatenate(rows) - network.center) / network.width, scaled, data.purpose == 0)
-
-    def errors(self, network: Network) -> Array:
-        """Scaled outputs less the network's, shape (n, p)."""
-        return self.outputs - _outputs(network, self.regressors, _activations(network, self.regressors))
-
-    def rows(self, network: Network, with_linear: bool) -> Iterator[Array]:
-        """Blocks of the columns (slopes in the order of `parameters`, scaled error) of the training samples."""
-        all_z, all_y = self.regressors[self.training], self.outputs[self.training]
-        (h, d), p = network.direction.shape, len(network.constant)
-        tail = h * d + h + p * h
-        for begin in range(0, len(all_z), BLOCK):
-            z, y = all_z[begin : begin + BLOCK], all_y[begin : begin + BLOCK]
-            a = _activations(network, z)
-            block = np.zeros((len(z), p, tail + p + (p * d if with_linear else 0) + 1))
-            for i in range(p):
-                inner = network.weight[i] * (1.0 - a * a)
-                np.multiply(inner[:, :, None], z[:, None, :], out=block[:, i, : h * d].reshape(len(z), h, d))
-                block[:, i, h * d : h * d + h] = inner
-                block[:, i, h * d + h + i * h : h * d + h + (i + 1) * h] = a
-                block[:, i, tail + i] = 1.0
-                if with_linear:
-                    block[:, i, tail + p + i * d : tail + p + (i + 1) * d] = z
-            block[:, :, -1] = y - _outputs(network, z, a)
-            yield block.reshape(len(z) * p, -1)
-
-
-def _activations(network: Network, z: Array) -> Array:
-    """Values of the units, shape (n, h)."""
-    values = z @ network.direction.T
-    values += network.scale
-    return np.asarray(np.tanh(values, out=values))
-
-
-def _outputs(network: Network, z: Array, values: Array) -> Array:
-    """Scaled outputs, shape (n, p)."""
-    return np.asarray(values @ network.weight.T + z @ network.linear.T + network.constant)
 
 
 @dataclass(frozen=True)
@@ -164,37 +73,44 @@ class TrainingHistory:
     stop: str  # why it ended
     step: str = "epoch"  # one of `epoch`, `unit`: what a step is: one of Levenberg-Marquardt, or one more unit selected
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain numbers for JSON."""
-        return {
-            "step": self.step,
-            "train": self.train,
-            "validation": self.validation,
-            "test": self.test,
-            "gradient": self.gradient,
-            "mu": self.mu,
-            "best": self.best,
-            "stop": self.stop,
-        }
+
+def errors(network: Network, data: TrainingData, parallel: bool) -> Array:
+    """Measured outputs less the network's, scaled, shape (n, p): of its free run, or one step ahead."""
+    found = []
+    for inputs, outputs, _ in data.pieces():
+        with np.errstate(over="ignore", invalid="ignore"):
+            error = (outputs - _modelled(network, data, inputs, outputs, parallel)) / network.output_width
+        found.append(error[data.first :])
+    return np.concatenate(found)
 
 
 def mean_squares(network: Network, data: TrainingData, parallel: bool) -> Array:
     """Mean squares of the scaled errors over training, validation and test, shape (3,); NaN where there is none."""
-    return _mean_squares(_errors_of(network, data, parallel).errors(network), data)
-
-
-def _errors_of(network: Network, data: TrainingData, parallel: bool) -> OneStep | InOrder:
-    """All samples at once where none of them waits for another."""
-    at_once = not parallel and bool(np.all(network.kind == SIGMOID))
-    return OneStep.of(network, data) if at_once else InOrder(data, parallel)
-
-
-def _mean_squares(errors: Array, data: TrainingData) -> Array:
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        square = np.sum(errors**2, axis=1)
-        count = np.bincount(data.purpose, minlength=3) * errors.shape[1]
-        total = np.array([np.sum(square[data.purpose == one]) for one in range(3)])
+        scaled = errors(network, data, parallel)
+        count = np.bincount(data.purpose, minlength=3) * scaled.shape[1]
+        total = np.array([np.sum(scaled[data.purpose == one] ** 2) for one in range(3)])
         return np.asarray(np.where(count > 0, total / count, np.nan))
+
+
+def _modelled(network: Network, data: TrainingData, inputs: Array, outputs: Array, parallel: bool) -> Array:
+    free = np.full(len(network.constant), np.inf)
+    return np.asarray(ahead(network, inputs, outputs, data.first, len(outputs) if parallel else 1, -free, free))
+
+
+def _rows(network: Network, data: TrainingData, parallel: bool, with_linear: bool) -> Iterator[Array]:
+    """Blocks of the columns (slopes in the order of `parameters`, scaled error) of the training samples."""
+    p, size = len(network.constant), parameters(network, with_linear).size
+    for inputs, outputs, purpose in data.pieces():
+        modelled = _modelled(network, data, inputs, outputs, parallel)
+        left = (outputs - modelled) / network.output_width
+        past = modelled if parallel else outputs
+        carry = np.zeros((max(data.first, 1), p, size))
+        for begin in range(data.first, len(outputs), BLOCK):
+            end = min(begin + BLOCK, len(outputs))
+            found = slopes(network, with_linear, inputs, past, begin, end, carry, parallel)
+            used = purpose[begin - data.first : end - data.first] == 0
+            yield np.column_stack([found[used].reshape(-1, size), left[begin:end][used].ravel()])
 
 
 def train(
@@ -202,8 +118,7 @@ def train(
 ) -> tuple[Network, TrainingHistory]:
     """Train all adjustable numbers of a network."""
     point, mu = parameters(network, with_linear), rules.mu
-    course = _errors_of(network, data, parallel)
-    now = _mean_squares(course.errors(network), data)
+    now = mean_squares(network, data, parallel)
     best, best_point, best_error, fails = 0, point, now[1], 0
     rows = [[*now, np.nan, mu]]
     stop = f"{rules.epochs} epochs"
@@ -214,7 +129,7 @@ def train(
         if now[0] <= rules.goal:
             stop = "goal"
             break
-        factor = _factor(with_parameters(network, point, with_linear), course, data, with_linear)
+        factor = _factor(with_parameters(network, point, with_linear), data, parallel, with_linear)
         if not np.all(np.isfinite(factor)):
             stop = "the slopes overflow"
             break
@@ -228,7 +143,7 @@ def train(
         while mu <= rules.mu_max:
             # The damped step (J'J + mu I)^-1 J'e without forming J'J.
             trial = point + right.T @ (sizes / (sizes**2 + mu) * along)
-            then = _mean_squares(course.errors(with_parameters(network, trial, with_linear)), data)
+            then = mean_squares(with_parameters(network, trial, with_linear), data, parallel)
             if then[0] < now[0]:
                 break
             mu *= rules.mu_increase
@@ -260,10 +175,10 @@ def _history(rows: list[list[float]], best: int, stop: str) -> TrainingHistory:
     return TrainingHistory(table[:, 0], table[:, 1], table[:, 2], table[:, 3], table[:, 4], best, stop)
 
 
-def _factor(network: Network, course: OneStep | InOrder, data: TrainingData, with_linear: bool) -> Array:
+def _factor(network: Network, data: TrainingData, parallel: bool, with_linear: bool) -> Array:
     """Triangular factor of slopes and scaled errors of the training samples, over the root of their number.
 
     By QR of one block after another, so that neither the memory grows with the record nor the condition is squared.
     """
     rows = int(np.sum(data.purpose == 0)) * len(network.constant)
-    return np.asarray(triangle(course.rows(network, with_linear)) / np.sqrt(max(rows, 1)))
+    return np.asarray(triangle(_rows(network, data, parallel, with_linear)) / np.sqrt(max(rows, 1)))

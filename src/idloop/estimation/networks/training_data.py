@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from idloop.arrays import Array, Integers
 from idloop.errors import InputError
+from idloop.estimation.black_box.sampled import SampledData, together
+from idloop.estimation.networks.network import Network
 
 _FLAT = 1e-13  # spread of a column over its mean that is rounding
+Form = Literal["series-parallel", "parallel"]
+
 BLOCK = 1024  # samples whose slopes are held at a time: as many as the cache has room for
 
 
@@ -141,10 +145,6 @@ class TappedDelays:
         source, lag = np.array(pairs, dtype=np.int64).T
         return np.ascontiguousarray(source), np.ascontiguousarray(lag)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain numbers for JSON."""
-        return {name: np.asarray(getattr(self, name)).tolist() for name in ("na", "nb", "nk")}
-
 
 def regressors(source: Integers, lag: Integers, inputs: Array, outputs: Array) -> Array:
     """Regressors of one experiment from the first sample on for which all of them are known."""
@@ -178,3 +178,72 @@ class TrainingData:
             stop = start + len(outputs) - self.first
             yield inputs, outputs, self.purpose[start:stop]
             start = stop
+
+
+@dataclass(frozen=True, eq=False)
+class Preparation:
+    """Training data with its regressors and scales."""
+
+    experiments: list[SampledData]
+    delays: TappedDelays
+    source: Integers  # shape (r,): signal of each regressor
+    lag: Integers
+    split: Split
+    data: TrainingData
+    train: Array  # shape (n, r): regressors of the training samples
+    output_center: Array  # shape (p,): middle and half range of the training outputs [output units]
+    output_width: Array
+
+    def network(
+        self, center: Array, width: Array, kind: Integers, direction: Array, scale: Array, weight: Array
+    ) -> Network:
+        """A network of these units on the regressors, without a linear part yet."""
+        p, r = len(weight), center.size
+        return Network(
+            self.source, self.lag, center, width, kind, direction, scale, weight, np.zeros(p), np.zeros((p, r)),
+            self.output_center, self.output_width,
+        )  # fmt: skip
+
+    def targets(self) -> Array:
+        """Scaled outputs of all rows, shape (rows, p)."""
+        outputs = np.concatenate([outputs[self.data.first :] for _, outputs in self.data.experiments])
+        return np.asarray((outputs - self.output_center) / self.output_width)
+
+    def rows(self) -> Array:
+        """Regressors of all rows, shape (rows, r)."""
+        return np.concatenate([regressors(self.source, self.lag, u, y) for u, y in self.data.experiments])
+
+
+def prepare(
+    data: SampledData | Sequence[SampledData],
+    delays: TappedDelays,
+    division: Division,
+    random: np.random.Generator,
+    free: Callable[[int, int], int],
+) -> Preparation:
+    """Check the data, build its regressors and share out its samples."""
+    several = together(data)
+    source, lag = delays.taps(several[0].input.shape[1], several[0].output.shape[1])
+    first = int(np.max(lag))
+    for one in several:
+        if len(one) <= first:
+            raise InputError(f"{one.name}: {len(one)} samples do not fill delays of {first}; give a longer record")
+    experiments = [(np.ascontiguousarray(one.input), np.ascontiguousarray(one.output)) for one in several]
+    split = divide(division, [len(one) - first for one in several], random)
+    p = several[0].output.shape[1]
+    if split.train.size * p <= free(source.size, p):
+        raise InputError(
+            f"{several[0].name}: {split.train.size} training samples for a network of {free(source.size, p)} numbers;"
+            " give more data or take fewer units and delays"
+        )
+    total = sum(len(one) - first for one in several)
+    training = TrainingData(experiments, split.purposes(total), first)
+    outputs = np.concatenate([outputs[first:] for _, outputs in experiments])[split.train]
+    for column, name in zip(outputs.T, several[0].output_names, strict=True):
+        if not np.ptp(column) > 0:
+            raise InputError(f"{several[0].name}: {name} does not move; a model needs an output that moves")
+    if not any(np.ptp(inputs) > 0 for inputs, _ in experiments):
+        raise InputError(f"{several[0].name}: no command ever changes; excite the axis, nothing can be identified")
+    center, width = by_range(outputs)
+    rows = np.concatenate([regressors(source, lag, u, y) for u, y in experiments])[split.train]
+    return Preparation(several, delays, source, lag, split, training, rows, center, width)

@@ -12,9 +12,8 @@ from idloop.errors import InputError
 from idloop.estimation.black_box.sampled import SampledData
 from idloop.estimation.networks.model import NarxModel
 from idloop.estimation.networks.network import SCALING, WAVELET, Network, activations
-from idloop.estimation.networks.preparation import Form, Preparation, prepare
 from idloop.estimation.networks.training import TrainingHistory, TrainingRules, train
-from idloop.estimation.networks.training_data import Division, TappedDelays, by_spread
+from idloop.estimation.networks.training_data import Division, Form, Preparation, TappedDelays, by_spread, prepare
 from idloop.estimation.polynomial.regression import rows_in_blocks, triangle
 
 _DEPENDENT = 1e-8  # what is left of a column's square when the chosen ones are taken out, below which it is theirs
@@ -115,7 +114,7 @@ def narx_wavelet(
         network, history = train(network, prepared.data, refine, with_linear=True)
         if form == "parallel":
             network, history = train(network, prepared.data, refine, parallel=True, with_linear=True)
-    return prepared.model("narx-wavelet", network, history, form, notes)
+    return NarxModel.of("narx-wavelet", prepared, network, history, form, notes)
 
 
 def dyadic_grid(z: Array, levels: int, cells: int) -> tuple[Integers, Array, Array]:
@@ -144,20 +143,7 @@ def _selected(prepared: Preparation, most: int, *, automatic: bool) -> tuple[Net
     z = (prepared.rows() - center) / width
     few = np.ascontiguousarray(z[chosen_rows])
     kind, nodes, dilation = dyadic_grid(few, _LEVELS, _CELLS)
-    network = Network(
-        source=prepared.source,
-        lag=prepared.lag,
-        center=center,
-        width=width,
-        kind=kind,
-        direction=nodes,
-        scale=dilation,
-        weight=np.zeros((p, kind.size)),
-        constant=np.zeros(p),
-        linear=np.zeros((p, d)),
-        output_center=prepared.output_center,
-        output_width=prepared.output_width,
-    )
+    network = prepared.network(center, width, kind, nodes, dilation, np.zeros((p, kind.size)))
     base = np.column_stack([np.ones(len(few)), few])
     order = select(base, activations(network, few), targets[chosen_rows], most)
     network = network._replace(

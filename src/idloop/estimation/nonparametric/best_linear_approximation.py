@@ -165,16 +165,17 @@ def fast_best_linear_approximation(
     excited = spectra.excited[:, any_excited, None]
     count = np.sum(excited, axis=0)
     from_noise = np.sum(noise, axis=0, where=excited) / count**2
-    levels, scatter = _at_empty_lines(spectra, any_excited, response)
+    levels, scatter = _squares(_unexplained(spectra, any_excited, response))
     odd = _levels(spectra, empty & (harmonic % 2 == 1), levels, scatter)
     even = _levels(spectra, empty & (harmonic % 2 == 0), levels, scatter)
-    through = np.sqrt(np.sum(_mean_input(spectra, any_excited) ** 2, axis=0, where=excited[:, :, 0]) / count[:, 0])
+    command = np.array([np.abs(np.mean(one[:, any_excited], axis=0)) for one in spectra.input])
+    through = np.sqrt(np.sum(command**2, axis=0, where=excited[:, :, 0]) / count[:, 0])
     nearby, averaged = _nearby(odd.frequency, odd.level**2, spectra.frequency[any_excited])
     above, _ = _nearby(odd.frequency, odd.level**2 - odd.noise**2, spectra.frequency[any_excited])
     single = np.sqrt(nearby) / through[:, None]
     total = np.maximum(single / np.sqrt(count), np.sqrt(from_noise))
     stochastic = np.sqrt(np.maximum(total**2 - from_noise, 0.0) * count)
-    seen = _levels(spectra, spectra.excited, *_levels_of_output(spectra))
+    seen = _levels(spectra, spectra.excited, *_squares(spectra.output))
     return _result(
         "fast",
         spectra,
@@ -237,27 +238,17 @@ def _noise_notes(spectra: PeriodicSpectra, kept: Integers) -> tuple[str, ...]:
     return (f"at {lines} of {kept.size} lines {what}",)
 
 
-def _mean_input(spectra: PeriodicSpectra, kept: Integers) -> Array:
-    """Amplitude of each realisation's input, shape (experiments, f)."""
-    return np.array([np.abs(np.mean(one[:, kept], axis=0)) for one in spectra.input])
-
-
-def _levels_of_output(spectra: PeriodicSpectra) -> tuple[Array, Array]:
-    """Squared amplitude and noise variance of the outputs at all lines, shapes (experiments, k, p)."""
-    level = np.array([np.abs(np.mean(one, axis=0)) ** 2 for one in spectra.output])
-    return level, np.array([_variance_of_mean(one) for one in spectra.output])
-
-
-def _at_empty_lines(spectra: PeriodicSpectra, kept: Integers, response: Complex) -> tuple[Array, Array]:
-    """Squared amplitude and noise variance of what the input does not explain, shapes (experiments, k, p)."""
+def _unexplained(spectra: PeriodicSpectra, kept: Integers, response: Complex) -> list[Complex]:
+    """What the input does not explain of the outputs of each realisation, shape (periods, k, p)."""
     line = np.arange(spectra.frequency.size)
-    between = np.stack(
-        [np.interp(line, kept, column.real) + 1j * np.interp(line, kept, column.imag) for column in response.T],
-        axis=1,
-    )
-    left = [one - between * other[:, :, None] for one, other in zip(spectra.output, spectra.input, strict=True)]
-    level = np.array([np.abs(np.mean(one, axis=0)) ** 2 for one in left])
-    return level, np.array([_variance_of_mean(one) for one in left])
+    between = np.stack([np.interp(line, kept, column) for column in response.T], axis=1)
+    return [one - between * other[:, :, None] for one, other in zip(spectra.output, spectra.input, strict=True)]
+
+
+def _squares(realisations: Sequence[Complex]) -> tuple[Array, Array]:
+    """Squared amplitude of the mean over the periods and its noise variance, shapes (experiments, k, p)."""
+    level = np.array([np.abs(np.mean(one, axis=0)) ** 2 for one in realisations])
+    return level, np.array([_variance_of_mean(one) for one in realisations])
 
 
 def _levels(spectra: PeriodicSpectra, lines: Mask, level: Array, noise: Array) -> LineLevels:

@@ -59,26 +59,14 @@ class Distortion:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers for JSON."""
-        return {
-            "frequency": self.frequency,
-            "noise": self.noise,
-            "total": self.total,
-            "stochastic": self.stochastic,
-            "single_noise": self.single_noise,
-            "p_values": {
-                "stochastic": self.p_values,
-                **{
-                    name: None if lines is None else lines.p_values
-                    for name, lines in (("odd", self.odd), ("even", self.even))
-                },
-            },
-            "realisations": self.realisations,
-            "periods": self.periods,
-            **{
-                name: None if lines is None else lines.to_dict()
-                for name, lines in (("excited", self.excited), ("odd", self.odd), ("even", self.even))
-            },
+        names = ("frequency", "noise", "total", "stochastic", "single_noise", "realisations", "periods")
+        lines = {"odd": self.odd, "even": self.even}
+        probabilities = {name: None if one is None else one.p_values for name, one in lines.items()}
+        levels = {
+            name: None if one is None else one.to_dict() for name, one in (lines | {"excited": self.excited}).items()
         }
+        found = {name: getattr(self, name) for name in names}
+        return found | levels | {"p_values": {"stochastic": self.p_values, **probabilities}}
 
     def shares(self, response: Complex) -> list[dict[str, float]]:
         """Noise and distortion as parts of the linear response, root mean square over the lines.

@@ -18,56 +18,28 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class FrequencyResponse:
-    """Frequency response at a set of frequencies, without a model between them.
+    """Frequency response at a set of frequencies, without a model between them."""
 
-    Attributes
-    ----------
-    method : str
-        Estimator, as ``"spa"`` or ``"welch"``.
-    frequency : ndarray, shape (f,)
-        [Hz], increasing; lines that no input excites are left out.
-    response : ndarray of complex, shape (f, p, m)
-        From the inputs to the outputs [output unit / input unit].
-    stderr : ndarray, shape (f, p, m)
-        Root mean square of the complex error of `response`; NaN where it is unknown.
-    degrees : ndarray, shape (f,)
-        Degrees of freedom of `stderr`.
-    sample_time : float
-        Period of the data [s].
-    input_names, input_units, output_names, output_units : tuple of str
-        Of the columns.
-    samples : int
-        Samples that the estimate rests on.
-    coherence : ndarray, shape (f, p), or None
-        Share of each output's power that the inputs explain, all of them together.
-    disturbance, disturbance_stderr : ndarray, shape (f, p), or None
-        One-sided power density of what the inputs do not explain, and its standard error [output unit² / Hz].
-    distortion : Distortion or None
-        Noise and nonlinear distortion of a best linear approximation.
-    resolution : float or None
-        Width of what is averaged over, at half its height [Hz]: a narrower peak comes out too low and too wide, which
-        `stderr` does not include. None where every line is its own.
-    notes : tuple of str
-        Remarks on this estimate for the user.
-    """
-
-    method: str
-    frequency: Array
-    response: Complex
-    stderr: Array
-    degrees: Array
-    sample_time: float
+    method: str  # as "spa" or "welch"
+    frequency: Array  # shape (f,): [Hz], increasing; lines that no input excites are left out
+    response: Complex  # shape (f, p, m): from the inputs to the outputs [output unit / input unit]
+    stderr: Array  # shape (f, p, m): root mean square of the complex error of `response`; NaN where it is unknown
+    degrees: Array  # shape (f,): degrees of freedom of `stderr`
+    sample_time: float  # period of the data [s]
     input_names: tuple[str, ...]
     input_units: tuple[str, ...]
     output_names: tuple[str, ...]
     output_units: tuple[str, ...]
-    samples: int
-    coherence: Array | None = None
+    samples: int  # that the estimate rests on
+    coherence: Array | None = None  # shape (f, p): share of each output's power that all inputs together explain
+    # shape (f, p): one-sided power density of what the inputs do not explain, and its standard error [unit² / Hz]
     disturbance: Array | None = None
     disturbance_stderr: Array | None = None
-    distortion: Distortion | None = None
+    distortion: Distortion | None = None  # noise and nonlinear distortion of a best linear approximation
+    # Width of what is averaged over, at half its height [Hz]: a narrower peak comes out too low and too wide, which
+    # `stderr` does not include. None where every line is its own.
     resolution: float | None = None
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # remarks for the user
 
     @property
     def resolved(self) -> Mask:
@@ -119,25 +91,17 @@ class FrequencyResponse:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers for JSON."""
-        return {
-            "method": self.method,
-            "frequency": self.frequency,
-            "response": {"real": self.response.real, "imag": self.response.imag},
-            "stderr": self.stderr,
-            "degrees": self.degrees,
-            "sample_time": self.sample_time,
-            "inputs": list(self.input_names),
-            "outputs": list(self.output_names),
-            "samples": self.samples,
-            "resolution": self.resolution,
-            "coherence": self.coherence,
-            "disturbance": self.disturbance,
-            "disturbance_stderr": self.disturbance_stderr,
-            "distortion": None
-            if self.distortion is None
-            else self.distortion.to_dict() | {"shares": self.distortion.shares(self.response[:, :, 0])},
-            "notes": list(self.notes),
-        }
+        names = (
+            "method", "frequency", "stderr", "degrees", "sample_time", "samples", "resolution", "coherence",
+            "disturbance", "disturbance_stderr", "notes",
+        )  # fmt: skip
+        found = {name: getattr(self, name) for name in names}
+        found |= {"inputs": self.input_names, "outputs": self.output_names, "distortion": None}
+        found["response"] = {"real": self.response.real, "imag": self.response.imag}
+        if self.distortion is not None:
+            shares = self.distortion.shares(self.response[:, :, 0])
+            found["distortion"] = self.distortion.to_dict() | {"shares": shares}
+        return found
 
     def plot(self, axes: Any = None, share: float = 0.95) -> Any:
         """Draw the Bode diagram with its bands, and the coherence where it is known, from the resolution upwards.
@@ -177,10 +141,7 @@ class FrequencyResponse:
                     phase.fill_between(frequency, angle - turn, angle + turn, **shade)
             if self.distortion is not None:
                 self.distortion.draw_levels(magnitude)
-            magnitude.set(
-                xscale="log",
-                yscale="log",
-            )
+            magnitude.set(xscale="log", yscale="log")
             fine = "" if self.resolution is None else f", resolution {self.resolution:.3g} Hz"
             magnitude.set_ylabel("magnitude" if unit is None else drawing.label("magnitude", unit))
             bands = f", bands of {100 * share:g} %" if np.any(np.isfinite(radius)) else ""

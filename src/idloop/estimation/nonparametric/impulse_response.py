@@ -23,35 +23,20 @@ _COLOURED = 0.1  # correlation that prewhitening may leave in the input before t
 
 @dataclass(frozen=True, eq=False)
 class ImpulseResponse:
-    """Weights g of y(k) = Σ g(lag) u(k - lag).
-
-    Attributes
-    ----------
-    lag : ndarray of int, shape (l,)
-        [samples]; at negative lags only feedback shows.
-    response : ndarray, shape (l, p)
-        From the input to the outputs [output unit / input unit].
-    stderr : ndarray, shape (l, p)
-        Standard error of each weight.
-    null_stderr : ndarray, shape (p,)
-        Standard deviation of the estimate at a lag that carries no response.
-    sample_time : float
-        [s].
-    feedback_p : ndarray, shape (p,)
-        p-value of the negative lags under an open loop: small where the input answers to the output.
-    """
+    """Weights g of y(k) = Σ g(lag) u(k - lag)."""
 
     method: str
-    lag: Integers
-    response: Array
-    stderr: Array
-    null_stderr: Array
-    sample_time: float
+    lag: Integers  # shape (l,): [samples]; at negative lags only feedback shows
+    response: Array  # shape (l, p): from the input to the outputs [output unit / input unit]
+    stderr: Array  # shape (l, p): standard error of each weight
+    null_stderr: Array  # shape (p,): standard deviation of the estimate at a lag that carries no response
+    sample_time: float  # [s]
     input_name: str
     input_unit: str
     output_names: tuple[str, ...]
     output_units: tuple[str, ...]
     samples: int
+    # shape (p,): p-value of the negative lags under an open loop: small where the input answers to the output
     feedback_p: Array
     notes: tuple[str, ...] = ()
 
@@ -91,19 +76,14 @@ class ImpulseResponse:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers for JSON."""
+        names = (
+            "method", "lag", "time", "response", "stderr", "null_stderr", "sample_time", "samples", "feedback_p",
+            "notes",
+        )  # fmt: skip
         return {
-            "method": self.method,
-            "lag": self.lag,
-            "time": self.time,
-            "response": self.response,
-            "stderr": self.stderr,
-            "null_stderr": self.null_stderr,
-            "sample_time": self.sample_time,
+            **{name: getattr(self, name) for name in names},
             "input": self.input_name,
-            "outputs": list(self.output_names),
-            "samples": self.samples,
-            "feedback_p": self.feedback_p,
-            "notes": list(self.notes),
+            "outputs": self.output_names,
         }
 
     def plot(self, axes: Any = None, share: float = 0.99) -> Any:
@@ -215,20 +195,9 @@ def cra(
     elif follows:
         notes.append("the input follows the output (weights at negative lags): the loop is closed")
     return ImpulseResponse(
-        method="correlation analysis",
-        lag=lag,
-        response=response,
-        stderr=np.sqrt(variance),
-        null_stderr=null,
-        sample_time=first.sample_time,
-        input_name=first.input_names[0],
-        input_unit=first.input_units[0],
-        output_names=first.output_names,
-        output_units=first.output_units,
-        samples=total,
-        feedback_p=feedback,
-        notes=tuple(notes),
-    )
+        "correlation analysis", lag, response, np.sqrt(variance), null, first.sample_time, first.input_names[0],
+        first.input_units[0], first.output_names, first.output_units, total, feedback, tuple(notes),
+    )  # fmt: skip
 
 
 def _whitener(inputs: Sequence[Array], order: int, first: SampledData) -> Array:

@@ -31,15 +31,13 @@ _LEAST_COHERENCE = 4.0  # the reference's share of the command, in units of what
 
 @dataclass(frozen=True, eq=False)
 class CrossSpectra:
-    """Averaged spectra of several signals.
-
-    `resolution`: width of what is averaged over, at half its height [Hz]; None where every line is its own.
-    """
+    """Averaged spectra of several signals."""
 
     frequency: Array  # shape (f,): [Hz]
     matrix: Complex  # shape (f, c, c): one-sided cross power densities ``E[Z Zᴴ]`` [product of the signals' units / Hz]
     averages: float  # number of independent averages that the estimate is worth
     samples: int  # that it rests on
+    # Width of what is averaged over, at half its height [Hz]; None where every line is its own
     resolution: float | None = None
 
 
@@ -71,7 +69,7 @@ def response_from(
     p, m = first.output.shape[1], first.input.shape[1]
     matrix = spectra.matrix
     power = np.einsum("fii->fi", matrix).real
-    excited = _excited(power[:, p:], first)
+    excited = _excited(power[:, p:], first.input_names, first.name)
     matrix, power = matrix[excited], power[excited]
     size = np.sqrt(power[:, p:])
     inputs = matrix[:, p:, p:] / (size[:, :, None] * size[:, None, :])
@@ -84,42 +82,25 @@ def response_from(
     response = matrix[:, :p, p:] @ inverse
     explained = np.einsum("fij,fji->fi", response, matrix[:, p:, :p]).real
     outputs = power[:, :p]
-    # The residual power is never below the rounding of the output's power.
-    left = np.maximum(outputs - explained, 4 * np.finfo(float).eps * np.abs(outputs))
-    spare = spectra.averages - m
-    known = spare > 0.5
-    disturbance = left * (spectra.averages / spare) if known else np.full_like(left, np.nan)
-    inverse_diagonal = np.einsum("fii->fi", inverse).real
-    variance = disturbance[:, :, None] * inverse_diagonal[:, None, :] / spectra.averages
-    coherence = np.clip(np.where(outputs > 0, explained / np.where(outputs > 0, outputs, 1.0), 0.0), 0.0, 1.0)
+    share = np.where(outputs > 0, explained / np.where(outputs > 0, outputs, 1.0), 0.0)
     drowned = int(np.sum(np.any(outputs <= 0, axis=1)))
     if drowned:
         notes = (*notes, f"at {drowned} lines an output holds less than leaks in from others; lengthen the window")
     dropped = int(np.sum(~excited))
     if dropped:
         notes = (*notes, f"{dropped} of {excited.size} lines carry no input and are left out")
-    return FrequencyResponse(
-        method=method,
-        frequency=spectra.frequency[excited],
-        response=response,
-        stderr=np.sqrt(variance),
-        degrees=np.full(len(response), 2.0 * spare if known else np.nan),
-        coherence=coherence if known else None,
-        disturbance=disturbance if known else None,
-        disturbance_stderr=disturbance / np.sqrt(spare) if known else None,
-        samples=spectra.samples,
-        resolution=spectra.resolution,
-        notes=notes,
-        **first.labels,
-    )
+    spectra = replace(spectra, frequency=spectra.frequency[excited])
+    diagonal = np.einsum("fii->fi", inverse).real
+    found = _with_errors(method, spectra, response, outputs - explained, outputs, diagonal, notes, first)
+    return found if found.disturbance is None else replace(found, coherence=np.clip(share, 0.0, 1.0))
 
 
-def _excited(power: Array, data: SampledData) -> Mask:
-    """Lines at which every input has power, shape (f,)."""
+def _excited(power: Array, names: Sequence[str], where: str) -> Mask:
+    """Lines at which every signal that drives the plant has power, shape (f,)."""
     greatest = np.max(power, axis=0)
-    for level, name in zip(greatest, data.input_names, strict=True):
+    for level, name in zip(greatest, names, strict=True):
         if not level > 0:
-            raise InputError(f"{data.name}: {name} does not move; a response needs an input that moves")
+            raise InputError(f"{where}: {name} does not move; a response needs an input that moves")
     return np.asarray(np.all(power > _SILENT * greatest, axis=1))
 
 
@@ -322,20 +303,16 @@ def _smoothing_notes(found: FrequencyResponse, finer: FrequencyResponse, window:
 
 
 def covariances(values: Array, lags: int) -> Array:
-    """Sums of products Σ_t z_i(t + τ) z_j(t) for τ = −lags..lags, by fast convolution, shape (2 lags + 1, c, c)."""
-    from scipy.fft import irfft, next_fast_len, rfft
+    """Sums of products Σ_t z_i(t + τ) z_j(t) for τ = −lags..lags, shape (2 lags + 1, c, c)."""
+    from scipy.signal import correlate
 
-    size = next_fast_len(len(values) + lags, real=True)
-    # Without scaling the rounding of the larger signal would show in the products of the smaller one.
-    scale = np.max(np.abs(values), axis=0)
-    scale = np.where(scale > 0, scale, 1.0)
-    transform = rfft(values / scale, size, axis=0)
-    signals = values.shape[1]
+    count, signals = values.shape
+    # Zeros behind a record shorter than the lags.
+    padded = np.vstack([values, np.zeros((max(lags + 1 - count, 0), signals))])
+    middle = slice(len(padded) - 1 - lags, len(padded) + lags)
     result = np.empty((2 * lags + 1, signals, signals))
-    for i in range(signals):
-        for j in range(signals):
-            circle = irfft(transform[:, i] * np.conj(transform[:, j]), size) * (scale[i] * scale[j])
-            result[:, i, j] = np.concatenate([circle[size - lags :], circle[: lags + 1]])
+    for i, j in np.ndindex(signals, signals):
+        result[:, i, j] = correlate(padded[:, i], padded[:, j], method="fft")[middle]
     return result
 
 
@@ -463,43 +440,53 @@ def indirect(
         if not np.all(np.isfinite(one.reference)):
             raise InputError(f"{one.name}: reference holds NaN or infinite samples; cut them out first")
         signals.append(np.column_stack([one.output, one.input, one.reference]))
-    length = segment_length(several, segment, overlap)
-    spectra = averaged(signals, length, overlap, first.sample_time)
+    spectra = averaged(signals, segment_length(several, segment, overlap), overlap, first.sample_time)
     p = first.output.shape[1]
-    matrix = spectra.matrix
-    reference, command = matrix[:, p + 1, p + 1].real, matrix[:, p, p].real
-    if not (np.max(reference) > 0 and np.max(command) > 0):
-        still = "reference" if not np.max(reference) > 0 else first.input_names[0]
-        raise InputError(f"{first.name}: {still} does not move; a response needs a reference that moves")
-    moves = (reference > 1e-12 * np.max(reference)) & (command > 1e-12 * np.max(command))
-    matrix, reference, command = matrix[moves], reference[moves], command[moves]
+    power = np.einsum("fii->fi", spectra.matrix).real
+    moves = _excited(power[:, p:], (first.input_names[0], "reference"), first.name)
+    matrix, power = spectra.matrix[moves], power[moves]
+    outputs, command, reference = power[:, :p], power[:, p], power[:, p + 1]
     through = matrix[:, p, p + 1]
     coherence = np.abs(through) ** 2 / (reference * command)
     response = matrix[:, :p, p + 1] / through[:, None]
-    outputs = np.einsum("fii->fi", matrix[:, :p, :p]).real
     left = outputs - 2 * np.real(np.conj(response) * matrix[:, :p, p]) + np.abs(response) ** 2 * command[:, None]
-    left = np.maximum(left, 4 * np.finfo(float).eps * outputs)
-    spare = spectra.averages - 1.0
-    known = spare > 0.5
-    disturbance = left * (spectra.averages / spare) if known else np.full_like(left, np.nan)
-    variance = disturbance * (reference / np.abs(through) ** 2)[:, None] / spectra.averages
     weak = int(np.sum(coherence * spectra.averages < _LEAST_COHERENCE))
     notes = []
     if weak:
         notes.append(f"at {weak} of {coherence.size} lines the reference hardly reaches the command; ignore these")
     if np.any(~moves):
         notes.append(f"{int(np.sum(~moves))} of {moves.size} lines carry no reference and are left out")
+    spectra = replace(spectra, frequency=spectra.frequency[moves])
+    inverse = (reference / np.abs(through) ** 2)[:, None]
+    found = _with_errors("indirect", spectra, response[:, :, None], left, outputs, inverse, tuple(notes), first)
+    return replace(found, coherence=np.repeat(coherence[:, None], p, axis=1))
+
+
+def _with_errors(
+    method: str, spectra: CrossSpectra, response: Complex, left: Array, outputs: Array, inverse: Array,
+    notes: tuple[str, ...], data: SampledData,
+) -> FrequencyResponse:  # fmt: skip
+    """Response with the disturbance that it leaves, and standard errors from that.
+
+    `left`, `outputs` (f, p): power density of what the response leaves of each output, and of the output itself;
+    `inverse` (f, m): diagonal of the inverse spectrum of the inputs.
+    """
+    # The residual power is never below the rounding of the output's power.
+    left = np.maximum(left, 4 * np.finfo(float).eps * np.abs(outputs))
+    spare = spectra.averages - response.shape[2]
+    known = spare > 0.5
+    disturbance = left * (spectra.averages / spare) if known else np.full_like(left, np.nan)
+    variance = disturbance[:, :, None] * inverse[:, None, :] / spectra.averages
     return FrequencyResponse(
-        method="indirect",
-        frequency=spectra.frequency[moves],
-        response=response[:, :, None],
-        stderr=np.sqrt(variance)[:, :, None],
+        method=method,
+        frequency=spectra.frequency,
+        response=response,
+        stderr=np.sqrt(variance),
         degrees=np.full(len(response), 2.0 * spare if known else np.nan),
-        coherence=np.repeat(coherence[:, None], p, axis=1),
         disturbance=disturbance if known else None,
         disturbance_stderr=disturbance / np.sqrt(spare) if known else None,
         samples=spectra.samples,
         resolution=spectra.resolution,
-        notes=tuple(notes),
-        **first.labels,
+        notes=notes,
+        **data.labels,
     )

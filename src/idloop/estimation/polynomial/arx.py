@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from idloop.arrays import Array
-from idloop.estimation.black_box.prefilter import Filter, prefiltered
+from idloop.estimation.black_box.prefilter import Filter
 from idloop.estimation.black_box.sampled import SampledData, together
-from idloop.estimation.polynomial.model import PolynomialModel, assemble
-from idloop.estimation.polynomial.polynomials import Orders, Polynomials
+from idloop.estimation.polynomial.model import Fitted, PolynomialModel, fit_outputs
+from idloop.estimation.polynomial.polynomials import Orders
 from idloop.estimation.polynomial.regression import (
+    Channel,
     Errors,
     Focus,
-    channels,
-    check_inputs,
     coloured_errors,
     first_row,
     least_squares,
-    open_note,
     residual_of,
     scores_of,
     white_errors,
@@ -66,37 +63,23 @@ def arx(
     """
     experiments = together(data)
     orders = Orders.of(experiments[0].input.shape[1], na=na, nb=nb, nk=nk)
-    check_inputs(experiments, orders)
     if focus == "simulation":
         from idloop.estimation.polynomial.prediction_error import search
 
         numbers = {"na": na, "nb": nb, "nk": nk}
         return search("arx", experiments, numbers, focus=focus, prefilter=prefilter, errors=errors)
-    weighted = prefiltered(experiments, prefilter)
     first = first_row(orders)
-    found, left, notes = [], [], []
-    for column, name in enumerate(experiments[0].output_names):
-        signals = channels(weighted, column)
-        solution = least_squares(signals, orders)
-        own = channels(experiments, column) if prefilter is not None else signals
-        residuals = [residual_of(c, orders, solution.coefficients, first) for c in own]
-        rows = sum(len(c.output) - first for c in signals)
-        degrees = max(rows - orders.size, 1)
+
+    def fit(weighted: list[Channel], measured: list[Channel], _: int) -> Fitted:
+        solution = least_squares(weighted, orders)
+        rows = sum(len(c.output) - first for c in weighted)
         if errors == "white":
-            covariance = white_errors(solution.factor, solution.squares / degrees, solution.undetermined)
+            variance = solution.squares / max(rows - orders.size, 1)
+            covariance = white_errors(solution.factor, variance, solution.undetermined)
         else:
-            scores = [scores_of(c, orders, solution, first) for c in signals]
+            scores = [scores_of(c, orders, solution, first) for c in weighted]
             covariance = coloured_errors(solution.factor, scores, orders.size, solution.undetermined)
-        polynomials = Polynomials.from_vector(
-            orders, solution.coefficients, sample_time=experiments[0].sample_time,
-            input_names=experiments[0].input_names, output_name=name,
-            variance=_mean_square(residuals), covariance=covariance,
-        )  # fmt: skip
-        found.append(polynomials)
-        left.append(residuals)
-        notes += open_note(polynomials, solution.undetermined)
-    return assemble("arx", experiments, found, left, notes=notes)
+        residuals = [residual_of(c, orders, solution.coefficients, first) for c in measured]
+        return Fitted(solution.coefficients, covariance, solution.undetermined, residuals)
 
-
-def _mean_square(residuals: Sequence[Array]) -> float:
-    return float(sum(r @ r for r in residuals) / max(sum(map(len, residuals)), 1))
+    return fit_outputs("arx", experiments, orders, prefilter, fit)

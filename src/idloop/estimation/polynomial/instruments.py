@@ -11,16 +11,13 @@ from idloop.arrays import Array, Mask
 from idloop.errors import InputError
 from idloop.estimation.black_box.prefilter import Filter, prefiltered
 from idloop.estimation.black_box.sampled import SampledData, together
-from idloop.estimation.polynomial.model import PolynomialModel, assemble
-from idloop.estimation.polynomial.polynomials import Orders, Polynomials, reflect
+from idloop.estimation.polynomial.model import Fitted, PolynomialModel, fit_outputs
+from idloop.estimation.polynomial.polynomials import Orders, reflect
 from idloop.estimation.polynomial.regression import (
     Channel,
-    channels,
-    check_inputs,
     first_row,
     inverse_factor,
     least_squares,
-    open_note,
     regressors,
     residual_of,
     white_errors,
@@ -75,25 +72,18 @@ def iv4(
     experiments = together(data)
     m = experiments[0].input.shape[1]
     orders = Orders.of(m, na=na, nb=nb, nk=nk)
-    check_inputs(experiments, orders)
     if not any(orders.nb):
         raise InputError("iv4: nb is 0 for every input; the instruments come from the commands, give nb at least 1")
-    weighted = prefiltered(experiments, prefilter)
-    found, left, notes = [], [], []
-    first = first_row(orders)
-    for column, name in enumerate(experiments[0].output_names):
-        signals = channels(weighted, column)
+    weighted, first = prefiltered(experiments, prefilter), first_row(orders)
+
+    def fit(signals: list[Channel], measured: list[Channel], _: int) -> Fitted:
         clean = _by_reference(weighted, signals) if instruments == "reference" else by_command(signals, orders)
         coefficients, factor, variance, undetermined = four_steps(signals, orders, clean)
-        own = channels(experiments, column)
-        polynomials = Polynomials.from_vector(
-            orders, coefficients, sample_time=experiments[0].sample_time, input_names=experiments[0].input_names,
-            output_name=name, variance=variance, covariance=white_errors(factor, variance, undetermined),
-        )  # fmt: skip
-        found.append(polynomials)
-        left.append([residual_of(c, orders, coefficients, first) for c in own])
-        notes += open_note(polynomials, undetermined)
-    return assemble("iv4", experiments, found, left, notes=notes)
+        residuals = [residual_of(c, orders, coefficients, first) for c in measured]
+        covariance = white_errors(factor, variance, undetermined)
+        return Fitted(coefficients, covariance, undetermined, residuals, variance)
+
+    return fit_outputs("iv4", experiments, orders, prefilter, fit)
 
 
 def four_steps(data: Sequence[Channel], orders: Orders, clean: Sequence[Channel]) -> tuple[Array, Array, float, Mask]:

@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from idloop.arrays import Array, Mask
+from idloop.estimation.black_box.prefilter import Filter, prefiltered
 from idloop.estimation.black_box.sampled import SampledData
 from idloop.estimation.linear import Coefficient, LinearModel
 from idloop.estimation.linear.model import instability_notes
-from idloop.estimation.polynomial.polynomials import Polynomials, stack
-from idloop.estimation.polynomial.regression import lagged, rows_in_blocks, triangle
+from idloop.estimation.polynomial.polynomials import Orders, Polynomials, stack
+from idloop.estimation.polynomial.regression import (
+    Channel,
+    channels,
+    check_inputs,
+    lagged,
+    open_note,
+    rows_in_blocks,
+    triangle,
+)
 from idloop.estimation.statistics.collinear import collinear_inputs, collinearity_notes
 
 _ROUNDING = 1e-9  # a direction of the windows of less than this part of the largest is none
@@ -73,6 +82,41 @@ class PolynomialModel(LinearModel):
         return super().to_dict() | {"polynomials": [p.to_dict() for p in self.polynomials]}
 
 
+class Fitted(NamedTuple):
+    """Coefficients of one output's model."""
+
+    vector: Array  # shape (k,)
+    covariance: Array  # shape (k, k)
+    undetermined: Mask  # shape (k,): which coefficients the data leave open
+    residuals: list[Array]  # prediction errors of each experiment, up to its end
+    variance: float | None = None  # of the innovations; that of the residuals where not given
+    notes: list[str] = []  # noqa: RUF012  (never changed)
+
+
+def fit_outputs(
+    method: str,
+    data: Sequence[SampledData],
+    orders: Orders,
+    prefilter: Filter | None,
+    fit: Callable[[list[Channel], list[Channel], int], Fitted],
+) -> PolynomialModel:
+    """Fit each output and put them together; `fit` gets the filtered and the measured signals, and the output."""
+    check_inputs(data, orders)
+    weighted, first = prefiltered(data, prefilter), data[0]
+    found, left, notes = [], [], []
+    for column, name in enumerate(first.output_names):
+        one = fit(channels(weighted, column), channels(data, column), column)
+        squares = sum(float(r @ r) for r in one.residuals) / max(sum(map(len, one.residuals)), 1)
+        polynomials = Polynomials.from_vector(
+            orders, one.vector, sample_time=first.sample_time, input_names=first.input_names, output_name=name,
+            variance=squares if one.variance is None else one.variance, covariance=one.covariance,
+        )  # fmt: skip
+        found.append(polynomials)
+        left.append(one.residuals)
+        notes += [*open_note(polynomials, one.undetermined), *one.notes]
+    return assemble(method, data, found, left, notes=notes)
+
+
 def assemble(
     method: str,
     data: Sequence[SampledData],
@@ -121,17 +165,12 @@ def _without_chance(polynomials: Sequence[Polynomials], together: Mask) -> Seque
 
     A search that ends at one of many equivalent solutions gives the curvature there only.
     """
-    if not np.any(together):
-        return polynomials
     found = []
     for one in polynomials:
-        if one.covariance is not None:
-            covariance = one.covariance.copy()
-            for index in np.flatnonzero(together):
-                for place in (one.orders.b(int(index)), one.orders.f(int(index))):
-                    covariance[place, :] = np.nan
-                    covariance[:, place] = np.nan
-            found.append(replace(one, covariance=covariance))
-        else:
-            found.append(one)
+        covariance = None if one.covariance is None else one.covariance.copy()
+        for index in np.flatnonzero(together):
+            for place in (one.orders.b(int(index)), one.orders.f(int(index))):
+                if covariance is not None:
+                    covariance[place, :] = covariance[:, place] = np.nan
+        found.append(replace(one, covariance=covariance))
     return found

@@ -82,38 +82,18 @@ def estimate_delay(
         raise InputError(
             f"delays {shortest} to {longest} with na = {na}, nb = {nb}; give 0 <= shortest <= longest, na >= 0, nb >= 1"
         )
-    m = experiments[0].input.shape[1]
-    count = longest - shortest + nb
-    orders = Orders(na, (count,) * m, 0, 0, (0,) * m, (shortest,) * m)
-    check_inputs(experiments, orders)
-    signals = channels(experiments, 0)
-    first = first_row(orders)
-    rows = sum(max(len(c.output) - first, 0) for c in signals)
-    if rows <= orders.size:
-        raise InputError(
-            f"{experiments[0].name}: {rows} usable samples for {orders.size} coefficients; record longer, or lower"
-            " longest, na or nb"
-        )
-    whole = triangle(regression_blocks(signals, orders, first))
-    candidates = np.arange(shortest, longest + 1)
-    criteria = np.array([_criteria(whole, orders, i, len(candidates), rows) for i in range(m)])
-    best = tuple(int(candidates[np.argmin(row)]) for row in criteria)
-    above = criteria - criteria.min(axis=1, keepdims=True)
+    candidates, inputs = np.arange(shortest, longest + 1), range(experiments[0].input.shape[1])
+    count, price = longest - shortest + nb, 2.0 * np.log(len(candidates))
+    criteria = []
+    for own in inputs:
+        # The models leave out 0, 1, ... of the first lags of one input.
+        gone = [[k if i == own else 0 for i in inputs] for k in range(len(candidates))]
+        structures = [(na, [count - k for k in row], [shortest + k for k in row]) for row in gone]
+        table = arx_structures(experiments, structures=structures)
+        criteria.append(table.criterion("bic") + price * table.parameters)
+    above = np.array(criteria) - np.min(criteria, axis=1, keepdims=True)
+    best = tuple(int(candidates[np.argmin(row)]) for row in above)
     return DelayEstimate(experiments[0].sample_time, best, candidates, above)
-
-
-def _criteria(factor: Array, orders: Orders, index: int, candidates: int, rows: int) -> Array:
-    """BIC of the models that leave out 0, 1, ... of the first lags of one input."""
-    own = [*range(orders.b(index).start, orders.b(index).stop)]
-    others = [column for column in range(orders.size) if column not in own]
-    # The first lag comes last: what it alone explains is then the last entry before the rest.
-    ordered = triangle([factor[:, [*others, *own[::-1], orders.size]]])
-    shares = ordered[: orders.size, -1] ** 2
-    left = ordered[orders.size, -1] ** 2
-    squares = left + np.concatenate([[0.0], np.cumsum(shares[::-1][: candidates - 1])])
-    sizes = orders.size - np.arange(candidates)
-    price = np.log(rows) + 2.0 * np.log(candidates)
-    return np.asarray(rows * np.log(np.maximum(squares / rows, np.finfo(float).tiny)) + sizes * price)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,9 @@ import numpy as np
 
 from idloop.arrays import Array, Complex
 from idloop.errors import InputError
-from idloop.estimation.black_box.labels import control_names, new_axes
+from idloop.estimation.black_box.labels import control_names
 from idloop.estimation.linear import Coefficient, LinearModel
+from idloop.estimation.linear.sensitivity import Matrices
 
 if TYPE_CHECKING:
     import control
@@ -19,27 +20,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Orders:
-    """Degrees of A, C, D, number of coefficients of B and degree of F of each input, and its delay.
+    """Degrees and delays; InputError for negative ones, or not one of nb, nf and nk per input."""
 
-    Attributes
-    ----------
-    na, nc, nd : int
-        Degrees of A, C and D.
-    nb, nf, nk : tuple of int, one per input
-        Number of coefficients of B, degree of F, delay [samples].
-
-    Raises
-    ------
-    InputError
-        Negative numbers, or not one of nb, nf and nk per input.
-    """
-
-    na: int
-    nb: tuple[int, ...]
-    nc: int
-    nd: int
-    nf: tuple[int, ...]
-    nk: tuple[int, ...]
+    na: int  # degree of A
+    nb: tuple[int, ...]  # number of coefficients of B of each input
+    nc: int  # degree of C
+    nd: int  # degree of D
+    nf: tuple[int, ...]  # degree of F of each input
+    nk: tuple[int, ...]  # delay of each input [samples]
 
     def __post_init__(self) -> None:
         if not len(self.nb) == len(self.nf) == len(self.nk):
@@ -99,13 +87,7 @@ class Orders:
         return slice(first, first + self.nf[index])
 
     def names(self, inputs: Sequence[str]) -> tuple[str, ...]:
-        """Names of the coefficients; the number is the lag: b3[u] multiplies u(t - 3).
-
-        Parameters
-        ----------
-        inputs : sequence of str
-            Names of the inputs.
-        """
+        """Names of the coefficients; the number is the lag: b3[u] multiplies u(t - 3)."""
         names = [f"a{k}" for k in range(1, self.na + 1)]
         for nb, nk, name in zip(self.nb, self.nk, inputs, strict=True):
             names += [f"b{k}[{name}]" for k in range(nk, nk + nb)]
@@ -150,20 +132,6 @@ def reflect(polynomial: Array, limit: float = 1.0) -> Array:
     return result
 
 
-@dataclass(frozen=True, eq=False)
-class Realization:
-    """x(k+1) = A x + B u + K e, y = C x + D u + e.
-
-    `a`, `b`, `c`, `d`, `gain` (n, n), (n, m), (p, n), (p, m), (n, p).
-    """
-
-    a: Array
-    b: Array
-    c: Array
-    d: Array
-    gain: Array
-
-
 def observer_form(denominator: Array, numerators: Sequence[Array]) -> tuple[Array, Array, Array, Array]:
     """State space of y = sum_i N_i(q) / P(q) v_i (Ljung, System Identification, 2nd ed., eq. 4.87 to 4.90).
 
@@ -183,7 +151,7 @@ def observer_form(denominator: Array, numerators: Sequence[Array]) -> tuple[Arra
     return a, b, np.eye(1, order), high[:1].copy()
 
 
-def general_form(a: Array, b: Sequence[Array], c: Array, d: Array, f: Sequence[Array]) -> Realization:
+def general_form(a: Array, b: Sequence[Array], c: Array, d: Array, f: Sequence[Array]) -> Matrices:
     """State space of A y = sum_i B_i / F_i u_i + C / D e for one output.
 
     `a`, `c`, `d`: polynomials, first coefficient 1; `b`, `f`: of each input; B with its delay as leading zeros.
@@ -206,14 +174,14 @@ def general_form(a: Array, b: Sequence[Array], c: Array, d: Array, f: Sequence[A
         bb[:size, column] = core[1][:, column] * pd[0, 0]
         dd[0, column] = core[3][0, column] * pd[0, 0]
         first = rows.stop
-    return Realization(aa, bb[:, :-1], cc, dd[:, :-1], bb[:, -1:])
+    return Matrices(aa, bb[:, :-1], cc, dd[:, :-1], bb[:, -1:])
 
 
-def stack(parts: Sequence[Realization]) -> Realization:
+def stack(parts: Sequence[Matrices]) -> Matrices:
     """One model of several outputs from one model of each, side by side."""
     from scipy.linalg import block_diag
 
-    return Realization(
+    return Matrices(
         block_diag(*(part.a for part in parts)),
         np.vstack([part.b for part in parts]),
         block_diag(*(part.c for part in parts)),
@@ -226,42 +194,21 @@ def stack(parts: Sequence[Realization]) -> Realization:
 class Polynomials:
     """General family of black-box models (Ljung, System Identification, 2nd ed., eq. 4.33).
 
-    All polynomials are in the delay operator: index k multiplies q^-k.
-
-    Attributes
-    ----------
-    a, c, d : ndarray
-        First coefficient 1.
-    b : tuple of ndarray, one per input
-        Coefficients from the delay on: ``b[i][k]`` multiplies u_i(t - delay_i - k).
-    f : tuple of ndarray, one per input
-        First coefficient 1.
-    delay : tuple of int, one per input
-        [samples]
-    sample_time : float
-        Period [s].
-    variance : float
-        Of the innovations e [output unit squared].
-    covariance : ndarray, shape (k, k), or None
-        Of the coefficients in the order of `names`.
-
-    Raises
-    ------
-    InputError
-        A first coefficient that is not 1, or other counts than one per input.
+    All polynomials are in the delay operator: index k multiplies q^-k. Raises InputError where the first coefficient of
+    A, C, D or an F is not 1, or for other counts than one per input.
     """
 
     a: Array
-    b: tuple[Array, ...]
+    b: tuple[Array, ...]  # of each input from its delay on: ``b[i][k]`` multiplies u_i(t - delay_i - k)
     c: Array
     d: Array
-    f: tuple[Array, ...]
-    delay: tuple[int, ...]
-    sample_time: float
+    f: tuple[Array, ...]  # of each input
+    delay: tuple[int, ...]  # of each input [samples]
+    sample_time: float  # period [s]
     input_names: tuple[str, ...] = ("input",)
     output_name: str = "output"
-    variance: float = float("nan")
-    covariance: Array | None = None
+    variance: float = float("nan")  # of the innovations e [output unit squared]
+    covariance: Array | None = None  # shape (k, k): of the coefficients in the order of `names`
 
     def __post_init__(self) -> None:
         if len(self.input_names) != len(self.b):
@@ -323,7 +270,7 @@ class Polynomials:
         return np.concatenate([np.zeros(self.delay[index]), self.b[index]])
 
     @property
-    def realization(self) -> Realization:
+    def realization(self) -> Matrices:
         """Innovation-form state space."""
         numerators = [self.numerator(i) for i in range(len(self.b))]
         return general_form(self.a, numerators, self.c, self.d, self.f)
@@ -332,15 +279,7 @@ class Polynomials:
         self, *, method: str = "polynomials", input_units: tuple[str, ...] | None = None, output_unit: str = "-",
         samples: int = 0,
     ) -> LinearModel:  # fmt: skip
-        """Linear model in innovation form, to simulate, predict and draw with, as of a recursive estimate.
-
-        Parameters
-        ----------
-        method : str
-            Name of the estimator.
-        samples : int
-            That the estimate rests on.
-        """
+        """Linear model in innovation form, to simulate, predict and draw with, as of a recursive estimate."""
         form = self.realization
         return LinearModel(
             method=method, a=form.a, b=form.b, c=form.c, d=form.d, gain=form.gain,
@@ -374,42 +313,13 @@ class Polynomials:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers for JSON."""
+        names = ("sample_time", "delay", "a", "b", "c", "d", "f", "variance")
         return {
             "output": self.output_name,
-            "inputs": list(self.input_names),
-            "sample_time": self.sample_time,
-            "delay": list(self.delay),
-            "a": self.a,
-            "b": list(self.b),
-            "c": self.c,
-            "d": self.d,
-            "f": list(self.f),
-            "variance": self.variance,
+            "inputs": self.input_names,
+            **{name: getattr(self, name) for name in names},
             "coefficients": {c.name: {"value": c.value, "stderr": c.stderr} for c in self.coefficients},
         }
-
-    def plot(self, axes: Any = None) -> Any:
-        """Draw poles and zeros of G and H in the z plane; returns the matplotlib axes."""
-        from idloop import drawing
-
-        with drawing.styled():
-            axes = new_axes(axes, 1, 4.5, width=4.5)
-            turn = np.exp(2j * np.pi * np.linspace(0.0, 1.0, 200))
-            axes.plot(turn.real, turn.imag, color=drawing.BAND, linewidth=0.6)
-            systems = [
-                (f"{name} → {self.output_name}", self.b[i], np.convolve(self.a, self.f[i]))
-                for i, name in enumerate(self.input_names)
-            ]
-            for index, (text, zeros, poles) in enumerate([*systems, ("noise", self.c, np.convolve(self.a, self.d))]):
-                color = drawing.MODELS[index % len(drawing.MODELS)]
-                for roots, marker in ((np.roots(poles), "x"), (np.roots(np.trim_zeros(zeros, "f")), "o")):
-                    label = text if marker == "x" else None
-                    axes.plot(roots.real, roots.imag, marker, color=color, fillstyle="none", label=label)
-            axes.set_aspect("equal")
-            axes.set(xlabel=drawing.label("real part of z", None), ylabel=drawing.label("imaginary part of z", None))
-            axes.set_title(f"{self.output_name}: poles × and zeros ○")
-            axes.legend()
-        return axes
 
 
 def _in_z(numerator: Array, denominator: Array) -> tuple[Array, Array]:

@@ -9,19 +9,16 @@ import numpy as np
 
 from idloop.arrays import Array, Mask
 from idloop.errors import InputError
-from idloop.estimation.black_box.prefilter import Filter, prefiltered
+from idloop.estimation.black_box.prefilter import Filter
 from idloop.estimation.black_box.sampled import SampledData, together
 from idloop.estimation.polynomial.instruments import refined
-from idloop.estimation.polynomial.model import PolynomialModel, assemble
-from idloop.estimation.polynomial.polynomials import Orders, Polynomials, radius, reflect
+from idloop.estimation.polynomial.model import Fitted, PolynomialModel, fit_outputs
+from idloop.estimation.polynomial.polynomials import Orders, radius, reflect
 from idloop.estimation.polynomial.regression import (
     Channel,
     Errors,
     Focus,
-    channels,
-    check_inputs,
     coloured_errors,
-    open_note,
     white_errors,
 )
 from idloop.estimation.polynomial.search import Found, Objective, best, information
@@ -149,40 +146,38 @@ def search(
     """Fit each output and put the outputs together; `degrees` as for `Orders.of`, the rest as `polynomial_model`."""
     experiments = together(data)
     orders = Orders.of(experiments[0].input.shape[1], **degrees)
-    check_inputs(experiments, orders)
-    weighted = prefiltered(experiments, prefilter)
     kind: Errors = errors or ("white" if focus == "prediction" and prefilter is None else "coloured")
-    found, left, notes = [], [], []
-    for column, name in enumerate(experiments[0].output_names):
-        signals = channels(weighted, column)
-        fitted = _predicting if focus == "prediction" else _simulating
-        vector, covariance, undetermined, converged = fitted(signals, orders, kind)
-        own = signals if prefilter is None else channels(experiments, column)
-        residuals = Objective(own, orders).errors(vector)
+    fitted = _predicting if focus == "prediction" else _simulating
+
+    def fit(weighted: list[Channel], measured: list[Channel], column: int) -> Fitted:
+        vector, covariance, undetermined, converged = fitted(weighted, orders, kind)
+        objective = Objective(measured, orders)
+        residuals = objective.errors(vector)
         if not all(np.all(np.isfinite(r)) for r in residuals):
-            residuals = Objective(own, orders, integrating=True).errors(vector)
-        squares = sum(float(r @ r) for r in residuals)
-        polynomials = Polynomials.from_vector(
-            orders, vector, sample_time=experiments[0].sample_time, input_names=experiments[0].input_names,
-            output_name=name, variance=squares / max(sum(map(len, residuals)), 1), covariance=covariance,
-        )  # fmt: skip
-        found.append(polynomials)
-        left.append(residuals)
-        notes += open_note(polynomials, undetermined)
-        outermost = max(map(radius, polynomials.f), default=0.0)
-        if outermost > 1.0 + 0.9 * (Objective(own, orders).plant_limit - 1.0):
-            notes.append(
-                f"{name}: F is held at {outermost:.4g}, the farthest out that errors of its free run stay small;"
-                " an unstable plant needs armax, arx or a state-space method"
-            )
-        if radius(polynomials.c) > 1.0 - _EDGE:
-            notes.append(
-                f"{name}: C has a root on the unit circle, where standard errors do not hold;"
-                " the noise needs fewer coefficients, or the data have a trend or were differenced"
-            )
-        elif not converged:
-            notes.append(f"{name}: the search stopped before it converged; try lower orders or more data")
-    return assemble(method, experiments, found, left, notes=notes)
+            residuals = Objective(measured, orders, integrating=True).errors(vector)
+        notes = _search_notes(experiments[0].output_names[column], orders, vector, objective.plant_limit, converged)
+        return Fitted(vector, covariance, undetermined, residuals, notes=notes)
+
+    return fit_outputs(method, experiments, orders, prefilter, fit)
+
+
+def _search_notes(name: str, orders: Orders, vector: Array, limit: float, converged: bool) -> list[str]:
+    """Notes on roots at the edge of what the search allows, and on a search that did not converge."""
+    notes = []
+    outermost = max((radius(np.append(1.0, vector[orders.f(i)])) for i in range(orders.inputs)), default=0.0)
+    if outermost > 1.0 + 0.9 * (limit - 1.0):
+        notes.append(
+            f"{name}: F is held at {outermost:.4g}, the farthest out that errors of its free run stay small;"
+            " an unstable plant needs armax, arx or a state-space method"
+        )
+    if radius(np.append(1.0, vector[orders.c])) > 1.0 - _EDGE:
+        notes.append(
+            f"{name}: C has a root on the unit circle, where standard errors do not hold;"
+            " the noise needs fewer coefficients, or the data have a trend or were differenced"
+        )
+    elif not converged:
+        notes.append(f"{name}: the search stopped before it converged; try lower orders or more data")
+    return notes
 
 
 _Fitted = tuple[Array, Array, Mask, bool]
@@ -228,33 +223,22 @@ def _simulating(data: Sequence[Channel], orders: Orders, errors: Errors) -> _Fit
     covariance[np.ix_(own, own)] = block
     converged = found.converged
     if noise:
-        series = Objective(data, _without_noise(orders), integrating=True).errors(vector[own])
+        series = Objective(data, Orders(orders.na, orders.nb, 0, 0, orders.nf, orders.nk), integrating=True).errors(
+            vector[own]
+        )
         begin = noise_start(series, orders.nc, orders.nd)
         vector[noise] = begin
-        rest = Objective(data, orders, np.eye(orders.size)[:, noise], np.where(_mask(orders), 0.0, vector))
-        safe = _inside(begin, orders)
+        known = vector.copy()
+        known[noise] = 0.0
+        rest = Objective(data, orders, np.eye(orders.size)[:, noise], known)
+        # C starts with its roots well inside the unit circle.
+        safe = np.append(reflect(np.append(1.0, begin[: orders.nc]), 0.98)[1:], begin[orders.nc :])
         second = best(rest, [safe, np.zeros(len(noise))])
         vector[noise] = second.free
         block, open_[noise] = _covariance(rest, second, errors)
         covariance[np.ix_(noise, noise)] = block
         converged = converged and second.converged
     return vector, covariance, open_, converged
-
-
-def _inside(start: Array, orders: Orders) -> Array:
-    """C and D to start from, with the roots of C well inside the unit circle."""
-    moving = reflect(np.concatenate([[1.0], start[: orders.nc]]), 0.98)
-    return np.concatenate([moving[1:], start[orders.nc :]])
-
-
-def _without_noise(orders: Orders) -> Orders:
-    return Orders(orders.na, orders.nb, 0, 0, orders.nf, orders.nk)
-
-
-def _mask(orders: Orders) -> Mask:
-    mask = np.zeros(orders.size, dtype=bool)
-    mask[orders.c] = mask[orders.d] = True
-    return mask
 
 
 def _covariance(objective: Objective, found: Found, errors: Errors) -> tuple[Array, Mask]:
