@@ -8,21 +8,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal
 
 from idloop.errors import IdloopError, InputError
-from idloop.estimation.black_box.method import Choices, Method
+from idloop.estimation.black_box.method import Choices, Kind, Method
 from idloop.spelling import did_you_mean_or_known
 
 if TYPE_CHECKING:
     from idloop.estimation.black_box.sampled import SampledData
     from idloop.estimation.linear import LinearModel
-    from idloop.estimation.networks import NarxModel
-    from idloop.estimation.nonparametric import FrequencyResponse, ImpulseResponse
+    from idloop.estimation.networks import NarxModel, TappedDelays
     from idloop.estimation.polynomial import Orders
     from idloop.estimation.recursive import CoefficientHistory, RecursivePolynomial
-
-    Result: TypeAlias = LinearModel | NarxModel | FrequencyResponse | ImpulseResponse
 
 Run = Callable[..., Any]
 
@@ -42,28 +39,21 @@ def _call(function: str, *arguments: Any, **options: Any) -> Any:
 
 def _windowed(function: str, default: int | None = None) -> Run:
     """Run of a response whose only setting is a window or a largest lag [samples]."""
-
-    def run(data: list[SampledData], choices: Choices, *_: Any) -> Result:
-        found: Result = _call(function, data, default if choices.window is None else choices.window)
-        return found
-
-    return run
+    return lambda data, choices, *_: _call(function, data, default if choices.window is None else choices.window)
 
 
-def _etfe(data: list[SampledData], choices: Choices, *_: Any) -> Result:
-    from idloop.estimation.nonparametric import etfe
-
-    return etfe(data, None if choices.window is None else 1.0 / (choices.window * data[0].sample_time))
+def _etfe(data: list[SampledData], choices: Choices, *_: Any) -> Any:
+    width = None if choices.window is None else 1.0 / (choices.window * data[0].sample_time)
+    return _call("nonparametric.etfe", data, width)
 
 
 def _best_linear_approximation(kind: Literal["robust", "fast"] | None) -> Run:
     """Run of one kind; without a kind the robust one for several records, else the fast one."""
 
-    def run(data: list[SampledData], choices: Choices, *_: Any) -> Result:
+    def run(data: list[SampledData], choices: Choices, *_: Any) -> Any:
         chosen = kind or ("robust" if len(data) > 1 else "fast")
         function = f"nonparametric.{chosen}_best_linear_approximation"
-        found: Result = _call(function, data, _period(data, choices), by_reference=choices.closed_loop)
-        return found
+        return _call(function, data, _period(data, choices), by_reference=choices.closed_loop)
 
     return run
 
@@ -99,22 +89,18 @@ def _prefilter(data: list[SampledData], choices: Choices) -> dict[str, Any]:
 def _polynomial(function: str, *names: str, with_focus: bool = True) -> Run:
     """Run of a polynomial method with these degrees."""
 
-    def run(data: list[SampledData], choices: Choices, order: int, delay: int) -> LinearModel:
-        options = {**_degrees(choices, names, order), **_prefilter(data, choices)}
-        if with_focus:
-            options["focus"] = choices.focus
-        found: LinearModel = _call(f"polynomial.{function}", data, nk=delay, **options)
-        return found
+    def run(data: list[SampledData], choices: Choices, order: int, delay: int) -> Any:
+        focus = {"focus": choices.focus} if with_focus else {}
+        degrees, weighting = _degrees(choices, names, order), _prefilter(data, choices)
+        return _call(f"polynomial.{function}", data, nk=delay, **degrees, **weighting, **focus)
 
     return run
 
 
-def _iv4(data: list[SampledData], choices: Choices, order: int, delay: int) -> LinearModel:
-    from idloop.estimation.polynomial import iv4
-
-    instruments: Literal["reference", "command"] = "reference" if choices.closed_loop else "command"
-    na, nb = _degrees(choices, ("na", "nb"), order).values()
-    return iv4(data, na, nb, delay, instruments=instruments, **_prefilter(data, choices))
+def _iv4(data: list[SampledData], choices: Choices, order: int, delay: int) -> Any:
+    instruments = "reference" if choices.closed_loop else "command"
+    options = {**_degrees(choices, ("na", "nb"), order), **_prefilter(data, choices)}
+    return _call("polynomial.iv4", data, nk=delay, instruments=instruments, **options)
 
 
 # ---------------------------------------------------------------- state space
@@ -129,12 +115,9 @@ def _poles(choices: Choices) -> dict[str, Any]:
 def _subspace(function: str, horizon: str = "horizon", *, with_focus: bool = False) -> Run:
     """Run of a subspace method; `horizon` is the name of its argument for it."""
 
-    def run(data: list[SampledData], choices: Choices, order: int | Literal["auto"], *_: Any) -> LinearModel:
-        options = {horizon: choices.horizon, **_poles(choices)}
-        if with_focus:
-            options["focus"] = choices.focus
-        found: LinearModel = _call(f"subspace.{function}", data, order, **options)
-        return found
+    def run(data: list[SampledData], choices: Choices, order: int | Literal["auto"], *_: Any) -> Any:
+        focus = {"focus": choices.focus} if with_focus else {}
+        return _call(f"subspace.{function}", data, order, **{horizon: choices.horizon}, **_poles(choices), **focus)
 
     return run
 
@@ -181,21 +164,24 @@ def _pem(data: list[SampledData], choices: Choices, order: int | Literal["auto"]
 # ---------------------------------------------------------------- networks
 
 
-def _narx_wavelet(data: list[SampledData], choices: Choices, order: int, delay: int) -> NarxModel:
-    from idloop.estimation.networks import TappedDelays, TrainingRules, narx_wavelet
+def _delays(choices: Choices, order: int, delay: int) -> TappedDelays:
+    from idloop.estimation.networks import TappedDelays
 
-    delays = TappedDelays(**_degrees(choices, ("na", "nb"), order), nk=delay)
+    return TappedDelays(**_degrees(choices, ("na", "nb"), order), nk=delay)
+
+
+def _narx_wavelet(data: list[SampledData], choices: Choices, order: int, delay: int) -> NarxModel:
+    from idloop.estimation.networks import TrainingRules, narx_wavelet
+
     # Only training fits a free run; the selection of units is one-step.
     trained: dict[str, Any] = {"form": "parallel", "refine": TrainingRules()} if choices.focus == "simulation" else {}
-    return narx_wavelet(data, delays, units=choices.units or 25, seed=choices.seed, **trained)
+    return narx_wavelet(data, _delays(choices, order, delay), units=choices.units or 25, seed=choices.seed, **trained)
 
 
-def _narx_neural(data: list[SampledData], choices: Choices, order: int, delay: int) -> NarxModel:
-    from idloop.estimation.networks import TappedDelays, narx_neural
-
-    delays = TappedDelays(**_degrees(choices, ("na", "nb"), order), nk=delay)
-    form: Literal["parallel", "series-parallel"] = "parallel" if choices.focus == "simulation" else "series-parallel"
-    return narx_neural(data, delays, hidden=choices.units or 10, form=form, seed=choices.seed)
+def _narx_neural(data: list[SampledData], choices: Choices, order: int, delay: int) -> Any:
+    form = "parallel" if choices.focus == "simulation" else "series-parallel"
+    options = {"hidden": choices.units or 10, "form": form, "seed": choices.seed}
+    return _call("networks.narx_neural", data, _delays(choices, order, delay), **options)
 
 
 # ---------------------------------------------------------------- recursive
@@ -266,132 +252,124 @@ def _tracked(
 
 _LJUNG = "Ljung 1999"
 _SUBSPACE = ("order", "horizon", "stable", "integrates")
+_STRUCTURE = ("order", "delay", "structure")
+_BY_REFERENCE = "any, with --closed-loop by the reference"
+_NOISE_MODEL = "any, noise model right"
+_ABC, _BCDF = ("na", "nb", "nc"), ("nb", "nc", "nd", "nf")
+
+
+def _family(kind: Kind, needs: tuple[str, ...], *rows: tuple[Any, ...], **shared: Any) -> tuple[Method, ...]:
+    """Methods that read the same choices, from rows of name, summary, loop, source, run and polynomials."""
+    return tuple(
+        Method(name, kind, summary, loop, source, needs, run, *polynomials, **shared)
+        for name, summary, loop, source, run, *polynomials in rows
+    )
+
 
 METHODS: dict[str, Method] = {
     method.name: method
     for method in (
-        Method(
-            "etfe", "response", "Raw frequency response, every line of the record.", "open", f"{_LJUNG}, 6.3",
-            ("window",), _etfe,
+        *_family(
+            "response", ("window",),
+            ("etfe", "Raw frequency response, every line of the record.", "open", f"{_LJUNG}, 6.3", _etfe),
+            ("spa", "Smooth frequency response with coherence and bands.", "open", f"{_LJUNG}, 6.4",
+             _windowed("nonparametric.spa")),
+            ("welch", "Frequency response of long records, averaged over segments.", "open", "Welch 1967",
+             _windowed("nonparametric.welch")),
+            ("indirect", "Frequency response under feedback, by way of the reference.", "closed, reference recorded",
+             "Wellstead 1981", _windowed("nonparametric.indirect")),
+            ("cra", "Impulse response: delay, feedback, and length of the memory.", "open", f"{_LJUNG}, 6.1",
+             _windowed("nonparametric.cra", 20)),
         ),
-        Method(
-            "spa", "response", "Smooth frequency response with coherence and bands.", "open", f"{_LJUNG}, 6.4",
-            ("window",), _windowed("nonparametric.spa"),
+        *_family(
+            "response", ("period", "closed_loop"),
+            ("bla", "Noise and nonlinearity separated; bla-robust for several bags, else bla-fast.", _BY_REFERENCE,
+             "Pintelon and Schoukens 2012, 4.3", _best_linear_approximation(None)),
+            ("bla-robust", "The same from several random-phase multisines.", _BY_REFERENCE,
+             "Pintelon and Schoukens 2012, 4.3.1", _best_linear_approximation("robust")),
+            ("bla-fast", "The same from one odd random-phase multisine.", _BY_REFERENCE,
+             "Pintelon and Schoukens 2012, 4.3.2", _best_linear_approximation("fast")),
         ),
-        Method(
-            "welch", "response", "Frequency response of long records, averaged over segments.", "open", "Welch 1967",
-            ("window",), _windowed("nonparametric.welch"),
+        *_family(
+            "linear", (*_STRUCTURE, "focus", "band"),
+            ("arx", "Least squares: fast, accurate in little noise.", "any, white equation error", f"{_LJUNG}, 7.3",
+             _polynomial("arx", "na", "nb"), ("na", "nb")),
+            automatic=_ORDERS,
         ),
-        Method(
-            "indirect", "response", "Frequency response under feedback, by way of the reference.",
-            "closed, reference recorded", "Wellstead 1981",
-            ("window",), _windowed("nonparametric.indirect"),
+        *_family(
+            "linear", (*_STRUCTURE, "closed_loop", "band"),
+            ("iv4", "Instrumental variables: consistent in noise of any colour, without a search.",
+             "open, with --closed-loop by the reference", f"{_LJUNG}, 15.3; Gilson and Van den Hof 2005", _iv4,
+             ("na", "nb")),
+            automatic=_ORDERS, selects="free run",
         ),
-        Method(
-            "cra", "response", "Impulse response: delay, feedback, and length of the memory.", "open",
-            f"{_LJUNG}, 6.1", ("window",), _windowed("nonparametric.cra", 20),
+        *_family(
+            "linear", (*_STRUCTURE, "focus", "band"),
+            ("armax", "Disturbances that enter where the command does.", _NOISE_MODEL, f"{_LJUNG}, 4.2",
+             _polynomial("armax", *_ABC), _ABC),
+            automatic=_ORDERS,
         ),
-        Method(
-            "bla", "response", "Noise and nonlinearity separated; bla-robust for several bags, else bla-fast.",
-            "any, with --closed-loop by the reference", "Pintelon and Schoukens 2012, 4.3",
-            ("period", "closed_loop"), _best_linear_approximation(None),
+        *_family(
+            "linear", (*_STRUCTURE, "band"),
+            ("oe", "The best free run: sensor noise, simulation, control design.", "open; closed in white noise only",
+             f"{_LJUNG}, 4.2", _polynomial("output_error", "nb", "nf", with_focus=False), ("nb", "nf")),
+            automatic=_ORDERS, selects="free run",
         ),
-        Method(
-            "bla-robust", "response", "The same from several random-phase multisines.",
-            "any, with --closed-loop by the reference", "Pintelon and Schoukens 2012, 4.3.1",
-            ("period", "closed_loop"), _best_linear_approximation("robust"),
+        *_family(
+            "linear", (*_STRUCTURE, "focus", "band"),
+            ("bj", "Plant and noise model have no polynomial in common.", _NOISE_MODEL, f"{_LJUNG}, 4.2",
+             _polynomial("box_jenkins", *_BCDF), _BCDF),
+            automatic=_ORDERS,
         ),
-        Method(
-            "bla-fast", "response", "The same from one odd random-phase multisine.",
-            "any, with --closed-loop by the reference", "Pintelon and Schoukens 2012, 4.3.2",
-            ("period", "closed_loop"), _best_linear_approximation("fast"),
+        *_family(
+            "linear", (*_SUBSPACE, "focus"),
+            ("n4sid", "State space without a search; the order shows in the singular values.", "open",
+             "Van Overschee and De Moor 1996", _n4sid),
+            ("moesp", "The same from the shift of the observability matrix.", "open", "Verhaegen 1994",
+             _subspace("moesp", with_focus=True)),
+            ("cva", "The same from canonical variates: outputs of any unit and noise.", "open", "Larimore 1990",
+             _subspace("cva", with_focus=True)),
         ),
-        Method(
-            "arx", "linear", "Least squares: fast, accurate in little noise.", "any, white equation error",
-            f"{_LJUNG}, 7.3", ("order", "delay", "structure", "focus", "band"), _polynomial("arx", "na", "nb"),
-            ("na", "nb"), _ORDERS,
+        *_family(
+            "linear", (*_SUBSPACE, "controller"),
+            ("vodma", "State space in a loop whose controller is known and linear.", "closed, controller known",
+             "Van Overschee and De Moor 1997", _vodma),
         ),
-        Method(
-            "iv4", "linear", "Instrumental variables: consistent in noise of any colour, without a search.",
-            "open, with --closed-loop by the reference", f"{_LJUNG}, 15.3; Gilson and Van den Hof 2005",
-            ("order", "delay", "structure", "closed_loop", "band"), _iv4, ("na", "nb"), _ORDERS,
-            "free run",
+        *_family(
+            "linear", _SUBSPACE,
+            ("vodma-direct", "The same without the controller.", "open", "Linköping thesis 2009, 3.4",
+             _subspace("vodma_direct")),
+            ("pbsid", "State space under any feedback, the controller unknown.", "any", "Chiuso 2007", _pbsid),
         ),
-        Method(
-            "armax", "linear", "Disturbances that enter where the command does.", "any, noise model right",
-            f"{_LJUNG}, 4.2", ("order", "delay", "structure", "focus", "band"),
-            _polynomial("armax", "na", "nb", "nc"), ("na", "nb", "nc"), _ORDERS,
+        *_family(
+            "linear", (*_SUBSPACE, "focus", "band"),
+            ("pem", "All matrices refined until the one-step errors are least.", _NOISE_MODEL,
+             f"{_LJUNG}, 7.4; McKelvey et al. 2004", _pem),
         ),
-        Method(
-            "oe", "linear", "The best free run: sensor noise, simulation, control design.",
-            "open; closed in white noise only", f"{_LJUNG}, 4.2",
-            ("order", "delay", "structure", "band"),
-            _polynomial("output_error", "nb", "nf", with_focus=False), ("nb", "nf"), _ORDERS, "free run",
+        *_family(
+            "network", (*_STRUCTURE, "units", "focus", "seed"),
+            ("narx-wavelet", "Nonlinear: linear part and wavelets, selected, no training.", "any",
+             "Zhang and Benveniste 1992", _narx_wavelet, ("na", "nb")),
+            ("narx-neural", "Nonlinear: tapped delays and a trained network.", "any", "Hagan and Menhaj 1994",
+             _narx_neural, ("na", "nb")),
+            automatic=(2,),
         ),
-        Method(
-            "bj", "linear", "Plant and noise model have no polynomial in common.", "any, noise model right",
-            f"{_LJUNG}, 4.2", ("order", "delay", "structure", "focus", "band"),
-            _polynomial("box_jenkins", "nb", "nc", "nd", "nf"), ("nb", "nc", "nd", "nf"), _ORDERS,
-        ),
-        Method(
-            "n4sid", "linear", "State space without a search; the order shows in the singular values.", "open",
-            "Van Overschee and De Moor 1996", (*_SUBSPACE, "focus"), _n4sid,
-        ),
-        Method(
-            "moesp", "linear", "The same from the shift of the observability matrix.", "open", "Verhaegen 1994",
-            (*_SUBSPACE, "focus"), _subspace("moesp", with_focus=True),
-        ),
-        Method(
-            "cva", "linear", "The same from canonical variates: outputs of any unit and noise.", "open",
-            "Larimore 1990", (*_SUBSPACE, "focus"), _subspace("cva", with_focus=True),
-        ),
-        Method(
-            "vodma", "linear", "State space in a loop whose controller is known and linear.",
-            "closed, controller known", "Van Overschee and De Moor 1997", (*_SUBSPACE, "controller"), _vodma,
-        ),
-        Method(
-            "vodma-direct", "linear", "The same without the controller.", "open", "Linköping thesis 2009, 3.4",
-            _SUBSPACE, _subspace("vodma_direct"),
-        ),
-        Method(
-            "pbsid", "linear", "State space under any feedback, the controller unknown.", "any", "Chiuso 2007",
-            _SUBSPACE, _pbsid,
-        ),
-        Method(
-            "pem", "linear", "All matrices refined until the one-step errors are least.", "any, noise model right",
-            f"{_LJUNG}, 7.4; McKelvey et al. 2004", (*_SUBSPACE, "focus", "band"), _pem,
-        ),
-        Method(
-            "narx-wavelet", "network", "Nonlinear: linear part and wavelets, selected, no training.", "any",
-            "Zhang and Benveniste 1992", ("order", "delay", "structure", "units", "focus", "seed"), _narx_wavelet,
-            ("na", "nb"), (2,),
-        ),
-        Method(
-            "narx-neural", "network", "Nonlinear: tapped delays and a trained network.", "any",
-            "Hagan and Menhaj 1994", ("order", "delay", "structure", "units", "focus", "seed"), _narx_neural,
-            ("na", "nb"), (2,),
-        ),
-        *(
-            Method(
-                name, "recursive", summary, loop, source,
-                ("order", "delay", "structure"), _recursive(name), polynomials, _ORDERS,
-            )
-            for name, summary, loop, source, polynomials in (
-                ("rarx", "Least squares, sample by sample.", "any, white equation error", f"{_LJUNG}, 11.2",
-                 ("na", "nb")),
-                ("kalman", "The same for time-varying coefficients.", "any, white equation error", f"{_LJUNG}, 11.2",
-                 ("na", "nb")),
-                ("ekf", "State and coefficients in one extended Kalman filter: biased where its noises are wrong.",
-                 "any, noise levels right", "Ljung 1979", ("na", "nb")),
-                ("rarmax", "ARMAX, sample by sample.", "any, noise model right", f"{_LJUNG}, 11.4", ("na", "nb", "nc")),
-                ("roe", "Output error, sample by sample.", "open", f"{_LJUNG}, 11.4", ("nb", "nf")),
-                ("rbj", "Box-Jenkins, sample by sample.", "any, noise model right", f"{_LJUNG}, 11.4",
-                 ("nb", "nc", "nd", "nf")),
-                ("rpem", "Any structure, sample by sample; ARMAX unless --structure says otherwise.",
-                 "any, noise model right", f"{_LJUNG}, 11.4", ("na", "nb", "nc", "nd", "nf")),
-                ("rplr", "The same by pseudo-linear regression: simpler, less exact.", "any, noise model right",
-                 f"{_LJUNG}, 11.5", ("na", "nb", "nc", "nd", "nf")),
-            )
+        *_family(
+            "recursive", _STRUCTURE,
+            ("rarx", "Least squares, sample by sample.", "any, white equation error", f"{_LJUNG}, 11.2",
+             _recursive("rarx"), ("na", "nb")),
+            ("kalman", "The same for time-varying coefficients.", "any, white equation error", f"{_LJUNG}, 11.2",
+             _recursive("kalman"), ("na", "nb")),
+            ("ekf", "State and coefficients in one extended Kalman filter: biased where its noises are wrong.",
+             "any, noise levels right", "Ljung 1979", _recursive("ekf"), ("na", "nb")),
+            ("rarmax", "ARMAX, sample by sample.", _NOISE_MODEL, f"{_LJUNG}, 11.4", _recursive("rarmax"), _ABC),
+            ("roe", "Output error, sample by sample.", "open", f"{_LJUNG}, 11.4", _recursive("roe"), ("nb", "nf")),
+            ("rbj", "Box-Jenkins, sample by sample.", _NOISE_MODEL, f"{_LJUNG}, 11.4", _recursive("rbj"), _BCDF),
+            ("rpem", "Any structure, sample by sample; ARMAX unless --structure says otherwise.", _NOISE_MODEL,
+             f"{_LJUNG}, 11.4", _recursive("rpem"), ("na", *_BCDF)),
+            ("rplr", "The same by pseudo-linear regression: simpler, less exact.", _NOISE_MODEL, f"{_LJUNG}, 11.5",
+             _recursive("rplr"), ("na", *_BCDF)),
+            automatic=_ORDERS,
         ),
     )
 }  # fmt: skip
