@@ -6,7 +6,7 @@ from scipy.signal import cont2discrete, lfilter
 
 from idloop.errors import InputError
 from idloop.estimation.black_box.sampled import SampledData
-from idloop.estimation.polynomial import Orders, armax, box_jenkins, output_error, polynomial_model
+from idloop.estimation.polynomial import Orders, armax, box_jenkins, output_error
 from idloop.estimation.polynomial.regression import Channel
 from idloop.estimation.polynomial.search import Objective
 
@@ -52,8 +52,6 @@ def test_slopes_are_the_gradient_of_the_errors(seed, orders):
         (lambda d: armax(d, 2, 2, 2), ARMAX, [-1.5, 0.7, 1.0, 0.5, -1.0, 0.2]),
         (lambda d: output_error(d, 2, 2), OUTPUT, [1.0, 0.5, -1.5, 0.7]),
         (lambda d: box_jenkins(d, 2, 1, 1, 2), BOX, [1.0, 0.5, 0.5, -0.8, -1.5, 0.7]),
-        (lambda d: polynomial_model(d, na=1, nb=1, nd=1, nf=1), {"a": [1, -0.7], "b": [0, 1.0], "f": [1, 0.6],
-         "d": [1, -0.5]}, [-0.7, 1.0, -0.5, 0.6]),
     ],
 )  # fmt: skip
 def test_no_bias_and_honest_standard_errors(made, estimator, system, truth):
@@ -193,8 +191,7 @@ def test_a_noise_model_that_differences_too_often_is_named():
     [
         (lambda d: output_error(d, 2, (2, 2)), "nf has 2 entries"),
         (lambda d: armax(d.part(0, 9), 3, 3, 3), "record longer"),
-        (lambda d: polynomial_model(d, na=1, nb=1, nf=1, focus="simulation"), "set na or nf to 0"),
-        (polynomial_model, "nothing to estimate"),
+        (lambda d: armax(d, 0, 0, 0), "nothing to estimate"),
     ],
 )
 def test_bad_input_is_one_line(made, call, message):

@@ -40,10 +40,7 @@ class SampledData:
     feedforward: Array | None = None  # shape (n,): what the excitation added to the command [`input_units`]
 
     def __post_init__(self) -> None:
-        for what, value, names in (
-            ("input", self.input, self.input_names),
-            ("output", self.output, self.output_names),
-        ):
+        for what, value, names in (("input", self.input, self.input_names), ("output", self.output, self.output_names)):
             if value.ndim != 2 or value.shape != (len(self), len(names)):
                 raise InputError(
                     f"{self.name}: {what} of shape {value.shape}; it must be (samples, {what}s) ="

@@ -13,12 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from idloop.arrays import Array, Complex
 from idloop.errors import IdloopError, InputError
 from idloop.estimation.black_box.labels import new_axes
-from idloop.estimation.describing_functions.elements import (
-    ClosedForm,
-    Element,
-    check_size,
-    positive_amplitudes,
-)
+from idloop.estimation.describing_functions.elements import ClosedForm, Element, check_size, positive_amplitudes
 from idloop.json_values import to_json
 
 SAMPLES = 2048  # per period: a switch is found to 0.2 % of the period

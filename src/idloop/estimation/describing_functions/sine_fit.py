@@ -26,13 +26,7 @@ class SineFit:
 
 
 def sine_fit(
-    time: Array,
-    value: Array,
-    frequency: float,
-    harmonics: int,
-    *,
-    trend: bool = True,
-    beside: Array | None = None,
+    time: Array, value: Array, frequency: float, harmonics: int, *, trend: bool = True, beside: Array | None = None
 ) -> SineFit:
     """Fit mean, straight line, sine and harmonics to samples (n,) of whole periods by least squares.
 

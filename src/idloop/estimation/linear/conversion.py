@@ -52,10 +52,7 @@ def c2d(system: control.StateSpace | control.TransferFunction, sample_time: floa
     return _like(system, ad, bd, cd, dd, sample_time)
 
 
-def d2c(
-    system: LinearModel | control.StateSpace | control.TransferFunction,
-    hold: Hold = "zoh",
-) -> Any:
+def d2c(system: LinearModel | control.StateSpace | control.TransferFunction, hold: Hold = "zoh") -> Any:
     """Continuous-time system that gives the same samples.
 
     Integrators are left exact: the logarithm is taken of the matrix that holds A and B together (Åström and

@@ -152,11 +152,7 @@ def error_moments(model: Matrices, experiments: Sequence[tuple[Array, Array]], i
 
 
 def score_sums(
-    model: Matrices,
-    directions: Matrices,
-    experiments: Sequence[tuple[Array, Array]],
-    whitener: Array,
-    initial: bool,
+    model: Matrices, directions: Matrices, experiments: Sequence[tuple[Array, Array]], whitener: Array, initial: bool
 ) -> list[Array]:
     """Derivatives times errors, summed over stretches of samples, of each experiment, shape (stretches, k).
 

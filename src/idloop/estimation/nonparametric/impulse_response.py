@@ -80,11 +80,7 @@ class ImpulseResponse:
             "method", "lag", "time", "response", "stderr", "null_stderr", "sample_time", "samples", "feedback_p",
             "notes",
         )  # fmt: skip
-        return {
-            **{name: getattr(self, name) for name in names},
-            "input": self.input_name,
-            "outputs": self.output_names,
-        }
+        return {**{name: getattr(self, name) for name in names}, "input": self.input_name, "outputs": self.output_names}
 
     def plot(self, axes: Any = None, share: float = 0.99) -> Any:
         """Draw the weights with their bands; returns the matplotlib axes, one for each output."""
@@ -118,11 +114,7 @@ def _quantile(share: float) -> float:
 
 
 def cra(
-    data: SampledData | Sequence[SampledData],
-    lags: int = 20,
-    prewhitening: int = 10,
-    *,
-    trend: Trend = "constant",
+    data: SampledData | Sequence[SampledData], lags: int = 20, prewhitening: int = 10, *, trend: Trend = "constant"
 ) -> ImpulseResponse:
     """Correlation analysis with prewhitening (Ljung, 2nd ed., section 6.1, eq. 6.7 to 6.12).
 

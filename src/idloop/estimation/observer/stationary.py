@@ -85,12 +85,7 @@ def riccati(transition: Array, output: Array, process: Array, measurement: Array
 
 
 def design(
-    a: Array,
-    c: Array,
-    g: Array,
-    sample_time: float,
-    disturbance_intensity: float,
-    output_noise: Array,
+    a: Array, c: Array, g: Array, sample_time: float, disturbance_intensity: float, output_noise: Array
 ) -> Observer:
     """Observer gain for one disturbance intensity and output noise.
 

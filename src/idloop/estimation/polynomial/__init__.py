@@ -13,7 +13,7 @@ from idloop.estimation.polynomial.order_selection import (
     select_order,
 )
 from idloop.estimation.polynomial.polynomials import Orders, Polynomials
-from idloop.estimation.polynomial.prediction_error import armax, box_jenkins, output_error, polynomial_model
+from idloop.estimation.polynomial.prediction_error import armax, box_jenkins, output_error
 
 __all__ = [
     "ArxStructures",
@@ -28,6 +28,5 @@ __all__ = [
     "estimate_delay",
     "iv4",
     "output_error",
-    "polynomial_model",
     "select_order",
 ]

@@ -42,12 +42,7 @@ class DelayEstimate:
 
 
 def estimate_delay(
-    data: SampledData | Sequence[SampledData],
-    *,
-    longest: int = 20,
-    shortest: int = 1,
-    na: int = 10,
-    nb: int = 10,
+    data: SampledData | Sequence[SampledData], *, longest: int = 20, shortest: int = 1, na: int = 10, nb: int = 10
 ) -> DelayEstimate:
     """Find the first lag of each input that a long ARX model cannot do without.
 

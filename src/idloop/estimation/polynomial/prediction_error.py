@@ -1,4 +1,4 @@
-"""Prediction-error estimates of ARMAX, output-error, Box-Jenkins and general polynomial models."""
+"""Prediction-error estimates of ARMAX, output-error and Box-Jenkins models."""
 
 from __future__ import annotations
 
@@ -14,13 +14,7 @@ from idloop.estimation.black_box.sampled import SampledData, together
 from idloop.estimation.polynomial.instruments import refined
 from idloop.estimation.polynomial.model import Fitted, PolynomialModel, fit_outputs
 from idloop.estimation.polynomial.polynomials import Orders, radius, reflect
-from idloop.estimation.polynomial.regression import (
-    Channel,
-    Errors,
-    Focus,
-    coloured_errors,
-    white_errors,
-)
+from idloop.estimation.polynomial.regression import Channel, Errors, Focus, coloured_errors, white_errors
 from idloop.estimation.polynomial.search import Found, Objective, best, information
 from idloop.estimation.polynomial.start import noise_start, shared_denominator, starts
 
@@ -41,7 +35,34 @@ def armax(
 ) -> PolynomialModel:
     """Estimate A(q) y = sum_i B_i(q) u_i + C(q) e: disturbances that enter where the command does.
 
-    Ljung, System Identification, 2nd ed., eq. 4.14 to 4.21. Parameters, result and errors as for `polynomial_model`.
+    Each output gets a model of its own. The search starts from several linear estimates and keeps the lowest
+    minimum; predictors that run away are left out. Signals count as deviations from rest: remove offsets first.
+
+    Parameters
+    ----------
+    data : SampledData or sequence of SampledData
+        Experiments, each with initial conditions of its own.
+    na, nc : int
+        Degrees of A and C (and D, nd).
+    nb, nk : int or one per input
+        Number of coefficients of B (and degree of F, nf), lag of the first coefficient of B [samples].
+    focus : "prediction" or "simulation"
+        What the plant is fitted to: the error one sample ahead, or that of the free run; in the latter case the
+        noise model is fitted to what the plant leaves.
+    prefilter : (numerator, denominator) or discrete python-control system, optional
+        Filter that weighs frequencies; the noise model is then one of the filtered signals.
+    errors : "white" or "coloured", optional
+        Standard errors by Ljung's asymptotics for white innovations, or by a sandwich that holds for a noise
+        model that is too poor as well; by default white where prediction is what was fitted.
+
+    Raises
+    ------
+    InputError
+        Orders that do not suit the signals, or too few samples.
+
+    References
+    ----------
+    Ljung, System Identification, 2nd ed., sections 4.2, 7.2, 9.3, 10.2 and 10.5.
     """
     orders = {"na": na, "nb": nb, "nc": nc, "nk": nk}
     return search("armax", data, orders, focus=focus, prefilter=prefilter, errors=errors)
@@ -59,7 +80,7 @@ def output_error(
     """Estimate y = sum_i B_i(q) / F_i(q) u_i + e: the model of the best free run.
 
     Consistent in noise of any colour in open loop; in closed loop only in white noise (Ljung, System Identification,
-    2nd ed., eq. 4.25, section 8.4). Parameters, result and errors as for `polynomial_model`.
+    2nd ed., eq. 4.25, section 8.4). Parameters, result and errors as for `armax`.
     """
     orders = {"nb": nb, "nf": nf, "nk": nk}
     errors = errors or "coloured"
@@ -80,58 +101,10 @@ def box_jenkins(
 ) -> PolynomialModel:
     """Estimate y = sum_i B_i(q) / F_i(q) u_i + C(q) / D(q) e: plant and noise have no polynomial in common.
 
-    Ljung, System Identification, 2nd ed., eq. 4.31. Parameters, result and errors as for `polynomial_model`.
+    Ljung, System Identification, 2nd ed., eq. 4.31. Parameters, result and errors as for `armax`.
     """
     orders = {"nb": nb, "nc": nc, "nd": nd, "nf": nf, "nk": nk}
     return search("bj", data, orders, focus=focus, prefilter=prefilter, errors=errors)
-
-
-def polynomial_model(
-    data: SampledData | Sequence[SampledData],
-    *,
-    na: int = 0,
-    nb: int | Sequence[int] = 0,
-    nc: int = 0,
-    nd: int = 0,
-    nf: int | Sequence[int] = 0,
-    nk: int | Sequence[int] = 1,
-    focus: Focus = "prediction",
-    prefilter: Filter | None = None,
-    errors: Errors | None = None,
-) -> PolynomialModel:
-    """Estimate A(q) y = sum_i B_i(q) / F_i(q) u_i + C(q) / D(q) e by the prediction-error method.
-
-    Each output gets a model of its own. The search starts from several linear estimates and keeps the lowest
-    minimum; predictors that run away are left out. Signals count as deviations from rest: remove offsets first.
-
-    Parameters
-    ----------
-    data : SampledData or sequence of SampledData
-        Experiments, each with initial conditions of its own.
-    na, nc, nd : int
-        Degrees of A, C and D.
-    nb, nf, nk : int or one per input
-        Number of coefficients of B, degree of F, lag of the first coefficient of B [samples].
-    focus : "prediction" or "simulation"
-        What the plant is fitted to: the error one sample ahead, or that of the free run; in the latter case the
-        noise model is fitted to what the plant leaves.
-    prefilter : (numerator, denominator) or discrete python-control system, optional
-        Filter that weighs frequencies; the noise model is then one of the filtered signals.
-    errors : "white" or "coloured", optional
-        Standard errors by Ljung's asymptotics for white innovations, or by a sandwich that holds for a noise
-        model that is too poor as well; by default white where prediction is what was fitted.
-
-    Raises
-    ------
-    InputError
-        Orders that do not suit the signals, or too few samples.
-
-    References
-    ----------
-    Ljung, System Identification, 2nd ed., sections 4.2, 7.2, 9.3, 10.2 and 10.5.
-    """
-    orders = {"na": na, "nb": nb, "nc": nc, "nd": nd, "nf": nf, "nk": nk}
-    return search("pem", data, orders, focus=focus, prefilter=prefilter, errors=errors)
 
 
 def search(
@@ -143,7 +116,7 @@ def search(
     prefilter: Filter | None,
     errors: Errors | None,
 ) -> PolynomialModel:
-    """Fit each output and put the outputs together; `degrees` as for `Orders.of`, the rest as `polynomial_model`."""
+    """Fit each output and put the outputs together; `degrees` as for `Orders.of`, the rest as `armax`."""
     experiments = together(data)
     orders = Orders.of(experiments[0].input.shape[1], **degrees)
     kind: Errors = errors or ("white" if focus == "prediction" and prefilter is None else "coloured")
@@ -193,10 +166,6 @@ def _predicting(data: Sequence[Channel], orders: Orders, errors: Errors) -> _Fit
 
 def _simulating(data: Sequence[Channel], orders: Orders, errors: Errors) -> _Fitted:
     """Plant from the free run, then the noise model from what it leaves."""
-    if orders.na and any(orders.nf):
-        raise InputError("focus 'simulation' needs the dynamics in A or in F, not in both; set na or nf to 0")
-    if orders.na and orders.nd:
-        raise InputError("focus 'simulation' with A and D is not supported; put the dynamics in F (na = 0)")
     if orders.na:
         # With C tied to A the error one step ahead is that of the free run.
         plant = Orders(orders.na, orders.nb, orders.na, 0, orders.nf, orders.nk)

@@ -13,14 +13,7 @@ from idloop.arrays import Array, Mask
 from idloop.errors import IdloopError
 from idloop.estimation.optimisation.levenberg import minimise
 from idloop.estimation.polynomial.polynomials import Orders, radius
-from idloop.estimation.polynomial.regression import (
-    Channel,
-    first_row,
-    inverse_factor,
-    lagged,
-    rows_in_blocks,
-    triangle,
-)
+from idloop.estimation.polynomial.regression import Channel, first_row, inverse_factor, lagged, rows_in_blocks, triangle
 
 _RESTARTS = 5  # starts that are followed
 _DRAFT_ROWS = 20_000  # samples on which rival starts are compared
@@ -236,9 +229,7 @@ class Information:
 def best(objective: Objective, starts: Sequence[Array]) -> Found:
     """Follow the most promising starts to their minima and keep the lowest."""
     draft = _shortened(objective)
-    valued = sorted(
-        ((value, index) for index, s in enumerate(starts) if np.isfinite(value := _squares(draft, s))),
-    )
+    valued = sorted(((value, index) for index, s in enumerate(starts) if np.isfinite(value := _squares(draft, s))))
     if not valued:
         raise IdloopError("no stable predictor of these orders was found; try other orders or delays")
     # Starts of the same error are the same start.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import combinations
 
 import numpy as np
 
@@ -22,11 +21,9 @@ from idloop.estimation.polynomial.regression import (
     solve,
     triangle,
 )
-from idloop.estimation.polynomial.search import Objective
 
 _LONG = (5, 10, 20, 40)  # orders of the long ARX model; Akaike's criterion chooses
 _ROUNDS = 12  # of the Steiglitz-McBride iteration
-_MOST_SPLITS = 6  # choices of poles for A when there is an F
 _INSIDE = 0.98  # roots of C start inside this circle, so that the predictor forgets
 
 
@@ -38,14 +35,8 @@ def starts(data: Sequence[Channel], orders: Orders) -> list[Array]:
     Control 10, 1965) on the data and on the impulse responses gives B and F, and the noise model follows from
     what these leave.
     """
-    found: list[Array] = []
     innovations, responses = _long_model(data, orders)
-    if orders.na or not any(orders.nf):
-        found += _shared(data, orders, innovations)
-    if any(orders.nf):
-        found += _separate(data, orders, responses)
-    if orders.na and any(orders.nf):
-        found += _split(data, orders)
+    found = _separate(data, orders, responses) if any(orders.nf) else _shared(data, orders, innovations)
     return [_safe(one, orders) for one in found if np.all(np.isfinite(one))]
 
 
@@ -124,39 +115,6 @@ def _separate(data: Sequence[Channel], orders: Orders, responses: list[Array]) -
             start[orders.c], start[orders.d] = noise[: orders.nc], noise[orders.nc :]
         found.append(start)
     return found
-
-
-def _split(data: Sequence[Channel], orders: Orders) -> list[Array]:
-    """Starts in which A takes some of the plant's poles, one choice of them after the other."""
-    from scipy.signal import lfilter
-
-    degree = orders.na + max(orders.nf)
-    plain = Orders(degree, tuple(nb + orders.na for nb in orders.nb), 0, 0, (0,) * orders.inputs, orders.nk)
-    joint = refined(data, plain, four_steps(data, plain, by_command(data, plain))[0])
-    roots = np.roots(np.concatenate([[1.0], joint[plain.a]]))
-    rest = Orders(0, orders.nb, orders.nc, orders.nd, orders.nf, orders.nk)
-    found = []
-    for chosen in combinations(range(len(roots)), orders.na):
-        polynomial = np.poly(roots[list(chosen)])
-        # Complex poles stay in conjugate pairs, so that the coefficients are real.
-        if np.max(np.abs(np.imag(polynomial)), initial=0.0) > 1e-9:
-            continue
-        polynomial = np.real(polynomial)
-        taken = [Channel(lfilter(polynomial, [1.0], c.output)[orders.na :], c.inputs[orders.na :]) for c in data]
-        _, responses = _long_model(taken, rest)
-        start = np.zeros(orders.size)
-        start[orders.a] = polynomial[1:]
-        start[orders.na :] = min(
-            _separate(taken, rest, responses), key=lambda one: _squares(taken, rest, _safe(one, rest))
-        )
-        found.append(start)
-        if len(found) == _MOST_SPLITS:
-            break
-    return found
-
-
-def _squares(data: Sequence[Channel], orders: Orders, coefficients: Array) -> float:
-    return sum(float(e @ e) for e in Objective(data, orders).errors(coefficients))
 
 
 def _driven(channel: Channel, orders: Orders, index: int, coefficients: Array) -> Array:
