@@ -36,57 +36,29 @@ class Coefficient:
 
 @dataclass(frozen=True, eq=False)
 class LinearModel:
-    """A discrete-time linear model with its noise, as an estimator leaves it.
+    """A discrete-time linear model with its noise, as an estimator leaves it."""
 
-    Attributes
-    ----------
-    method : str
-        Estimator, as ``"n4sid"`` or ``"oe"``.
-    a, b, c, d : ndarray, shapes (n, n), (n, m), (p, n), (p, m)
-        State-space matrices.
-    gain : ndarray, shape (n, p)
-        Kalman gain K; zero for an output-error model.
-    covariance : ndarray, shape (p, p)
-        Covariance of the innovations e [output units squared].
-    sample_time : float
-        Period [s].
-    input_names, input_units, output_names, output_units : tuple of str
-        Of the columns.
-    samples : int
-        Samples that the estimate rests on.
-    free : int
-        Numbers that were estimated, noise covariance not counted.
-    coefficients : tuple of Coefficient
-        The estimated numbers where they have a meaning of their own (polynomials, a chosen structure).
-    coefficient_covariance : ndarray, shape (k, k), or None
-        Covariance of `coefficients`.
-    singular_values : ndarray, or None
-        Of the weighted projection (subspace methods): a gap shows the order.
-    notes : tuple of str
-        Remarks on this estimate for the user.
-    start : str
-        Method of the model that a search began from (`prediction_error`); empty elsewhere.
-    """
-
-    method: str
+    method: str  # as "n4sid" or "oe"
+    # State-space matrices, shapes (n, n), (n, m), (p, n), (p, m)
     a: Array
     b: Array
     c: Array
     d: Array
-    gain: Array
-    covariance: Array
-    sample_time: float
+    gain: Array  # shape (n, p): Kalman gain K; zero for an output-error model
+    covariance: Array  # shape (p, p): of the innovations e [output units squared]
+    sample_time: float  # period [s]
     input_names: tuple[str, ...]
     input_units: tuple[str, ...]
     output_names: tuple[str, ...]
     output_units: tuple[str, ...]
-    samples: int
-    free: int
+    samples: int  # that the estimate rests on
+    free: int  # numbers that were estimated, noise covariance not counted
+    # The estimated numbers where they have a meaning of their own (polynomials, a chosen structure)
     coefficients: tuple[Coefficient, ...] = ()
-    coefficient_covariance: Array | None = None
-    singular_values: Array | None = None
-    notes: tuple[str, ...] = ()
-    start: str = ""
+    coefficient_covariance: Array | None = None  # shape (k, k)
+    singular_values: Array | None = None  # of the weighted projection (subspace methods): a gap shows the order
+    notes: tuple[str, ...] = ()  # remarks for the user
+    start: str = ""  # method of the model that a search began from (`prediction_error`); empty elsewhere
 
     @property
     def order(self) -> int:
@@ -134,32 +106,18 @@ class LinearModel:
         """From the commands to the outputs, as a python-control system: Bode, poles, margins, design."""
         import control
 
-        return control.ss(
-            self.a,
-            self.b,
-            self.c,
-            self.d,
-            self.sample_time,
-            inputs=control_names(self.input_names),
-            outputs=control_names(self.output_names),
-            name=self.method,
-        )
+        names = {"inputs": control_names(self.input_names), "outputs": control_names(self.output_names)}
+        return control.ss(self.a, self.b, self.c, self.d, self.sample_time, **names, name=self.method)
 
     @cached_property
     def noise_system(self) -> control.StateSpace:
         """From the innovations to the outputs: H = I + C (zI - A)^-1 K."""
         import control
 
-        return control.ss(
-            self.a,
-            self.gain,
-            self.c,
-            np.eye(self.c.shape[0]),
-            self.sample_time,
-            inputs=[f"e[{name}]" for name in control_names(self.output_names)],
-            outputs=control_names(self.output_names),
-            name=f"{self.method} noise",
-        )
+        outputs = control_names(self.output_names)
+        names = {"inputs": [f"e[{name}]" for name in outputs], "outputs": outputs}
+        through = np.eye(len(outputs))
+        return control.ss(self.a, self.gain, self.c, through, self.sample_time, **names, name=f"{self.method} noise")
 
     def response(self, frequency: Array) -> Complex:
         """Frequency response at `frequency` [Hz], shape (f, p, m)."""
@@ -214,10 +172,11 @@ class LinearModel:
         both = np.hstack([inputs, outputs])
         rest = respond(closed, driven, self.c, straight, np.zeros(self.order), both)
         state = initial_state(closed, self.c, outputs - rest)
+        matrices = (self.a, self.b, self.c, self.d, self.gain)
         predicted: Array = (
             respond(closed, driven, self.c, straight, state, both)
             if steps == 1
-            else ahead(*map(np.ascontiguousarray, self._matrices), state, inputs, outputs, steps)
+            else ahead(*map(np.ascontiguousarray, matrices), state, inputs, outputs, steps)
         )
         return predicted
 
@@ -227,53 +186,30 @@ class LinearModel:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers for JSON."""
+        names = (
+            "method", "order", "sample_time", "a", "b", "c", "d", "stable", "loss", "fpe", "aic", "bic", "samples",
+            "singular_values", "notes",
+        )  # fmt: skip
         return {
-            "method": self.method,
+            **{name: getattr(self, name) for name in names},
             "start": self.start or None,
-            "order": self.order,
-            "sample_time": self.sample_time,
-            "a": self.a,
-            "b": self.b,
-            "c": self.c,
-            "d": self.d,
             "kalman_gain": self.gain,
             "innovation_covariance": self.covariance,
             "poles": [{"real": float(p.real), "imag": float(p.imag)} for p in self.poles],
-            "stable": self.stable,
-            "loss": self.loss,
-            "fpe": self.fpe,
-            "aic": self.aic,
-            "bic": self.bic,
-            "samples": self.samples,
             "coefficients": {c.name: {"value": c.value, "stderr": c.stderr} for c in self.coefficients},
-            "singular_values": self.singular_values,
-            "notes": list(self.notes),
         }
 
     def plot(self, axes: Any = None) -> Any:
         """Draw the Bode diagram, magnitude over phase; returns the two matplotlib axes."""
         from idloop import drawing
-        from idloop.estimation.black_box.labels import bode_labels, new_axes, title_over_legend
+        from idloop.estimation.black_box.labels import draw_bode, new_axes
 
-        unit, texts = bode_labels(self.input_names, self.input_units, self.output_names, self.output_units)
         frequency = np.geomspace(1e-3, 0.5, 400) / self.sample_time
-        values = self.response(frequency)
         with drawing.styled():
             axes = new_axes(axes, 2, 5)
-            magnitude, phase = axes
-            for index, (row, column) in enumerate(np.ndindex(values.shape[1:])):
-                look = drawing.model_look(index)
-                magnitude.loglog(frequency, np.abs(values[:, row, column]), label=texts[row][column], **look)
-                phase.semilogx(frequency, np.degrees(np.unwrap(np.angle(values[:, row, column]))), **look)
-            magnitude.set_ylabel("magnitude" if unit is None else drawing.label("magnitude", unit))
-            title_over_legend(magnitude, f"{self.method}, order {self.order}")
-            phase.set_ylabel(drawing.label("phase", "deg"))
-            phase.set_xlabel(drawing.label("frequency", "Hz"))
+            draw_bode(axes, self, frequency, self.response(frequency), f"{self.method}, order {self.order}")
+            axes[1].set_xlabel(drawing.label("frequency", "Hz"))
         return axes
-
-    @property
-    def _matrices(self) -> tuple[Array, ...]:
-        return self.a, self.b, self.c, self.d, self.gain
 
     def _check(self, data: SampledData) -> None:
         check_fits(data, self.method, self.b.shape[1], self.c.shape[0], self.sample_time)

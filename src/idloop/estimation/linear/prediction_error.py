@@ -121,15 +121,16 @@ def prediction_error(
     with_d = bool(np.any(start.d)) if feedthrough is None else feedthrough
     searched = (True, True, True, with_d, focus == "prediction")
     if free is None:
-        moving = np.repeat(searched, [part.size for part in _parts(matrices)])
+        moving = np.repeat(searched, [part.size for part in matrices.parts])
         scale = _entry_scale(matrices, experiments)
         spread = np.diag(np.concatenate([one.output for one in experiments]).var(axis=0))
         parametrisation = replace(
             _entries(matrices, lambda point: _complement(matrices.like(point), scale, moving)),
-            settle=(lambda point: mirrored(matrices.like(point), spread).flat())
-            if focus == "prediction"
-            else (lambda point: point),
         )
+        if focus == "prediction":
+            parametrisation = replace(
+                parametrisation, settle=lambda point: mirrored(matrices.like(point), spread).flat()
+            )
     else:
         moving = _mask(free, matrices, focus)
         chosen = np.eye(moving.size)[:, moving]
@@ -145,12 +146,10 @@ def prediction_error(
     )
     if found is None:
         raise overflowing(start.method, focus)
-    names = [] if free is None else _entry_names(matrices)
     kept = np.flatnonzero(moving) if free is not None else np.zeros(0, dtype=int)
+    names = [_entry_names(matrices)[i] for i in kept]
     shape = replace(start, method="pem", start=start.start or start.method, singular_values=None)
-    return finished(
-        shape, matrices.like(found.parameters), found, [names[i] for i in kept], kept, experiments, focus, prefilter
-    )
+    return finished(shape, matrices.like(found.parameters), found, names, kept, experiments, focus, prefilter)
 
 
 def finished(
@@ -209,10 +208,6 @@ def filtered(data: SampledData | Sequence[SampledData], prefilter: Filter | None
     return prefiltered(together(data), prefilter)
 
 
-def _parts(matrices: Matrices) -> tuple[Array, ...]:
-    return (matrices.a, matrices.b, matrices.c, matrices.d, matrices.gain)
-
-
 def _entries(matrices: Matrices, free: Any) -> Parametrisation:
     """Parametrisation by the entries themselves."""
     unit = np.eye(matrices.flat().size)
@@ -225,19 +220,10 @@ def _complement(matrices: Matrices, scale: Array, moving: Mask) -> Array:
     A change of coordinates I + X moves the entries by (X A - A X, X B, -C X, 0, X K).
     """
     n = len(matrices.a)
-    tangent = np.stack(
-        [
-            Matrices(
-                x @ matrices.a - matrices.a @ x,
-                x @ matrices.b,
-                -matrices.c @ x,
-                np.zeros_like(matrices.d),
-                x @ matrices.gain,
-            ).flat()
-            for x in np.eye(n * n).reshape(-1, n, n)
-        ],
-        axis=1,
-    )  # fmt: skip
+    tangent = np.zeros((scale.size, n * n))
+    for column, x in zip(tangent.T, np.eye(n * n).reshape(-1, n, n), strict=True):
+        moved = (x @ matrices.a - matrices.a @ x, x @ matrices.b, -matrices.c @ x, 0.0 * matrices.d, x @ matrices.gain)
+        column[:] = Matrices(*moved).flat()
     scaled = (tangent / scale[:, None])[moving]
     left, values, _ = np.linalg.svd(scaled, full_matrices=True)
     rank = int(np.sum(values > 1e-10 * np.max(values, initial=0.0)))
@@ -258,13 +244,9 @@ def _entry_scale(matrices: Matrices, experiments: Sequence[SampledData]) -> Arra
     )
     with np.errstate(over="ignore", invalid="ignore"):
         state, command, output = (_size(part) for part in (states, first.input, first.output))
-    return Matrices(
-        np.outer(state, 1 / state),
-        np.outer(state, 1 / command),
-        np.outer(output, 1 / state),
-        np.outer(output, 1 / command),
-        np.outer(state, 1 / output),
-    ).flat()
+    # Of A, B, C, D and K: (to, from).
+    sizes = ((state, state), (state, command), (output, state), (output, command), (state, output))
+    return Matrices(*(np.outer(to, 1 / source) for to, source in sizes)).flat()
 
 
 def _size(signals: Array) -> Array:
@@ -293,7 +275,7 @@ def _mask(free: Mapping[str, ArrayLike], matrices: Matrices, focus: Focus) -> Ma
     for name in free:
         if name not in _PARTS:
             raise InputError(f'free entries of "{name}"; the matrices are {", ".join(_PARTS)}')
-    for name, part in zip(_PARTS, _parts(matrices), strict=True):
+    for name, part in zip(_PARTS, matrices.parts, strict=True):
         given = np.asarray(free.get(name, False), dtype=bool)
         if given.shape not in {(), part.shape}:
             raise InputError(f"free entries of {name} have shape {given.shape}; the matrix has {part.shape}")
@@ -309,6 +291,6 @@ def _mask(free: Mapping[str, ArrayLike], matrices: Matrices, focus: Focus) -> Ma
 def _entry_names(matrices: Matrices) -> list[str]:
     return [
         f"{name}[{row},{column}]"
-        for name, part in zip(_PARTS, _parts(matrices), strict=True)
+        for name, part in zip(_PARTS, matrices.parts, strict=True)
         for row, column in np.ndindex(part.shape)
     ]

@@ -18,27 +18,29 @@ _MOST_SCORES = 50_000  # rows: longer records are summed in stretches first
 
 @dataclass(frozen=True)
 class Matrices:
-    """A model x(k+1) = A x + B u + K e, y = C x + D u + e, or a direction in the space of such models.
+    """A model x(k+1) = A x + B u + K e, y = C x + D u + e, or a direction in the space of such models."""
 
-    `a`, `b`, `c`, `d`, `gain`: shapes (n, n), (n, m), (p, n), (p, m), (n, p); a stack of k directions has a last axis
-    of length k.
-    """
-
+    # Shapes (n, n), (n, m), (p, n), (p, m), (n, p); a stack of k directions has a last axis of length k
     a: Array
     b: Array
     c: Array
     d: Array
     gain: Array
 
+    @property
+    def parts(self) -> tuple[Array, ...]:
+        """A, B, C, D and K."""
+        return self.a, self.b, self.c, self.d, self.gain
+
     def flat(self) -> Array:
         """All entries in one row; a stack gives one column for each direction."""
         stacked = self.a.shape[2:]
-        return np.concatenate([part.reshape(-1, *stacked) for part in (self.a, self.b, self.c, self.d, self.gain)])
+        return np.concatenate([part.reshape(-1, *stacked) for part in self.parts])
 
     def like(self, flat: Array) -> Matrices:
         """Matrices of these shapes from entries in the order of `flat`; columns give a stack."""
         parts, at = [], 0
-        for part in (self.a, self.b, self.c, self.d, self.gain):
+        for part in self.parts:
             shape = part.shape[:2]
             size = shape[0] * shape[1]
             parts.append(np.ascontiguousarray(flat[at : at + size].reshape(*shape, *flat.shape[1:])))
@@ -229,8 +231,8 @@ def _blocks(
     state, moved = start_state.copy(), np.zeros((order, k + first))
     moved[:, k:] = np.eye(order)[:, :first]
     length = max(_BLOCK_NUMBERS // (outputs.shape[1] * (k + first + 1)), 256)
-    fixed = [np.ascontiguousarray(part) for part in (model.a, model.b, model.c, model.d, model.gain)]
-    turned = [np.ascontiguousarray(part) for part in (moves.a, moves.b, moves.c, moves.d, moves.gain)]
+    fixed = [np.ascontiguousarray(part) for part in model.parts]
+    turned = [np.ascontiguousarray(part) for part in moves.parts]
     for start in range(0, outputs.shape[0], length):
         part = slice(start, start + length)
         errors, derivatives = _errors(

@@ -114,44 +114,22 @@ class FrequencyResponse:
             Probability of the bands.
         """
         from idloop import drawing
-        from idloop.estimation.black_box.labels import bode_labels, new_axes, title_over_legend
+        from idloop.estimation.black_box.labels import draw_bode, new_axes
 
-        unit, texts = bode_labels(self.input_names, self.input_units, self.output_names, self.output_units)
-        radius = self.radius(share)
+        kept, radius = self.resolved, self.radius(share)
         with drawing.styled():
             rows = 2 if self.coherence is None else 3
             axes = new_axes(axes, rows, 2.5 * rows)
-            magnitude, phase = axes[0], axes[1]
-            for index, (row, column) in enumerate(np.ndindex(self.response.shape[1:])):
-                look = drawing.model_look(index)
-                kept = self.resolved
-                frequency = self.frequency[kept]
-                value, width = self.response[kept, row, column], radius[kept, row, column]
-                size, angle = np.abs(value), np.degrees(np.unwrap(np.angle(value)))
-                drawing.line(magnitude, frequency, size, label=texts[row][column], **look)
-                drawing.line(phase, frequency, angle, **look)
-                if np.any(np.isfinite(width)):
-                    # Where the circle holds the origin the phase is unknown.
-                    turn = np.degrees(np.arcsin(np.minimum(width / np.maximum(size, 1e-300), 1.0)))
-                    turn = np.where(width < size, turn, 180.0)
-                    shade = {"color": look["color"], "alpha": 0.2, "linewidth": 0}
-                    # A band that reaches zero has no lower edge on a logarithmic axis: it ends below the curve.
-                    lower = np.maximum(size - width, 0.3 * np.min(size))
-                    magnitude.fill_between(frequency, lower, size + width, **shade)
-                    phase.fill_between(frequency, angle - turn, angle + turn, **shade)
             if self.distortion is not None:
-                self.distortion.draw_levels(magnitude)
-            magnitude.set(xscale="log", yscale="log")
+                self.distortion.draw_levels(axes[0])
             fine = "" if self.resolution is None else f", resolution {self.resolution:.3g} Hz"
-            magnitude.set_ylabel("magnitude" if unit is None else drawing.label("magnitude", unit))
             bands = f", bands of {100 * share:g} %" if np.any(np.isfinite(radius)) else ""
-            title_over_legend(magnitude, f"{self.method}{bands}{fine}")
-            phase.set_ylabel(drawing.label("phase", "deg"))
+            title = f"{self.method}{bands}{fine}"
+            draw_bode(axes[:2], self, self.frequency[kept], self.response[kept], title, radius[kept])
             if self.coherence is not None and len(axes) > 2:
                 for index, name in enumerate(self.output_names):
                     look = drawing.model_look(index)
-                    shown = self.coherence[self.resolved, index]
-                    drawing.line(axes[2], self.frequency[self.resolved], shown, label=name, **look)
+                    drawing.line(axes[2], self.frequency[kept], self.coherence[kept, index], label=name, **look)
                 axes[2].set(ylim=(0.0, 1.05), ylabel=drawing.label("coherence", "-"))
             axes[-1].set_xlabel(drawing.label("frequency", "Hz"))
         return axes
