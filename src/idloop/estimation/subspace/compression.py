@@ -105,17 +105,15 @@ class Compression:
     Every projection of rows of a block Hankel matrix on other rows depends on its LQ factor alone
     (Van Overschee and De Moor, Subspace Identification for Linear Systems, 1996, chapter 6; paper of the
     torsion system, eq. 3.9 to 3.15). Signals are scaled to unit deviation.
-
-    `factor` (length (m + p), columns): L of the LQ decomposition, divided by the root of the number of windows; a row
-    is one signal at one lag; `input_scale`, `output_scale` (m,), (p,): deviation of each signal [input units, output
-    units].
     """
 
+    # Shape (length (m + p), columns): L of the LQ decomposition, divided by the root of the number of windows; a row is
+    # one signal at one lag
     factor: Array
     length: int  # samples in a window
     windows: int  # number of windows over all experiments
-    input_scale: Array
-    output_scale: Array
+    input_scale: Array  # shape (m,): deviation of each signal [input units]
+    output_scale: Array  # shape (p,): [output units]
     experiments: tuple[SampledData, ...]
     squared: bool = False  # whether the factor comes from correlations, which carry half of the digits
 

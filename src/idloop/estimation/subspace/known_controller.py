@@ -31,12 +31,10 @@ Data = SampledData | Sequence[SampledData]
 
 @dataclass(frozen=True)
 class CommandMisfit:
-    """How far the command of a controller lies from the recorded one.
+    """How far the command of a controller lies from the recorded one."""
 
-    `share`: RMS of the difference over that of the recorded command, both about their straight lines; 0: it is the
-    controller that ran, 1 and more: its command does not explain the recorded one.
-    """
-
+    # RMS of the difference over that of the recorded command, both about their straight lines; 0: it is the controller
+    # that ran, 1 and more: its command does not explain the recorded one
     share: float
     late: float  # the same when the recorded command answers one sample later
 
@@ -135,7 +133,7 @@ def _power(value: Array) -> float:
 
 def vodma(
     data: Data,
-    controller: control.LTI | Mapping[str, control.LTI],
+    controller: control.LTI | Mapping[str, control.LTI] | None,
     order: int | Literal["auto"] = "auto",
     *,
     horizon: int | None = None,
@@ -155,9 +153,10 @@ def vodma(
     ----------
     data : SampledData or sequence of SampledData
         Experiments in closed loop; offsets removed.
-    controller : python-control system, or mapping of output name to system
+    controller : python-control system, mapping of output name to system, or None
         Discrete, at the data's sample time, from all measured outputs in their order to what is subtracted from
         the commands [input unit per output unit]. The mapping names the outputs that are fed back to one command.
+        None for direct identification, as by `vodma_direct`.
     order : int or "auto"
     stable, integrates : bool
         As for `n4sid`; B is fitted before poles are moved.
@@ -170,35 +169,10 @@ def vodma(
     InputError
         As for `n4sid`, or a controller of other signals or another sample time.
     """
-    return _identify(
-        "vodma", together(data), order, controller,
-        horizon=horizon, feedthrough=feedthrough, stable=stable, integrates=integrates, weighting=weighting,
-    )  # fmt: skip
-
-
-def vodma_direct(data: Data, order: int | Literal["auto"] = "auto", **options: Any) -> LinearModel:
-    """Algorithm of `vodma` with the controller set to zero: direct identification, the thesis's DI.
-
-    Options, result and errors as for `vodma`. Consistent in open loop only.
-    """
-    return _identify("vodma_direct", together(data), order, None, **options)
-
-
-def _identify(
-    method: str,
-    experiments: list[SampledData],
-    order: int | Literal["auto"],
-    controller: control.LTI | Mapping[str, control.LTI] | None,
-    *,
-    horizon: int | None = None,
-    feedthrough: bool = False,
-    stable: bool = False,
-    integrates: bool = False,
-    weighting: realisation.Weighting = "cva",
-) -> LinearModel:
-    first = experiments[0]
+    experiments = together(data)
+    method = "vodma_direct" if controller is None else "vodma"
     known = None if isinstance(order, str) else order
-    feedback = None if controller is None else _checked(controller, first)
+    feedback = None if controller is None else _checked(controller, experiments[0])
     compression = halved_windows(experiments, horizon, known, feedthrough)
     half = compression.length // 2
     check_order(order, half, compression.outputs)
@@ -214,18 +188,24 @@ def _identify(
     return assembled(method, compression, Matrices(a, b, c, d, gain), subspace.values, feedthrough, notes)
 
 
+def vodma_direct(data: Data, order: int | Literal["auto"] = "auto", **options: Any) -> LinearModel:
+    """Algorithm of `vodma` with the controller set to zero: direct identification, the thesis's DI.
+
+    Options, result and errors as for `vodma`. Consistent in open loop only.
+    """
+    return vodma(data, None, order, **options)
+
+
 def _checked(
     controller: control.LTI | Mapping[str, control.LTI], data: SampledData
 ) -> tuple[Array, Array, Array, Array]:
     """State-space matrices of the controller from all outputs to all commands."""
     import control
 
-    systems: list[tuple[str | None, Any]] = [(None, controller)]
-    if isinstance(controller, Mapping):
-        systems = list(controller.items())
-    p, m = len(data.output_names), len(data.input_names)
+    systems: Mapping[Any, Any] = controller if isinstance(controller, Mapping) else {None: controller}
+    p, m, period = len(data.output_names), len(data.input_names), data.sample_time
     parts = []
-    for name, system in systems:
+    for name, system in systems.items():
         if name is not None and (name not in data.output_names or m != 1):
             raise InputError(
                 f'controller of "{name}": give one command and one of the outputs {", ".join(data.output_names)}'
@@ -237,25 +217,21 @@ def _checked(
                 f"controller with {found.ninputs} inputs and {found.noutputs} outputs; it must lead from"
                 f" {len(columns)} measured outputs to {m} commands"
             )
-        if found.dt is None or found.dt == 0 or (found.dt is not True and not _same(found.dt, data.sample_time)):
+        if (
+            found.dt is None
+            or found.dt == 0
+            or (found.dt is not True and abs(found.dt - data.sample_time) > _SAME_PERIOD * data.sample_time)
+        ):
             raise InputError(
-                f"controller with sample time {found.dt}, but {data.name} has {data.sample_time:g} s;"
+                f"controller with sample time {found.dt}, but {data.name} has {period:g} s;"
                 " convert it with idloop.estimation.linear.c2d or d2d"
             )
         spread = np.eye(p)[columns]
         parts.append((found.A, found.B @ spread, found.C, found.D @ spread))
     from scipy.linalg import block_diag
 
-    return (
-        block_diag(*(part[0] for part in parts)),
-        np.vstack([part[1] for part in parts]),
-        np.hstack([part[2] for part in parts]),
-        np.sum([part[3] for part in parts], axis=0),
-    )
-
-
-def _same(sample_time: float, other: float) -> bool:
-    return abs(sample_time - other) <= 1e-3 * other
+    a, b, c, d = zip(*parts, strict=True)
+    return block_diag(*a), np.vstack(b), np.hstack(c), np.sum(d, axis=0)
 
 
 def _markov(a: Array, b: Array, c: Array, d: Array, count: int) -> list[Array]:

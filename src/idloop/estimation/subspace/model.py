@@ -23,24 +23,18 @@ _RANK = 1e-12  # of the moments of the first state's responses
 
 @dataclass(frozen=True)
 class ModalFit:
-    """What the regression found.
+    """What the regression found, in scaled units."""
 
-    `b`, `d` (n, m), (p, m): in scaled units.
-    """
-
-    b: Array
-    d: Array
+    b: Array  # shape (n, m)
+    d: Array  # shape (p, m)
     covariance: Array  # shape (p, p): mean product of the errors, the first state of each experiment estimated
 
 
 @dataclass(frozen=True)
 class _Modes:
-    """A = basis D basis^-1, D of numbers and of blocks [[real, -imaginary], [imaginary, real]].
+    """A = basis D basis^-1, D of numbers and of blocks [[real, -imaginary], [imaginary, real]]."""
 
-    `real`, `imaginary` (n,): of each eigenvalue; a conjugate pair takes two places that both hold the one above the
-    axis.
-    """
-
+    # Shape (n,): of each eigenvalue; a conjugate pair takes two places that both hold the one above the axis
     real: Array
     imaginary: Array
     basis: Array  # shape (n, n)
@@ -265,20 +259,16 @@ def assembled(
     command, measure = compression.input_scale, compression.output_scale
     notes += instability_notes(matrices.a)
     model = LinearModel(
-        method=method,
-        a=matrices.a,
-        b=matrices.b / command,
-        c=matrices.c * measure[:, None],
-        d=matrices.d * measure[:, None] / command,
-        gain=matrices.gain / measure,
-        covariance=np.zeros((p, p)) if covariance is None else covariance * np.outer(measure, measure),
+        method, matrices.a, matrices.b / command, matrices.c * measure[:, None],
+        matrices.d * measure[:, None] / command, matrices.gain / measure,
+        np.zeros((p, p)) if covariance is None else covariance * np.outer(measure, measure),
         **first.labels,
         samples=compression.samples,
         # Of all entries n squared are the choice of the states' coordinates.
         free=n * (m + p) + p * m * feedthrough + n * p * bool(np.any(matrices.gain)),
         singular_values=singular_values,
         notes=notes,
-    )
+    )  # fmt: skip
     if covariance is None:
         model = replace(model, covariance=error_covariance(model, compression.experiments))
     return replace(model, notes=(*model.notes, *collinearity_notes(compression.experiments, model)))

@@ -33,6 +33,7 @@ def n4sid(
     stable: bool = False,
     integrates: bool | None = None,
     exact: bool = False,
+    method: realisation.Weighting = "n4sid",
 ) -> LinearModel:
     """State-space model from the oblique projection of the future on the past.
 
@@ -61,6 +62,8 @@ def n4sid(
     exact : bool
         Factor the windows themselves (QR), whatever the data. By default the correlations of the signals replace
         them wherever the data have the noise to allow it: many times faster, and equal well within the chance error.
+    method : "n4sid", "moesp" or "cva"
+        Weights of the projection, and how A and C follow from it.
 
     Raises
     ------
@@ -68,10 +71,30 @@ def n4sid(
         Too few samples, an input that excites too little, an order that the horizon cannot show, or no pole near 1
         where the plant is to integrate.
     """
-    return _identify(
-        "n4sid", data, order,
-        horizon=horizon, feedthrough=feedthrough, focus=focus, stable=stable, integrates=integrates, exact=exact,
-    )  # fmt: skip
+    compression, future = _projected(data, order, horizon, feedthrough, exact)
+    subspace = realisation.weighted_subspace(future, method)
+    chosen = selection(method, compression, future, subspace).order if isinstance(order, str) else order
+    observability = subspace.observability(chosen)
+    transition = realisation.transition(future, observability)
+    residual = transition.orthogonal_to(future.command)
+    if method == "moesp":
+        a, c = realisation.shift_invariant(observability, compression.outputs)
+    else:
+        a, c = realisation.regressed(future, transition)
+
+    def model(known: bool) -> LinearModel:
+        poles = realisation.constrained(a, stable=stable, integrates=known)
+        gain, notes = realisation.kalman_gain(realisation.residual_noise(residual, poles, c), poles, c)
+        fitted = gain if focus == "prediction" else np.zeros_like(gain)
+        b, d, covariance = command_matrices(compression, poles, c, fitted, feedthrough)
+        found = Matrices(poles, b, c, d, gain)
+        left = covariance if focus == "prediction" else None
+        return assembled(method, compression, found, subspace.values, feedthrough, notes, left)
+
+    if integrates is not None or not realisation.beyond_windows(a, future.horizon):
+        return model(bool(integrates))
+    opening = max(_COMPARED * future.horizon, _LEAST_COMPARED)
+    return _better_free_run(model(False), model(True), [one.part(0, opening) for one in compression.experiments])
 
 
 def moesp(data: Data, order: int | Literal["auto"] = "auto", **options: Any) -> LinearModel:
@@ -79,7 +102,7 @@ def moesp(data: Data, order: int | Literal["auto"] = "auto", **options: Any) -> 
 
     Verhaegen, Automatica 30, 1994. Options, result and errors as for `n4sid`.
     """
-    return _identify("moesp", data, order, **options)
+    return n4sid(data, order, method="moesp", **options)
 
 
 def cva(data: Data, order: int | Literal["auto"] = "auto", **options: Any) -> LinearModel:
@@ -88,7 +111,7 @@ def cva(data: Data, order: int | Literal["auto"] = "auto", **options: Any) -> Li
     Larimore, Proc. IEEE Conf. Decision and Control 1990, in the weights of Van Overschee and De Moor, Automatica 31,
     1995: outputs of any unit and noise level count alike. Options, result and errors as for `n4sid`.
     """
-    return _identify("cva", data, order, **options)
+    return n4sid(data, order, method="cva", **options)
 
 
 def select_order(
@@ -129,44 +152,6 @@ def _projected(
     compression = halved_windows(data, horizon, known, feedthrough, exact)
     check_order(order, compression.length // 2, compression.outputs)
     return compression, project_future(compression)
-
-
-def _identify(
-    method: realisation.Weighting,
-    data: Data,
-    order: int | Literal["auto"],
-    *,
-    horizon: int | None = None,
-    feedthrough: bool = False,
-    focus: Literal["prediction", "simulation"] = "prediction",
-    stable: bool = False,
-    integrates: bool | None = None,
-    exact: bool = False,
-) -> LinearModel:
-    compression, future = _projected(data, order, horizon, feedthrough, exact)
-    subspace = realisation.weighted_subspace(future, method)
-    chosen = selection(method, compression, future, subspace).order if isinstance(order, str) else order
-    observability = subspace.observability(chosen)
-    transition = realisation.transition(future, observability)
-    residual = transition.orthogonal_to(future.command)
-    if method == "moesp":
-        a, c = realisation.shift_invariant(observability, compression.outputs)
-    else:
-        a, c = realisation.regressed(future, transition)
-
-    def model(known: bool) -> LinearModel:
-        poles = realisation.constrained(a, stable=stable, integrates=known)
-        gain, notes = realisation.kalman_gain(realisation.residual_noise(residual, poles, c), poles, c)
-        fitted = gain if focus == "prediction" else np.zeros_like(gain)
-        b, d, covariance = command_matrices(compression, poles, c, fitted, feedthrough)
-        found = Matrices(poles, b, c, d, gain)
-        left = covariance if focus == "prediction" else None
-        return assembled(method, compression, found, subspace.values, feedthrough, notes, left)
-
-    if integrates is not None or not realisation.beyond_windows(a, future.horizon):
-        return model(bool(integrates))
-    opening = max(_COMPARED * future.horizon, _LEAST_COMPARED)
-    return _better_free_run(model(False), model(True), [one.part(0, opening) for one in compression.experiments])
 
 
 def _better_free_run(free: LinearModel, integrating: LinearModel, experiments: Sequence[SampledData]) -> LinearModel:

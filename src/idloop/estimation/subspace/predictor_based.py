@@ -95,15 +95,13 @@ def pbsid(
 
 @dataclass(frozen=True)
 class _Regression:
-    """Long ARX model and the decomposition of the states that it sees.
-
-    `shifted` (p horizon, (m + p) past): extended observability times controllability matrix of the predictor, in
-    deviations of the innovations; `left`, `values`: singular vectors and values of its product with the past.
-    """
+    """Long ARX model and the decomposition of the states that it sees."""
 
     compression: Compression  # of windows one sample longer than the past
     past: int
     horizon: int
+    # Shape (p horizon, (m + p) past): extended observability times controllability matrix of the predictor, in
+    # deviations of the innovations; singular vectors and values of its product with the past
     shifted: Array
     left: Array
     values: Array

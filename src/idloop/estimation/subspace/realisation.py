@@ -29,22 +29,19 @@ class Future:
     M = U + H Y is the command plus what the controller's response to the measurements takes off it. With a known
     controller noise of the future does not reach M, and without feedback M is the command itself (paper of the
     torsion system, eq. 3.6; Van Overschee and De Moor, Automatica 33, 1997).
-
-    `z`, `z_next` (p i, columns), (p (i - 1), columns): orthogonal projections Z of the future outputs, eq. 3.16 and
-    3.17; `residual`, `explained` (p i, columns): future outputs with M taken out, and the part of that which the past
-    explains; `now`, `command_now` (p, columns), (m, columns): outputs and M at lag i.
     """
 
     horizon: int  # samples i of past and of future
     command: Array  # shape (m i, columns): M over the lags i to 2 i - 1
     command_next: Array  # shape (m (i - 1), columns): M over the lags i + 1 to 2 i - 1
-    z: Array
-    z_next: Array
+    # Orthogonal projections Z of the future outputs, eq. 3.16 and 3.17
+    z: Array  # shape (p i, columns)
+    z_next: Array  # shape (p (i - 1), columns)
     oblique: Array  # shape (p i, columns): projection of the future outputs on the past along M, eq. 3.18
-    residual: Array
-    explained: Array
-    now: Array
-    command_now: Array
+    residual: Array  # shape (p i, columns): future outputs with M taken out
+    explained: Array  # shape (p i, columns): the part of that which the past explains
+    now: Array  # shape (p, columns): outputs at lag i
+    command_now: Array  # shape (m, columns): M at lag i
 
     def correlations(self) -> Array:
         """Canonical correlations between future outputs and past, both with M taken out, largest first."""
@@ -55,13 +52,9 @@ class Future:
 
 def toeplitz(markov: list[Array]) -> Array:
     """Lower block triangular Toeplitz matrix of a system's Markov parameters (eq. 3.5)."""
-    rows, columns = markov[0].shape
-    count = len(markov)
-    whole = np.zeros((count * rows, count * columns))
-    for down in range(count):
-        for across in range(down + 1):
-            whole[down * rows : (down + 1) * rows, across * columns : (across + 1) * columns] = markov[down - across]
-    return whole
+    padded = [*markov, np.zeros_like(markov[0])]
+    # Index -1, above the diagonal, is the block of zeros.
+    return np.block([[padded[max(down - across, -1)] for across in range(len(markov))] for down in range(len(markov))])
 
 
 def project_future(compression: Compression, feedback: list[Array] | None = None) -> Future:
