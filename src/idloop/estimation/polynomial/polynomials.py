@@ -11,7 +11,7 @@ import numpy as np
 from idloop.arrays import Array, Complex
 from idloop.errors import InputError
 from idloop.estimation.black_box.labels import control_names
-from idloop.estimation.linear import Coefficient, LinearModel
+from idloop.estimation.linear import Coefficient
 from idloop.estimation.linear.sensitivity import Matrices
 
 if TYPE_CHECKING:
@@ -274,22 +274,6 @@ class Polynomials:
         """Innovation-form state space."""
         numerators = [self.numerator(i) for i in range(len(self.b))]
         return general_form(self.a, numerators, self.c, self.d, self.f)
-
-    def model(
-        self, *, method: str = "polynomials", input_units: tuple[str, ...] | None = None, output_unit: str = "-",
-        samples: int = 0,
-    ) -> LinearModel:  # fmt: skip
-        """Linear model in innovation form, to simulate, predict and draw with, as of a recursive estimate."""
-        form = self.realization
-        return LinearModel(
-            method=method, a=form.a, b=form.b, c=form.c, d=form.d, gain=form.gain,
-            covariance=np.array([[self.variance]]), sample_time=self.sample_time,
-            input_names=self.input_names,
-            input_units=("-",) * len(self.b) if input_units is None else input_units,
-            output_names=(self.output_name,), output_units=(output_unit,),
-            samples=samples, free=self.orders.size,
-            coefficients=self.coefficients, coefficient_covariance=self.covariance,
-        )  # fmt: skip
 
     @property
     def system(self) -> control.TransferFunction:

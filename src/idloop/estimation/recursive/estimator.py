@@ -100,7 +100,8 @@ class RecursivePolynomial:
         output_name: str = "output",
     ) -> None:
         m = orders.inputs
-        names = input_names if input_names is not None else _default_names(m)
+        numbered = ("input",) if m == 1 else tuple(f"input{i + 1}" for i in range(m))
+        names = numbered if input_names is None else input_names
         # Linear regressions are exact from the first sample.
         linear = not (orders.nc or orders.nd or any(orders.nf))
         growth = (0.0 if linear else 0.995) if warm_up is None else float(warm_up)
@@ -229,20 +230,7 @@ class RecursivePolynomial:
     # -- updates ---------------------------------------------------------------------
 
     def update(self, u: ArrayLike, y: float) -> float:
-        """Take one sample.
-
-        Parameters
-        ----------
-        u : float or array, shape (m,)
-            Commands at the instant of the measurement, in force until the next; NaN is the one before.
-        y : float
-            Measurement; NaN where there is none, which is predicted and updates nothing.
-
-        Returns
-        -------
-        float
-            Innovation: the measurement less its prediction from everything before [output unit].
-        """
+        """Take one sample, as `update_block`, and return its innovation [output unit]."""
         row = np.asarray(u, dtype=float).reshape(1, -1)
         return float(self.update_block(row, np.array([y], dtype=float))[0])
 
@@ -252,12 +240,14 @@ class RecursivePolynomial:
         Parameters
         ----------
         u : array, shape (n, m), or (n,) for one input
+            Commands at the instants of the measurements, in force until the next; NaN is the one before.
         y : array, shape (n,)
+            Measurements; NaN where there is none, which is predicted and updates nothing.
 
         Returns
         -------
         ndarray, shape (n,)
-            Innovations [output unit].
+            Innovations: the measurements less their predictions from everything before [output unit].
 
         Raises
         ------
@@ -268,25 +258,12 @@ class RecursivePolynomial:
         return innovations
 
     def follow(self, u: ArrayLike, y: ArrayLike, every: int = 1) -> tuple[Array, Array, Array]:
-        """Take several samples and remember what the coefficients did.
-
-        Parameters
-        ----------
-        u, y
-            As for `update_block`.
-        every : int
-            Samples from one remembered row to the next.
+        """Take samples as `update_block`, and remember coefficients and standard errors after each `every` of them.
 
         Returns
         -------
         innovations : ndarray, shape (n,)
         values, stderr : ndarray, shape (n // every, k)
-            Coefficients and standard errors after each `every` samples.
-
-        Raises
-        ------
-        InputError
-            As for `update_block`.
         """
         if every < 1:
             raise InputError(f"every = {every}; it must be at least 1 sample")
@@ -298,13 +275,6 @@ class RecursivePolynomial:
         self._end_start()
         self._past[:] = 0.0
         self._held = 0
-
-    def widen(self) -> None:
-        """Make the coefficients as uncertain as at the start, as after a tool change; their values stay."""
-        self._end_start()
-        self._upper, self._diagonal = np.eye(self.orders.size), self._most.copy()
-        if self._carries:
-            self._errors = np.diag(self._most)
 
     # -- inside -----------------------------------------------------------------------
 
@@ -460,7 +430,3 @@ class RecursivePolynomial:
         if not all(stable(np.ascontiguousarray(vector[place]), self._radius) for place in places):
             raise InputError(f"start: C or F has roots outside the circle of radius {self._radius:g}; reflect them")
         return np.array(vector, dtype=float)
-
-
-def _default_names(inputs: int) -> tuple[str, ...]:
-    return ("input",) if inputs == 1 else tuple(f"input{i + 1}" for i in range(inputs))

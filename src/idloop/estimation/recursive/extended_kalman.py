@@ -46,14 +46,12 @@ _FIRST = 400  # most samples from which the noise levels are estimated
 
 
 class Start(NamedTuple):
-    """Values in the units of the signals.
+    """Values in the units of the signals."""
 
-    `vector`, `stderr` (k,): coefficients of A and B, and standard errors; `process`, `measurement`: variance of the
-    equation error and of the measurement noise, if all noise were that [output unit squared].
-    """
-
+    # Shape (k,): coefficients of A and B, and standard errors
     vector: Array
     stderr: Array
+    # Variance of the equation error and of the measurement noise, if all noise were that [output unit squared]
     process: float
     measurement: float
 
@@ -417,12 +415,6 @@ class ExtendedKalman(RecursivePolynomial):
         super().forget_signals()
         self._commands[:] = 0.0
         restart(self._state, self._upper, self._diagonal)
-
-    def widen(self) -> None:
-        """Make the coefficients as uncertain as their prior, as after a tool change; their values stay."""
-        self._end_start()
-        self._upper, self._diagonal = np.eye(len(self._most)), self._most.copy()
-        restart(np.zeros(self._states), self._upper, self._diagonal)
 
     # -- inside -----------------------------------------------------------------------
 

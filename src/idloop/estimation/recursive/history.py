@@ -43,10 +43,7 @@ class CoefficientHistory:
         """Plain numbers for JSON."""
         return {
             "output": self.output_name,
-            "names": list(self.names),
-            "time": self.time,
-            "values": self.values,
-            "stderr": self.stderr,
+            **{name: getattr(self, name) for name in ("names", "time", "values", "stderr")},
             "innovation_rms": float(np.sqrt(np.nanmean(self.innovations**2))) if len(self.innovations) else None,
             "fit_on_the_way": self.fit,
             "final": self.final.to_dict(),

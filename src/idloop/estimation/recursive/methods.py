@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from idloop.errors import InputError
 from idloop.estimation.polynomial.polynomials import Orders
-from idloop.estimation.recursive.estimator import Method, RecursivePolynomial
+from idloop.estimation.recursive.estimator import RecursivePolynomial
 from idloop.estimation.recursive.extended_kalman import ExtendedKalman
 from idloop.spelling import did_you_mean_or_known
 
@@ -18,14 +18,7 @@ DRIFT = 1e-3
 def recursive_arx(na: int, nb: int | Sequence[int], nk: int | Sequence[int] = 1, **options: Any) -> RecursivePolynomial:
     """Recursive least squares, with forgetting or as a Kalman filter (Ljung, 2nd ed., section 11.2).
 
-    Parameters
-    ----------
-    na : int
-        Degree of A.
-    nb, nk : int or one per input
-        Number of coefficients of B and lag of the first [samples].
-    **options
-        Of `RecursivePolynomial`: forgetting, random_walk, start, prior, scales, names.
+    Orders as for `idloop.estimation.polynomial.arx`; options of `RecursivePolynomial`.
     """
     return RecursivePolynomial(Orders.of(na=na, nb=nb, nk=nk), **options)
 
@@ -35,7 +28,7 @@ def extended_kalman_filter(
 ) -> ExtendedKalman:
     """Extended Kalman filter of the state and the coefficients of A y = B u (Ljung 1979).
 
-    Parameters as for `recursive_arx`, with the options of `ExtendedKalman`.
+    Orders as for `recursive_arx`; options of `ExtendedKalman`.
     """
     return ExtendedKalman(Orders.of(na=na, nb=nb, nk=nk), **options)
 
@@ -64,34 +57,27 @@ def recursive_box_jenkins(
     return RecursivePolynomial(Orders.of(nb=nb, nc=nc, nd=nd, nf=nf, nk=nk), **options)
 
 
-def recursive_prediction_error(**numbers: Any) -> RecursivePolynomial:
+def recursive_prediction_error(
+    *, na: int = 0, nb: int | Sequence[int] = 0, nc: int = 0, nd: int = 0, nf: int | Sequence[int] = 0,
+    nk: int | Sequence[int] = 1, **options: Any,
+) -> RecursivePolynomial:  # fmt: skip
     """Recursive prediction error method for the general structure (Ljung, 2nd ed., section 11.4).
 
     Parameters
     ----------
     na, nc, nd : int
-        Degrees of A, C and D; 0 by default.
+        Degrees of A, C and D.
     nb, nf, nk : int or one per input
-        Number of coefficients of B, degree of F, lag of the first coefficient of B [samples]; 0, 0 and 1 by default.
+        Number of coefficients of B, degree of F, lag of the first coefficient of B [samples].
     **options
         Of `RecursivePolynomial`.
     """
-    return _general("gradient", **numbers)
+    return RecursivePolynomial(Orders.of(na=na, nb=nb, nc=nc, nd=nd, nf=nf, nk=nk), **options)
 
 
 def pseudo_linear_regression(**numbers: Any) -> RecursivePolynomial:
-    """Recursive pseudo-linear regression for the general structure (Ljung, 2nd ed., section 11.5).
-
-    Parameters as for `recursive_prediction_error`.
-    """
-    return _general("pseudo-linear", **numbers)
-
-
-def _general(
-    method: Method, *, na: int = 0, nb: int | Sequence[int] = 0, nc: int = 0, nd: int = 0,
-    nf: int | Sequence[int] = 0, nk: int | Sequence[int] = 1, **options: Any,
-) -> RecursivePolynomial:  # fmt: skip
-    return RecursivePolynomial(Orders.of(na=na, nb=nb, nc=nc, nd=nd, nf=nf, nk=nk), method=method, **options)
+    """Recursive pseudo-linear regression (Ljung, section 11.5); parameters as for `recursive_prediction_error`."""
+    return recursive_prediction_error(method="pseudo-linear", **numbers)
 
 
 class RecursiveMethod(NamedTuple):
