@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,8 +13,9 @@ from idloop.errors import InputError
 from idloop.physics.effect import BODY, COUPLING, INPUT, Effect, catalogue, find_effect
 from idloop.spelling import did_you_mean_or_known
 
-if TYPE_CHECKING:
-    from idloop.estimation.describing_functions.elements import Answer
+# An element at work, asked at evenly spaced instants: its answer to an input, the input's time derivative [1/s] and its
+# integral over time [s].
+Answer = Callable[[float, float, float], float]
 
 COMMAND, POSITION, VELOCITY, TWIST = "command", "position", "velocity", "twist"
 _DRIVES = {INPUT: (COMMAND,), BODY: (POSITION, VELOCITY), COUPLING: (TWIST,)}

@@ -15,15 +15,7 @@ from scipy.optimize import brentq
 
 from idloop.arrays import Array, Complex
 from idloop.errors import InputError
-from idloop.estimation.describing_functions.effect_element import effect_element
-
-
-class Answer(Protocol):
-    """An element at work: asked at evenly spaced instants, it answers and remembers."""
-
-    def __call__(self, value: float, rate: float, total: float) -> float:
-        """Answer to an input with its time derivative [1/s] and its integral over time [s]."""
-        ...
+from idloop.estimation.describing_functions.effect_element import Answer, effect_element
 
 
 class Element(Protocol):

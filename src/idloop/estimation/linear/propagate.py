@@ -7,6 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from idloop.estimation.compiled import inner
+from idloop.estimation.linear.least_squares import solve, triangle
 
 Array = NDArray[np.float64]
 _LONGEST = 20_000  # samples: a mode that has not decayed by then is nearly constant in the rest as well
@@ -112,22 +113,10 @@ def initial_state(a: Array, c: Array, rest: Array) -> Array:
     floor = np.where(size > 0.0, _LEAST_SHARE * size, 1.0)
     deviation, state = np.maximum(size, floor), np.zeros(order)
     # Each output's response and measurements as one triangle: every round then weighs a few rows.
-    triangles = [_triangle(columns[:, j], target[:, j]) for j in range(len(c))]
+    triangles = [triangle([np.column_stack([columns[:, j], target[:, j]])]) for j in range(len(c))]
     for _ in range(_REWEIGHTINGS if len(c) > 1 else 1):
-        state = _least_squares(np.concatenate([one / d for one, d in zip(triangles, deviation, strict=True)]))
+        rows = np.concatenate([one / d for one, d in zip(triangles, deviation, strict=True)])
+        state = solve(rows[:, :-1], rows[:, -1])
         left = [float(np.linalg.norm(one[:, -1] - one[:, :-1] @ state)) for one in triangles]
         deviation = np.maximum(np.array(left) / np.sqrt(last), floor)
     return state
-
-
-def _triangle(columns: Array, target: Array) -> Array:
-    """Rows (k, n + 1) with the lengths and angles of the columns and the target."""
-    return np.asarray(np.linalg.qr(np.column_stack([columns, target]), mode="r"))
-
-
-def _least_squares(rows: Array) -> Array:
-    """State of least errors, of smallest norm where the outputs do not show the whole of it."""
-    columns, target = rows[:, :-1], rows[:, -1]
-    scale = np.linalg.norm(columns, axis=0)
-    scale[scale == 0.0] = 1.0
-    return np.asarray(np.linalg.lstsq(columns / scale, target, rcond=None)[0] / scale)

@@ -9,6 +9,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from idloop.estimation.linear.least_squares import solve
+
 Array = NDArray[np.float64]
 
 _BLOCK_NUMBERS = 2_000_000  # numbers of one block of derivatives: fits the cache and the memory of a small machine
@@ -178,13 +180,7 @@ def _first_state(model: Matrices, inputs: Array, outputs: Array, whitener: Array
     factor = _factor(model, _no_directions(model), inputs, outputs, whitener, order, np.zeros(order))
     if not np.all(np.isfinite(factor)):
         return np.zeros(order)
-    return -_solved(factor[:order, :order], factor[:order, order:])[:, 0]
-
-
-def _solved(triangle: Array, target: Array) -> Array:
-    scale = np.linalg.norm(triangle, axis=0)
-    scale[scale == 0.0] = 1.0
-    return np.asarray(np.linalg.lstsq(triangle / scale, target, rcond=1e-12)[0] / scale[:, None])
+    return -solve(factor[:order, :order], factor[:order, order], 1e-12)
 
 
 def _no_directions(model: Matrices) -> Matrices:
@@ -218,7 +214,7 @@ def _at_best_state(
     if not np.all(np.isfinite(factor)):
         yield np.full((1, outputs.shape[1], factor.shape[1] - first), np.inf)
         return
-    part = _solved(factor[:first, :first], factor[:first, first:])
+    part = solve(factor[:first, :first], factor[:first, first:], 1e-12)
     for rows in _blocks(model, moves, inputs, outputs, whitener, first, start):
         yield rows[:, :, first:] - rows[:, :, :first] @ part
 

@@ -14,9 +14,9 @@ import numpy as np
 
 from idloop.arrays import Array
 from idloop.errors import InputError
+from idloop.estimation.linear.least_squares import triangle
 from idloop.estimation.networks.network import Network, ahead, parameters, slopes, with_parameters
 from idloop.estimation.networks.training_data import BLOCK, TrainingData
-from idloop.estimation.polynomial.regression import triangle
 
 _SMALLEST_DAMPING = 1e-20
 

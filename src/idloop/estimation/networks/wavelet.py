@@ -10,11 +10,11 @@ import numpy as np
 from idloop.arrays import Array, Integers
 from idloop.errors import InputError
 from idloop.estimation.black_box.sampled import SampledData
+from idloop.estimation.linear.least_squares import rows_in_blocks, solve, triangle
 from idloop.estimation.networks.model import NarxModel
 from idloop.estimation.networks.network import SCALING, WAVELET, Network, activations
 from idloop.estimation.networks.training import TrainingHistory, TrainingRules, train
 from idloop.estimation.networks.training_data import Division, Form, Preparation, TappedDelays, by_spread, prepare
-from idloop.estimation.polynomial.regression import rows_in_blocks, triangle
 
 _DEPENDENT = 1e-8  # what is left of a column's square when the chosen ones are taken out, below which it is theirs
 _LEVELS = 5  # dyadic levels, each with dilations twice those of the one above
@@ -193,13 +193,10 @@ def _path(factors: Sequence[Array], counts: Integers, base: int, most: int, p: i
     solutions: list[Array] = []
     columns = base + most
     train = factors[0]
-    size = np.linalg.norm(train[:, :columns], axis=0)
-    size = np.where(size > 0, size, 1.0)
     for number in range(most + 1):
         used = base + number
-        solution = np.linalg.lstsq(train[:, :used] / size[:used], train[:, columns:], rcond=1e-12)[0]
-        solution /= size[:used, None]
-        solutions.append(np.asarray(solution, dtype=float))
+        solution = solve(train[:, :used], train[:, columns:], 1e-12)
+        solutions.append(solution)
         for index, (factor, count) in enumerate(zip(factors, counts, strict=True)):
             if count:
                 left = factor[:, columns:] - factor[:, :used] @ solution

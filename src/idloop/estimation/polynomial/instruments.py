@@ -11,6 +11,7 @@ from idloop.arrays import Array, Mask
 from idloop.errors import InputError
 from idloop.estimation.black_box.prefilter import Filter, prefiltered
 from idloop.estimation.black_box.sampled import SampledData, together
+from idloop.estimation.linear.least_squares import column_sizes, solve
 from idloop.estimation.polynomial.model import Fitted, PolynomialModel, fit_outputs
 from idloop.estimation.polynomial.polynomials import Orders, reflect
 from idloop.estimation.polynomial.regression import (
@@ -152,16 +153,12 @@ def _instrumental(
             f"{sum(map(len, targets))} usable samples for {orders.size} coefficients; record longer or lower the orders"
         )
     zeta = np.vstack(instruments)
-    scale = np.linalg.norm(zeta, axis=0)
-    scale[scale == 0.0] = 1.0
+    scale = column_sizes(zeta)
     # Orthonormal instruments span the same equations without squaring their condition number.
     basis, triangle = np.linalg.qr(zeta / scale)
     left, right = basis.T @ np.vstack(rows), basis.T @ np.concatenate(targets)
-    size = np.linalg.norm(left, axis=0)
-    size[size == 0.0] = 1.0
-    solution = np.linalg.lstsq(left / size, right, rcond=1e-13 * orders.size)[0] / size
     factor, undetermined = inverse_factor(triangle * scale)
-    return solution, factor, undetermined
+    return solve(left, right, 1e-13 * orders.size), factor, undetermined
 
 
 def _caused(data: Sequence[Channel], orders: Orders, coefficients: Array) -> list[Channel]:

@@ -12,6 +12,7 @@ from idloop.arrays import Array, Mask
 from idloop.estimation.black_box.prefilter import Filter, prefiltered
 from idloop.estimation.black_box.sampled import SampledData
 from idloop.estimation.linear import Coefficient, LinearModel
+from idloop.estimation.linear.least_squares import rows_in_blocks, triangle
 from idloop.estimation.linear.model import instability_notes
 from idloop.estimation.polynomial.polynomials import Orders, Polynomials, stack
 from idloop.estimation.polynomial.regression import (
@@ -20,8 +21,6 @@ from idloop.estimation.polynomial.regression import (
     check_inputs,
     lagged,
     open_note,
-    rows_in_blocks,
-    triangle,
 )
 from idloop.estimation.statistics.collinear import collinear_inputs, collinearity_notes
 

@@ -12,14 +12,14 @@ import numpy as np
 from idloop.arrays import Array, Integers
 from idloop.errors import InputError
 from idloop.estimation.black_box.sampled import SampledData, together
+from idloop.estimation.linear.least_squares import triangle
 from idloop.estimation.polynomial.polynomials import Orders
 from idloop.estimation.polynomial.regression import (
     channels,
     check_inputs,
     first_row,
     regression_blocks,
-    solve,
-    triangle,
+    solution,
 )
 
 Criterion = Literal["validation", "aic", "bic", "fpe", "loss"]
@@ -189,10 +189,10 @@ def arx_structures(
     loss, judgement = np.empty(len(orders)), np.empty(len(orders))
     for index, one in enumerate(orders):
         columns = [*_columns(one, every), every.size]
-        solution = solve(triangle([factor[:, columns]]))
-        loss[index] = solution.squares / samples
+        fitted = solution(triangle([factor[:, columns]]))
+        loss[index] = fitted.squares / samples
         if other is not None:
-            left = other[0][:, columns] @ np.append(-solution.coefficients, 1.0)
+            left = other[0][:, columns] @ np.append(-fitted.coefficients, 1.0)
             judgement[index] = float(left @ left) / other[1]
     return ArxStructures(orders, loss, judgement if other is not None else None, samples)
 

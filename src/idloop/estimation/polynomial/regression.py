@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -11,10 +11,10 @@ import numpy as np
 from idloop.arrays import Array, Mask
 from idloop.errors import InputError
 from idloop.estimation.black_box.sampled import SampledData
+from idloop.estimation.linear.least_squares import column_sizes, rows_in_blocks, solve, triangle
 from idloop.estimation.polynomial.polynomials import Orders, Polynomials
 from idloop.estimation.statistics.covariance import long_run_covariance
 
-_BLOCK = 8192  # rows that are factored at a time
 # Singular values of the unit-column regressors below this part of the largest are rounding.
 _RANK = 1e-13
 Focus = Literal["prediction", "simulation"]
@@ -36,62 +36,34 @@ def lagged(signal: Array, lags: Sequence[int], first: int, last: int | None = No
     return columns
 
 
-def triangle(blocks: Iterable[Array]) -> Array:
-    """Triangular factor R of the QR factorisation of blocks of rows on top of each other."""
-    factor: Array | None = None
-    for block in blocks:
-        stacked = block if factor is None else np.vstack([factor, block])
-        factor = np.asarray(np.linalg.qr(stacked, mode="r"))
-    if factor is None:
-        raise InputError("no rows to fit; give more data or lower orders")
-    if factor.shape[0] < factor.shape[1]:
-        factor = np.vstack([factor, np.zeros((factor.shape[1] - factor.shape[0], factor.shape[1]))])
-    return np.asarray(factor)
-
-
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Least-squares solution from a triangular factor.
-
-    `factor` (k, r): W with W W^T the pseudo-inverse of the normal matrix, so that the covariance for white errors of
-    variance v is v W W^T.
-    """
+    """Least-squares solution from a triangular factor."""
 
     coefficients: Array  # shape (k,): of smallest norm (in units of the columns) where the data leave some undetermined
     squares: float  # sum of squares that is left
+    # Shape (k, r): W with W W^T the pseudo-inverse of the normal matrix: white errors of variance v have the covariance
+    # v W W^T
     factor: Array
     undetermined: Mask  # shape (k,): which coefficients the data leave open
 
 
-def solve(factor: Array) -> Solution:
+def solution(factor: Array) -> Solution:
     """Solve for the last column of a triangular factor from the others."""
     k = factor.shape[1] - 1
     inverse, undetermined = inverse_factor(factor[:k, :k])
-    scale = _scale(factor[:k, :k])
-    coefficients = np.linalg.lstsq(factor[:k, :k] / scale, factor[:k, k], rcond=_RANK * max(k, 1))[0] / scale
+    coefficients = solve(factor[:k, :k], factor[:k, k], _RANK * max(k, 1))
     left = factor[:k, k] - factor[:k, :k] @ coefficients
     return Solution(coefficients, float(left @ left + factor[k, k] ** 2), inverse, undetermined)
 
 
 def inverse_factor(factor: Array) -> tuple[Array, Mask]:
     """W with W W^T the pseudo-inverse of R^T R, and which coordinates it leaves open."""
-    scale = _scale(factor)
+    scale = column_sizes(factor)
     _, values, right = np.linalg.svd(factor / scale, full_matrices=False)
     keep = values > _RANK * max(float(values[0]) if len(values) else 0.0, 1e-300) * max(factor.shape[1], 1)
     missing = np.linalg.norm(right[~keep], axis=0) if not np.all(keep) else np.zeros(factor.shape[1])
     return right[keep].T / values[keep] / scale[:, None], np.asarray(missing > 1e-6)
-
-
-def _scale(factor: Array) -> Array:
-    scale = np.linalg.norm(factor, axis=0)
-    scale[scale == 0.0] = 1.0
-    return np.asarray(scale)
-
-
-def rows_in_blocks(length: int, first: int) -> Iterator[tuple[int, int]]:
-    """Ranges of rows small enough to be factored in the cache."""
-    for start in range(first, length, _BLOCK):
-        yield start, min(start + _BLOCK, length)
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +109,7 @@ def least_squares(data: Sequence[Channel], orders: Orders) -> Solution:
             f"{rows} usable samples for {orders.size} coefficients and a longest lag of {first};"
             " record longer or lower the orders"
         )
-    return solve(triangle(regression_blocks(data, orders, first)))
+    return solution(triangle(regression_blocks(data, orders, first)))
 
 
 def check_inputs(data: Sequence[SampledData], orders: Orders) -> None:

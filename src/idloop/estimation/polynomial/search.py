@@ -11,9 +11,10 @@ import numpy as np
 
 from idloop.arrays import Array, Mask
 from idloop.errors import IdloopError
+from idloop.estimation.linear.least_squares import column_sizes, rows_in_blocks, triangle
 from idloop.estimation.optimisation.levenberg import minimise
 from idloop.estimation.polynomial.polynomials import Orders, radius
-from idloop.estimation.polynomial.regression import Channel, first_row, inverse_factor, lagged, rows_in_blocks, triangle
+from idloop.estimation.polynomial.regression import Channel, first_row, inverse_factor, lagged
 
 _RESTARTS = 5  # starts that are followed
 _DRAFT_ROWS = 20_000  # samples on which rival starts are compared
@@ -161,13 +162,12 @@ class Objective:
             return _Run(error, plant, disturbance, np.zeros((0, 0)))
         columns = self._transients(parts, len(error))
         reach = len(columns)
-        scale = np.linalg.norm(columns, axis=0)
-        scale[scale == 0.0] = 1.0
-        span, triangle = np.linalg.qr(columns / scale)
+        scale = column_sizes(columns)
+        span, factor = np.linalg.qr(columns / scale)
         along = span.T @ error[:reach]
         error = error.copy()
         error[:reach] -= span @ along
-        share = np.linalg.lstsq(triangle, -along, rcond=1e-12)[0] / scale
+        share = np.linalg.lstsq(factor, -along, rcond=1e-12)[0] / scale
         place = 0
         for i, nf in enumerate(orders.nf):
             if nf:
@@ -285,8 +285,7 @@ def _descend(objective: Objective, start: Array, rounds: int) -> Found:
 
 def _axes(factor: Array) -> Array:
     """Directions in which the errors change by one unit each; what the errors do not feel stays where it is."""
-    scale = np.linalg.norm(factor, axis=0)
-    scale[scale == 0.0] = 1.0
+    scale = column_sizes(factor)
     _, values, right = np.linalg.svd(factor / scale, full_matrices=False)
     keep = values > _FLAT * max(float(values[0]), 1e-300)
     return np.asarray((right[keep].T / values[keep]) / scale[:, None])

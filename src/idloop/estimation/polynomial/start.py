@@ -8,6 +8,7 @@ import numpy as np
 
 from idloop.arrays import Array
 from idloop.errors import InputError
+from idloop.estimation.linear.least_squares import rows_in_blocks, triangle
 from idloop.estimation.polynomial.instruments import by_command, four_steps, refined
 from idloop.estimation.polynomial.polynomials import Orders, reflect
 from idloop.estimation.polynomial.regression import (
@@ -17,9 +18,7 @@ from idloop.estimation.polynomial.regression import (
     least_squares,
     regressors,
     residual_of,
-    rows_in_blocks,
-    solve,
-    triangle,
+    solution,
 )
 
 _LONG = (5, 10, 20, 40)  # orders of the long ARX model; Akaike's criterion chooses
@@ -203,10 +202,10 @@ def _long_model(data: Sequence[Channel], orders: Orders) -> tuple[list[Array], l
         for i in inputs:
             begin = longest.b(i).start
             columns += range(begin, begin + size.nb[i])
-        solution = solve(triangle([factor[:, [*columns, factor.shape[1] - 1]]]))
-        criterion = rows * np.log(max(solution.squares, 1e-300)) + 2.0 * size.size
+        fitted = solution(triangle([factor[:, [*columns, factor.shape[1] - 1]]]))
+        criterion = rows * np.log(max(fitted.squares, 1e-300)) + 2.0 * size.size
         if best is None or criterion < best[0]:
-            best = (criterion, size, solution.coefficients)
+            best = (criterion, size, fitted.coefficients)
     if best is None:
         raise InputError("too few samples for a start of the search; record longer or lower the orders")
     _, size, coefficients = best
@@ -244,7 +243,7 @@ def _with_innovations(data: Sequence[Channel], orders: Orders, innovations: list
         for c, e in zip(data, innovations, strict=True)
         for start, stop in rows_in_blocks(len(c.output), begin)
     )
-    return solve(triangle(blocks)).coefficients
+    return solution(triangle(blocks)).coefficients
 
 
 def _placed(orders: Orders, smaller: Orders, coefficients: Array) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from idloop.errors import InputError
 from idloop.estimation.black_box.sampled import SampledData, together
+from idloop.estimation.linear.least_squares import triangle
 from idloop.estimation.subspace.projection import RANK_TOLERANCE
 
 Array = NDArray[np.float64]
@@ -217,14 +218,15 @@ def _from_windows(experiments: Sequence[SampledData], length: int, input_scale: 
     """Factor of the windows themselves, block by block."""
     rows = length * (len(input_scale) + len(output_scale))
     step = max(_SMALLEST_BLOCK, 2 * rows)
-    factor = np.zeros((0, rows))
-    for one in experiments:
-        for start in range(0, len(one) - length + 1, step):
-            part = slice(start, start + step + length - 1)
-            joint = np.hstack([one.input[part] / input_scale, one.output[part] / output_scale])
-            block = sliding_window_view(joint, length, axis=0).transpose(0, 2, 1).reshape(-1, rows)
-            factor = np.asarray(np.linalg.qr(np.vstack([factor, block]), mode="r"))
-    return np.asarray(factor.T.copy())
+
+    def blocks() -> Iterator[Array]:
+        for one in experiments:
+            for start in range(0, len(one) - length + 1, step):
+                part = slice(start, start + step + length - 1)
+                joint = np.hstack([one.input[part] / input_scale, one.output[part] / output_scale])
+                yield sliding_window_view(joint, length, axis=0).transpose(0, 2, 1).reshape(-1, rows)
+
+    return np.asarray(triangle(blocks()).T.copy())
 
 
 def check_excitation(compression: Compression) -> None:

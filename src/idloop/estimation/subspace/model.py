@@ -9,6 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from idloop.errors import IdloopError
+from idloop.estimation.linear.least_squares import solve
 from idloop.estimation.linear.model import LinearModel, error_covariance, instability_notes
 from idloop.estimation.linear.sensitivity import Matrices, compressed_errors
 from idloop.estimation.statistics.collinear import collinearity_notes
@@ -237,10 +238,7 @@ def command_matrices(
     residual, jacobian = compressed_errors(base, base.like(everything), compression.scaled(), np.eye(p))
     if not np.all(np.isfinite(residual)):
         raise IdloopError("the model found is unstable and its free run overflows; add --stable, in Python stable=True")
-    scale = np.linalg.norm(jacobian, axis=0)
-    scale[scale == 0.0] = 1.0
-    solution = -np.linalg.lstsq(jacobian / scale, residual, rcond=1e-12)[0] / scale
-    found = base.like(everything @ solution)
+    found = base.like(everything @ -solve(jacobian, residual, 1e-12))
     return found.b, found.d, None
 
 
