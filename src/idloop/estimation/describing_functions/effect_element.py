@@ -81,12 +81,11 @@ class EffectElement:
         ratio = self.velocity_per_command
 
         def passed_on(value: float, rate: float, total: float) -> float:
+            place = (value, ratio * value, value)
             # The command counts as held around the instant: half of the interval is over when it is asked.
-            found = (
-                value if equation is None else equation(value, ratio * value, value, 0.5 * interval, state, parameters)
-            )
+            found = value if equation is None else equation(*place, 0.5 * interval, state, parameters)
             if settle is not None:
-                settle(value, ratio * value, value, interval, state, parameters)
+                settle(*place, interval, state, parameters)
             return found
 
         return passed_on
@@ -114,9 +113,8 @@ class EffectElement:
                 found -= effect.force(*place, 0.0, state, parameters)
             if effect.friction is not None and velocity != 0.0:
                 direction = math.copysign(1.0, velocity)
-                found += direction * max(
-                    effect.friction(direction, abs(velocity), arriving, 0.0, state, parameters), 0.0
-                )
+                size = effect.friction(direction, abs(velocity), arriving, 0.0, state, parameters)
+                found += direction * max(size, 0.0)
             for equation in (effect.coupling, effect.reading):
                 if equation is not None:
                     found = equation(*place, 0.0, state, parameters)

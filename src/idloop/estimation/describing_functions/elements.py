@@ -6,8 +6,8 @@ Each raises InputError for a size that is not finite and above 0.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -142,8 +142,35 @@ class Relay:
         return switch
 
 
+class _OfCatalogue:
+    """An element that is an effect of the catalogue, with parameters of the same names."""
+
+    name: str
+    _effect: ClassVar[tuple[str, str]]  # name and site
+
+    def _sizes(self) -> dict[str, float]:
+        """Each size of the element; one that is left out is as the first."""
+        given = {one.name: getattr(self, one.name) for one in fields(self) if one.name != "name"}  # type: ignore[arg-type]
+        first = next(iter(given.values()))
+        return {name: first if value is None else value for name, value in given.items()}
+
+    def __post_init__(self) -> None:
+        for name, value in self._sizes().items():
+            check_size(self.name, name, value)
+
+    @property
+    def threshold(self) -> float:
+        """The smallest size."""
+        return min(self._sizes().values())
+
+    def answer(self, interval: float) -> Answer:
+        """The catalogue's effect, asked every ``interval`` seconds."""
+        sizes: dict[str, Any] = self._sizes()
+        return effect_element(*self._effect, **sizes).answer(interval)
+
+
 @dataclass(frozen=True)
-class Saturation:
+class Saturation(_OfCatalogue):
     """A limit of unit slope: y = clip(x, −limit, +limit).
 
     N(A) = (2/π) (asin r + r √(1 − r²)) with r = limit / A above the limit, 1 below (python-control's
@@ -154,70 +181,38 @@ class Saturation:
 
     limit: float
     name: str = "saturation"
-
-    def __post_init__(self) -> None:
-        check_size(self.name, "limit", self.limit)
-
-    @property
-    def threshold(self) -> float:
-        """The limit."""
-        return self.limit
+    _effect = ("saturation", "input")
 
     def gain(self, amplitude: ArrayLike) -> Complex:
         """Describing function N(A), real, in the shape of ``amplitude``."""
         return _gain_of_control("saturation_nonlinearity", self.limit, amplitude, self.name)
 
-    def answer(self, interval: float) -> Answer:
-        """The catalogue's effect, asked every ``interval`` seconds."""
-        return effect_element("saturation", "input", limit=self.limit).answer(interval)
-
 
 @dataclass(frozen=True)
-class DeadZone:
+class DeadZone(_OfCatalogue):
     """Inputs within the width do nothing, larger ones act with what exceeds it.
 
     N(A) = 1 − (2/π) (asin r + r √(1 − r²)) with r = width / A above the width, 0 below: one less that of a limit at
     the width. Each half of the sine has its own width, so two widths give the mean (Rungroungdouyboon, Lehigh
     University 1999, eq. 6.1 with k = 1; Gelb and Vander Velde, 1968, appendix B).
 
-    Parameters
-    ----------
-    width : float
-        In the input's unit, above 0.
-    width_negative : float, optional
-        Of negative inputs; the same by default.
+    `width`: in the input's unit, above 0; `width_negative`: of negative inputs, the same by default.
     """
 
     width: float
     width_negative: float | None = None
     name: str = "dead_zone"
-
-    def __post_init__(self) -> None:
-        check_size(self.name, "width", self.width)
-        check_size(self.name, "width_negative", self._negative)
-
-    @property
-    def _negative(self) -> float:
-        return self.width if self.width_negative is None else self.width_negative
-
-    @property
-    def threshold(self) -> float:
-        """The smaller width."""
-        return min(self.width, self._negative)
+    _effect = ("dead_zone", "input")
 
     def gain(self, amplitude: ArrayLike) -> Complex:
         """Describing function N(A), real, in the shape of ``amplitude``."""
         values = positive_amplitudes(amplitude, self.name)
-        limits = [Saturation(width).gain(values) for width in (self.width, self._negative)]
+        limits = [Saturation(width).gain(values) for width in self._sizes().values()]
         return np.asarray(1.0 - 0.5 * (limits[0] + limits[1]), dtype=np.complex128)
-
-    def answer(self, interval: float) -> Answer:
-        """The catalogue's effect, asked every ``interval`` seconds."""
-        return effect_element("dead_zone", "input", width=self.width, width_negative=self._negative).answer(interval)
 
 
 @dataclass(frozen=True)
-class FrictionBacklash:
+class FrictionBacklash(_OfCatalogue):
     """Friction-controlled backlash: the driven side stands still while the gap is crossed.
 
     With r = 1 − gap / A, for A above half the gap (0 below):
@@ -231,9 +226,7 @@ class FrictionBacklash:
 
     gap: float
     name: str = "friction_backlash"
-
-    def __post_init__(self) -> None:
-        check_size(self.name, "gap", self.gap)
+    _effect = ("backlash", "output")
 
     @property
     def threshold(self) -> float:
@@ -243,10 +236,6 @@ class FrictionBacklash:
     def gain(self, amplitude: ArrayLike) -> Complex:
         """Describing function N(A), in the shape of ``amplitude``."""
         return _gain_of_control("friction_backlash_nonlinearity", self.gap, amplitude, self.name)
-
-    def answer(self, interval: float) -> Answer:
-        """The catalogue's effect, asked every ``interval`` seconds."""
-        return effect_element("backlash", "output", gap=self.gap).answer(interval)
 
 
 def _gain_of_control(nonlinearity: str, size: float, amplitude: ArrayLike, name: str) -> Complex:

@@ -92,7 +92,12 @@ def simulate_loop(
     linear = linear_part(system, delay)
     if periods < 2 * MEASURED or steps < 16:
         raise InputError(f"simulation of a loop: {periods} periods of {steps} steps; take 20 and 16 or more")
-    interval, late = _grid(linear, cycle, steps)
+    if linear.discrete:
+        interval, late = linear.sample_time, linear.whole_delay()
+    else:
+        interval = 1.0 / (cycle.frequency * steps)
+        late = math.ceil(linear.delay / interval - 1e-9)
+        interval = linear.delay / late if late else interval
     if late == 0 and abs(float(linear.space.D[0, 0])) > 0.0:
         raise InputError("simulation of a loop: the linear part has a direct feedthrough; add its delay or a pole")
     count = math.ceil(periods / (cycle.frequency * interval))
@@ -100,15 +105,6 @@ def simulate_loop(
         signal = _run(linear, element, cycle, start, interval, late, count)
     time = np.asarray(interval * np.arange(signal.size), dtype=np.float64)
     return _measured(time, signal, cycle, start, signal.size == count)
-
-
-def _grid(linear: LinearPart, cycle: LimitCycle | RelayCycle, steps: int) -> tuple[float, int]:
-    """Step [s] and the delay in steps."""
-    if linear.discrete:
-        return linear.sample_time, linear.whole_delay()
-    interval = 1.0 / (cycle.frequency * steps)
-    late = math.ceil(linear.delay / interval - 1e-9)
-    return (linear.delay / late if late else interval), late
 
 
 def _run(
@@ -121,8 +117,8 @@ def _run(
     count: int,
 ) -> Array:
     space, omega = linear.space, 2.0 * math.pi * cycle.frequency
-    a, b, d = np.asarray(space.A, dtype=float), np.asarray(space.B, dtype=float)[:, 0], float(space.D[0, 0])
-    c = np.asarray(space.C, dtype=float)[0]
+    a, b, c = (np.asarray(one, dtype=float) for one in (space.A, space.B[:, 0], space.C[0]))
+    d = float(space.D[0, 0])
     point = np.exp(1j * omega * interval) if linear.discrete else 1j * omega
     # The motion of the predicted cycle: phasors of x, of the element's answer, and of the state behind the delay.
     answer = cycle.gain * start * cycle.amplitude

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -147,7 +147,7 @@ def measure_describing_function(
         raise InputError(
             f"describing function: probability {probability:g}, {harmonics} harmonics; take 0 to 1, and 1 or more"
         )
-    rows: list[_Point] = []
+    rows: list[dict[str, Any]] = []
     names: list[str] = []
     units = ("", "")
     for index, record in enumerate(every):
@@ -157,8 +157,10 @@ def measure_describing_function(
         rows += [_point(record, origin, answer, dwell, harmonics, trend, probability) for dwell in steps]
         names += [record.name] * len(steps)
         units = (origin.unit, answer.unit)
+    if not rows:
+        raise InputError("describing function: no steps; give at least one dwell")
     source_name = every[0].input_name if source is None else source
-    columns: dict[str, Any] = {one.name: np.array([getattr(row, one.name) for row in rows]) for one in fields(_Point)}
+    columns: dict[str, Any] = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     return MeasuredDescribingFunction(
         **columns,
         name=f"{source_name} → {target}",
@@ -171,33 +173,18 @@ def measure_describing_function(
     )
 
 
-@dataclass(frozen=True)
-class _Point:
-    amplitude: float
-    frequency: float
-    gain: complex
-    distortion: float
-    harmonics: Array
-    stderr: float
-    radius: float
-    source_distortion: float
-    periods: float
-
-
 def _dwells_for(
     record: Record, dwells: Sequence[Dwell] | Sequence[Sequence[Dwell]] | None, index: int, count: int
 ) -> Sequence[Dwell]:
     if dwells is None:
         return find_dwells(record)
     one = [dwell for dwell in dwells if isinstance(dwell, Dwell)]
-    if one:
-        return one
-    if len(dwells) != count:
+    several = [each for each in dwells if not isinstance(each, Dwell)]
+    if not one and len(several) != count:
         raise InputError(
-            f"describing function: dwells of {len(dwells)} records for {count}; give one sequence for each"
+            f"describing function: dwells of {len(several)} records for {count}; give one sequence for each"
         )
-    each = dwells[index]
-    return each if not isinstance(each, Dwell) else [each]
+    return one or several[index]
 
 
 def _point(
@@ -208,7 +195,7 @@ def _point(
     harmonics: int,
     trend: bool,
     probability: float,
-) -> _Point:
+) -> dict[str, Any]:
     where = f"{record.name}: step at {dwell.start:g} s, {dwell.frequency:g} Hz"
     periods = math.floor(dwell.periods + 1e-3)
     if not (dwell.frequency > 0.0 and periods >= 1):
@@ -235,17 +222,17 @@ def _point(
     shares = np.full(harmonics - 1, np.nan)
     found = np.abs(answer.phasors[1:]) / max(abs(y), 1e-300)
     shares[: found.size] = found
-    return _Point(
-        amplitude=abs(u),
-        frequency=dwell.frequency,
-        gain=complex(gain),
-        distortion=answer.distortion,
-        harmonics=shares,
-        stderr=stderr,
-        radius=radius,
-        source_distortion=origin.distortion,
-        periods=float(periods),
-    )
+    return {
+        "amplitude": abs(u),
+        "frequency": dwell.frequency,
+        "gain": complex(gain),
+        "distortion": answer.distortion,
+        "harmonics": shares,
+        "stderr": stderr,
+        "radius": radius,
+        "source_distortion": origin.distortion,
+        "periods": float(periods),
+    }
 
 
 def _fit(

@@ -170,11 +170,6 @@ class _HalfPeriod:
         """Relay's input where it switches to +level."""
         return -float(self.c @ self.crossing)
 
-    @property
-    def speed(self) -> Array:
-        """Rate of the state just before that."""
-        return np.asarray(self.a @ self.crossing - self.b)
-
     def inputs(self, count: int) -> Array:
         """Relay's input but for the delay over half a period from a switching to +level, shape (count,)."""
         free, push = self.over(self.half / count)
@@ -187,7 +182,8 @@ class _HalfPeriod:
 
 def _cycle(linear: LinearPart, relay: Relay, motion: _HalfPeriod) -> RelayCycle | None:
     """The cycle of a half period; None where the relay would have switched elsewhere."""
-    rate = -float(motion.c @ motion.speed)
+    speed = motion.a @ motion.crossing - motion.b
+    rate = -float(motion.c @ speed)
     rings = float(np.max(linear.space.poles().imag, initial=0.0)) * motion.half
     count = int(min(max(INSTANTS, PER_RADIAN * rings), MOST_INSTANTS))
     shown = motion.inputs(count)
@@ -196,7 +192,7 @@ def _cycle(linear: LinearPart, relay: Relay, motion: _HalfPeriod) -> RelayCycle 
     after = np.interp(np.arange(1, count) - late, np.arange(-count, count), [*-shown, *shown])
     if not rate > 0.0 or np.any(after < -relay.on - ROUNDING * peak):
         return None
-    projection = np.eye(len(motion.a)) + np.outer(motion.speed, motion.c) / rate
+    projection = np.eye(len(motion.a)) + np.outer(speed, motion.c) / rate
     multipliers = np.abs(np.linalg.eigvals(projection @ motion.turn))
     frequency = 0.5 / motion.half
     point = complex(linear.response(frequency)[0])

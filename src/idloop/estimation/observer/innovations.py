@@ -42,24 +42,16 @@ _START_DEVIATION = 3.0
 class InnovationCriterion:
     """Innovations of a Kalman filter from an uncertain start; nuisance are log10 of intensity and memory.
 
-    `engine`: compiled model.
-    `data`: records.
     `output_noise` (p,): standard deviation of each output's measurement noise.
     `force_scale`: typical drive force; the unit of the intensity.
-    `exponent`: initial intensity, in decades.
-    `memory`: initial correlation time of the disturbance, in decades of a sample.
+    `exponent`, `memory`: initial intensity [decades] and correlation time of the disturbance [decades of a sample].
     `groups`: outputs that share a noise model; those measured at the same instants when left out.
-
-    Attributes
-    ----------
-    longest, strongest : float
-        Limits of correlation time and intensity, in decades.
-    translates : bool
-        Whether innovations are translated from one disturbance to another; False after a translation has failed.
     """
 
     name = "prediction"
     whiten = True
+    _observers: dict[tuple[float, float, float], tuple[TimeVaryingObserver, list[Array]]]
+    _last: dict[int, tuple[bytes, Array]]
 
     def __init__(
         self,
@@ -71,21 +63,19 @@ class InnovationCriterion:
         memory: float = WALK,
         groups: list[list[int]] | None = None,
     ) -> None:
-        self.longest, self.strongest = WALK, MOST_EXPONENT
+        self.longest, self.strongest = WALK, MOST_EXPONENT  # limits of correlation time and intensity [decades]
+        # Whether innovations are translated from one disturbance to another; False after a translation has failed
         self.translates = True
-        self.engine, self.data, self.output_noise = engine, data, output_noise
+        self.engine, self.output_noise = engine, output_noise
         self.groups = groups or output_groups(data)
         self.measured = sorted(column for group in self.groups for column in group)
         self._longest = max(float(d.time[-1] - d.time[0]) for d in data)
         self.unit = force_scale**2 / self._longest
         self.exponent, self.memory = exponent, memory
         self._shortest = min(d.sample_time for d in data)
-        self.initial = InitialStates(engine, data, force_scale)
         self.linear: Linear = engine.linearise(None)
         self._chain: tuple[int, ...] = engine.layout(None).body_of
-        self._observers: dict[tuple[float, float, float], tuple[TimeVaryingObserver, list[Array]]] = {}
-        self._last: dict[int, tuple[bytes, Array]] = {}
-        self._rows = [[_usable(d, group) for d in data] for group in self.groups]
+        self.use_data(data)
 
     @property
     def intensity(self) -> float:

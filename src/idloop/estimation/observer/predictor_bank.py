@@ -102,11 +102,8 @@ class PredictorBank:
                 velocity[body] = y[speed] / self.model.outputs[speed].scale
         state = self.engine.initial_state(position, velocity, self._theta)
         state[self.kernel.TIME] = t
-        self._states = [state.copy() for _ in self._layouts]
-        self._histories = [self._layout(which).new_history() for which in range(len(self._layouts))]
         self._commands = 0
-        self.drop()
-        self.set_rivals(self._rival_gains)
+        self._restart(state)
         self._append(np.array([t]), np.array([u]))
 
     def take_over(self, other: PredictorBank) -> None:
@@ -115,11 +112,14 @@ class PredictorBank:
         self._command_time, self._command = other._command_time, other._command
         self._commands = other._commands
         state = self._layouts[0].new_state()
-        head = slice(0, 2)
-        state[head] = other.motion[head]
+        state[:2] = other.motion[:2]
         if other.gain.shape == self.gain.shape:
             common = slice(self.kernel.DISTURBANCE, first + 3 * bodies)
             state[common] = other.motion[common]
+        self._restart(state)
+
+    def _restart(self, state: Array) -> None:
+        """Start all predictors from one state."""
         self._states = [state.copy() for _ in self._layouts]
         self._histories = [self._layout(which).new_history() for which in range(len(self._layouts))]
         self.drop()
@@ -134,12 +134,8 @@ class PredictorBank:
     def rivals(self) -> list[Array]:
         """Innovations of the rivals on the waiting samples; call before `slopes`."""
         t, y, _ = self._samples.since(0)
-        found = []
-        for gain, state, history in zip(self._rival_gains, self._rival_states, self._rival_histories, strict=True):
-            innovation = np.empty(y.shape)
-            self._run(self._layouts[0], gain, state, history, t, y, innovation)
-            found.append(innovation)
-        return found
+        own = zip(self._rival_gains, self._rival_states, self._rival_histories, strict=True)
+        return [self._run(self._layouts[0], gain, state, history, t, y) for gain, state, history in own]
 
     def drop(self) -> None:
         """Drop the waiting samples."""
@@ -150,8 +146,7 @@ class PredictorBank:
     def advance(self, t: Array, u: Array, y: Array) -> Array:
         """Run the main predictor over samples; returns the innovations, shape (n, p)."""
         self._append(t, u)
-        innovation = np.empty(y.shape)
-        self._predict(0, t, y, innovation)
+        innovation = self._predict(0, t, y)
         self._samples.append(t, y, innovation)
         self._run_next_moved()
         return innovation
@@ -211,8 +206,7 @@ class PredictorBank:
             sign = 1.0 if self._theta[index] + step <= upper else -1.0
             self._layouts[index + 1] = self.engine.layout(self._moved(index, sign * step))
             self._states[index + 1], self._histories[index + 1] = state.copy(), history.copy()
-            moved = np.empty(y.shape)
-            self._predict(index + 1, t, y, moved)
+            moved = self._predict(index + 1, t, y)
             return float(np.sqrt(np.nansum(((moved - base) / np.maximum(deviation, 1e-300)) ** 2)))
 
         size = probed_size(change, 1e-3)
@@ -240,21 +234,19 @@ class PredictorBank:
         done = sum(len(part) for part in self._moved_innovation[index])
         t, y, _ = self._samples.since(done)
         if len(t):
-            moved = np.empty(y.shape)
-            self._predict(index + 1, t, y, moved)
-            self._moved_innovation[index].append(moved)
+            self._moved_innovation[index].append(self._predict(index + 1, t, y))
 
     def _layout(self, which: int) -> Any:
         if self._layouts[which] is None:
             self._layouts[which] = self.engine.layout(self._moved(which - 1, self._steps[which - 1]))
         return self._layouts[which]
 
-    def _predict(self, which: int, t: Array, y: Array, innovation: Array) -> None:
-        self._run(self._layout(which), self.gain, self._states[which], self._histories[which], t, y, innovation)
+    def _predict(self, which: int, t: Array, y: Array) -> Array:
+        return self._run(self._layout(which), self.gain, self._states[which], self._histories[which], t, y)
 
-    def _run(
-        self, layout: Any, gain: Array, state: Array, history: Array, t: Array, y: Array, innovation: Array
-    ) -> None:
+    def _run(self, layout: Any, gain: Array, state: Array, history: Array, t: Array, y: Array) -> Array:
+        """Innovations of a predictor, whose state and history go on in place, shape (n, p)."""
+        innovation = np.empty(y.shape)
         time, value = self._command_time[: self._commands], self._command[: self._commands]
         # The kernel integrates long segments of a stiff chain differently: blocks must not change the result.
         most = self.kernel.LEAST_SAMPLES - 1
@@ -262,7 +254,8 @@ class PredictorBank:
             part = slice(first, first + most)
             self.kernel.predict(
                 layout.axis, time, value, t[part], y[part], gain, _ONE_GAIN, 1.0, state, history, innovation[part]
-            )  # fmt: skip
+            )
+        return innovation
 
     def _append(self, t: Array, u: Array) -> None:
         count = len(t)

@@ -89,25 +89,11 @@ def design(
 ) -> Observer:
     """Observer gain for one disturbance intensity and output noise.
 
-    Parameters
-    ----------
-    a : array, shape (2 b, 2 b)
-        Continuous system matrix of the linear part; states positions and velocities.
-    c : array, shape (p, 2 b)
-        Output matrix.
-    g : array, shape (2 b,)
-        Where the disturbance force enters.
-    sample_time : float
-        Sample time [s].
-    disturbance_intensity : float
-        Intensity of the random walk that the disturbance force makes [N²/s or (N·m)²/s].
-    output_noise : array, shape (p,)
-        Standard deviation of the measurement noise [output unit].
-
-    Raises
-    ------
-    IdloopError
-        If the linear part has an unstable motion that no output measures.
+    `a` (2 b, 2 b), `c` (p, 2 b): continuous linear part; states positions and velocities.
+    `g` (2 b,): where the disturbance force enters.
+    `disturbance_intensity`: of the random walk that the disturbance force makes [N²/s or (N·m)²/s].
+    `output_noise` (p,): standard deviation of the measurement noise [output unit].
+    Raises IdloopError: the linear part has an unstable motion that no output measures.
     """
     m, p = len(a), len(c)
     # Outputs in units of their noise: the Riccati equation is well scaled for any machine.

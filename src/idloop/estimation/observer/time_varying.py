@@ -35,20 +35,11 @@ _MOST = 20_000
 
 @dataclass(frozen=True)
 class TimeVaryingObserver:
-    """Kalman filter of the linear part from an uncertain start until its gain settles.
+    """Kalman filter of the linear part from an uncertain start until its gain settles."""
 
-    Attributes
-    ----------
-    gains : array, shape (g, 2 b + 1, p)
-        Different gains in their order.
-    covariances : array, shape (g, p, p)
-        Theoretical innovation covariance with each of them.
-    place : array of int, shape (m,)
-        Index of the gain for each of the first m measurements; the last one holds for all that follow.
-    """
-
-    gains: Array
-    covariances: Array
+    gains: Array  # shape (g, 2 b + 1, p): different gains in their order
+    covariances: Array  # shape (g, p, p): theoretical innovation covariance with each of them
+    # Shape (m,): index of the gain for each of the first m measurements; the last one holds for all that follow
     place: Places
 
     @property
@@ -81,24 +72,12 @@ def time_varying_observer(
 
     The force is held from sample to sample, and decays.
 
-    Parameters
-    ----------
-    linear : Linear
-        Linear part, 2 b states and p outputs.
-    measured : list of int
-        Outputs with measurements.
-    sample_time : float
-        Sample time [s].
-    disturbance_intensity : float
-        Variance that the disturbance force gains in every sample, per second [force²/s].
-    output_noise : array, shape (p,)
-        Standard deviation of the measurement noise.
-    start : array, shape (2 b + 1,)
-        Standard deviation of the initial positions, velocities and disturbance force.
-    samples : int
-        Length of the record.
-    decay : float
-        Factor of the disturbance force from sample to sample: 1 for a random walk, 0 for white noise.
+    `linear`: 2 b states and p outputs, of which those `measured` have measurements.
+    `disturbance_intensity`: variance that the disturbance force gains in every sample, per second [force²/s].
+    `output_noise` (p,): standard deviation of the measurement noise.
+    `start` (2 b + 1,): standard deviation of the initial positions, velocities and disturbance force.
+    `samples`: length of the record.
+    `decay`: factor of the force from sample to sample: 1 for a random walk, 0 for white noise.
     """
     # Imported on first use, for a quick start of the command line.
     from scipy.linalg import expm, null_space

@@ -27,19 +27,8 @@ _LONGEST_PAUSE = 1000
 class TranslatedCriterion:
     """Innovations of a criterion for any disturbance, translated from those for one disturbance.
 
-    Parameters
-    ----------
-    criterion : InnovationCriterion
-        Tuned for the parameters.
-    theta : array, shape (k,)
-        Free parameters of the model, constant.
-    nuisance : array, shape (2,)
-        Exponent and memory of the disturbance of the simulation.
-
-    Raises
-    ------
-    IdloopError
-        No observer can be designed for this disturbance, or the model cannot be simulated.
+    `criterion`: tuned for the parameters `theta` (k,), which stay; `nuisance` (2,): exponent and memory of the
+    disturbance of the simulation.
     """
 
     name = "prediction"
