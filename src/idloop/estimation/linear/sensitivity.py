@@ -51,62 +51,49 @@ class Matrices:
 
 
 @njit(cache=True, fastmath={"contract", "reassoc"})
-def _errors(
-    a: Array, b: Array, c: Array, d: Array, gain: Array,
-    da: Array, db: Array, dc: Array, dd: Array, dgain: Array,
-    state: Array, moved: Array, inputs: Array, outputs: Array,
-) -> tuple[Array, Array]:  # fmt: skip
-    """Errors e (N, p) and derivatives (N, p, columns); `state` (n,) and `moved` (n, columns) go on in place.
-
-    Columns beyond the directions move the first state only.
-    """
+def _run(
+    a: Array, b: Array, c: Array, d: Array, gain: Array, state: Array, inputs: Array, outputs: Array
+) -> tuple[Array, Array]:
+    """States before each sample (N, n) and errors (N, p); `state` goes on in place."""
     samples, n, m, p = outputs.shape[0], a.shape[0], b.shape[1], c.shape[0]
-    k, columns = da.shape[2], moved.shape[1]
-    errors = np.empty((samples, p))
-    derivatives = np.empty((samples, p, columns))
-    following, after = np.empty(n), np.empty((n, columns))
+    states, errors = np.empty((samples, n)), np.empty((samples, p))
     for t in range(samples):
+        for i in range(n):
+            states[t, i] = state[i]
         for q in range(p):
-            total = outputs[t, q]
-            change = derivatives[t, q]
-            change[:] = 0.0
+            errors[t, q] = outputs[t, q]
             for j in range(n):
-                total -= c[q, j] * state[j]
-                for s in range(columns):
-                    change[s] -= c[q, j] * moved[j, s]
-                for s in range(k):
-                    change[s] -= dc[q, j, s] * state[j]
+                errors[t, q] -= c[q, j] * state[j]
             for j in range(m):
-                total -= d[q, j] * inputs[t, j]
-                for s in range(k):
-                    change[s] -= dd[q, j, s] * inputs[t, j]
-            errors[t, q] = total
+                errors[t, q] -= d[q, j] * inputs[t, j]
         for i in range(n):
             total = 0.0
-            row = after[i]
-            row[:] = 0.0
             for j in range(n):
-                total += a[i, j] * state[j]
-                for s in range(columns):
-                    row[s] += a[i, j] * moved[j, s]
-                for s in range(k):
-                    row[s] += da[i, j, s] * state[j]
+                total += a[i, j] * states[t, j]
             for j in range(m):
                 total += b[i, j] * inputs[t, j]
-                for s in range(k):
-                    row[s] += db[i, j, s] * inputs[t, j]
             for q in range(p):
                 total += gain[i, q] * errors[t, q]
-                for s in range(columns):
-                    row[s] += gain[i, q] * derivatives[t, q, s]
-                for s in range(k):
-                    row[s] += dgain[i, q, s] * errors[t, q]
-            following[i] = total
+            state[i] = total
+    return states, errors
+
+
+@njit(cache=True, fastmath={"contract", "reassoc"})
+def _accumulate(closed: Array, moved: Array, drive: Array) -> None:
+    """Replace a drive (N, n, k) by what x(t+1) = `closed` x(t) + drive(t) was before it; `moved` (n, k) goes on."""
+    samples, n, k = drive.shape
+    following = np.empty((n, k))
+    for t in range(samples):
         for i in range(n):
-            state[i] = following[i]
-            for s in range(columns):
-                moved[i, s] = after[i, s]
-    return errors, derivatives
+            for s in range(k):
+                following[i, s] = drive[t, i, s]
+            for j in range(n):
+                for s in range(k):
+                    following[i, s] += closed[i, j] * moved[j, s]
+        for i in range(n):
+            for s in range(k):
+                drive[t, i, s] = moved[i, s]
+                moved[i, s] = following[i, s]
 
 
 def compressed_errors(
@@ -224,17 +211,24 @@ def _blocks(
 ) -> Iterator[Array]:
     """Blocks of the columns (first state, directions, error), shape (samples, p, columns)."""
     order, k = model.a.shape[0], moves.a.shape[2]
-    state, moved = start_state.copy(), np.zeros((order, k + first))
-    moved[:, k:] = np.eye(order)[:, :first]
+    state, moved = start_state.copy(), np.zeros((order, first + k))
+    # The first states come first, so that the rows below them are what no first state explains.
+    moved[:, :first] = np.eye(order)[:, :first]
+    closed = model.a - model.gain @ model.c
     length = max(_BLOCK_NUMBERS // (outputs.shape[1] * (k + first + 1)), 256)
     fixed = [np.ascontiguousarray(part) for part in model.parts]
-    turned = [np.ascontiguousarray(part) for part in moves.parts]
+    # Directions as changes of the next state by (state, command, error), and of the output by (state, command).
+    into_state = np.concatenate([moves.a, moves.b, moves.gain], axis=1).swapaxes(0, 1)
+    into_output = np.concatenate([moves.c, moves.d], axis=1).swapaxes(0, 1)
     for start in range(0, outputs.shape[0], length):
         part = slice(start, start + length)
-        errors, derivatives = _errors(
-            *fixed, *turned, state, moved, np.ascontiguousarray(inputs[part]), np.ascontiguousarray(outputs[part])
-        )
-        # The first states come first, so that the rows below them are what no first state explains.
-        columns = np.concatenate([derivatives[:, :, k:], derivatives[:, :, :k], errors[:, :, None]], axis=2)
+        states, errors = _run(*fixed, state, np.ascontiguousarray(inputs[part]), np.ascontiguousarray(outputs[part]))
         with np.errstate(all="ignore"):
-            yield np.asarray(whitener @ columns)
+            signals = np.hstack([states, inputs[part], errors])
+            shown = np.tensordot(signals[:, : len(into_output)], into_output, axes=1)
+            drive = np.zeros((len(errors), order, first + k))
+            drive[:, :, first:] = np.tensordot(signals, into_state, axes=1) - model.gain @ shown
+            _accumulate(closed, moved, drive)
+            derivatives = -(model.c @ drive)
+            derivatives[:, :, first:] -= shown
+            yield np.asarray(whitener @ np.concatenate([derivatives, errors[:, :, None]], axis=2))

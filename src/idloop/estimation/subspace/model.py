@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Complex
 from idloop.errors import IdloopError
 from idloop.estimation.linear.least_squares import solve
 from idloop.estimation.linear.model import LinearModel, error_covariance, instability_notes
@@ -15,7 +16,6 @@ from idloop.estimation.linear.sensitivity import Matrices, compressed_errors
 from idloop.estimation.statistics.collinear import collinearity_notes
 from idloop.estimation.subspace.compression import Compression, innovation_sizes, triangular
 
-Array = NDArray[np.float64]
 _BLOCK = 4096  # samples taken in at once
 _WORST_MODES = 1e5  # condition of the eigenvectors beyond which modes carry too few digits
 _SMALLEST_SHARE = 1e-5  # of a regressor that must be independent of those before it
@@ -31,67 +31,37 @@ class ModalFit:
     covariance: Array  # shape (p, p): mean product of the errors, the first state of each experiment estimated
 
 
-@dataclass(frozen=True)
-class _Modes:
-    """A = basis D basis^-1, D of numbers and of blocks [[real, -imaginary], [imaginary, real]]."""
-
-    # Shape (n,): of each eigenvalue; a conjugate pair takes two places that both hold the one above the axis
-    real: Array
-    imaginary: Array
-    basis: Array  # shape (n, n)
-
-
 @njit(cache=True, fastmath={"contract", "reassoc"})
 def _filtered(
-    real: Array, imaginary: Array, seen: Array, into: Array,
-    modes: Array, estimate: Array, inputs: Array, outputs: Array,
+    poles: Any, seen: Any, into: Any, modes: Any, estimate: Any, inputs: Array, outputs: Array
 ) -> Array:  # fmt: skip
-    """Rows (modes of each command, free modes, commands, errors without B and D), shape (N, (m + 1) n + m + p).
+    """Rows (modes of each command, free modes, commands, errors without B and D), shape (N, 2 (m + 1) n + m + p).
 
-    `modes` (m + 1, n) and `estimate` (n,) go on in place.
+    A mode takes two places, its real and its imaginary part. `modes` (m + 1, n) and `estimate` (n,) go on in place.
     """
-    samples, m, p, n = len(inputs), inputs.shape[1], outputs.shape[1], len(real)
-    rows = np.empty((samples, (m + 1) * n + m + p))
+    samples, m, p, n = len(inputs), inputs.shape[1], outputs.shape[1], len(poles)
+    rows = np.empty((samples, 2 * (m + 1) * n + m + p))
+    last = 2 * (m + 1) * n
     for t in range(samples):
         row = rows[t]
         for group in range(m + 1):
+            drive = inputs[t, group] if group < m else 0.0
             for k in range(n):
-                row[group * n + k] = modes[group, k]
+                row[2 * (group * n + k)] = modes[group, k].real
+                row[2 * (group * n + k) + 1] = modes[group, k].imag
+                modes[group, k] = poles[k] * modes[group, k] + drive
+        for k in range(n):  # what has died away would go on as numbers too small to be fast
+            if abs(modes[m, k].real) + abs(modes[m, k].imag) < 1e-60:
+                modes[m, k] = 0.0
         for j in range(m):
-            row[(m + 1) * n + j] = inputs[t, j]
+            row[last + j] = inputs[t, j]
         for q in range(p):
             error = outputs[t, q]
             for k in range(n):
-                error -= seen[q, k] * estimate[k]
-            row[(m + 1) * n + m + q] = error
-        for group in range(m + 1):
-            drive = inputs[t, group] if group < m else 0.0
-            own = modes[group]
-            k = 0
-            while k < n:
-                if imaginary[k] == 0.0:
-                    own[k] = real[k] * own[k] + drive
-                    k += 1
-                else:
-                    x, y = own[k], own[k + 1]
-                    own[k] = real[k] * x - imaginary[k] * y + drive
-                    own[k + 1] = imaginary[k] * x + real[k] * y
-                    k += 2
-        for k in range(n):  # what has died away would go on as numbers too small to be fast
-            if abs(modes[m, k]) < 1e-60:
-                modes[m, k] = 0.0
-        k = 0
-        while k < n:
-            x = estimate[k]
-            if imaginary[k] == 0.0:
-                estimate[k] = real[k] * x
-                k += 1
-            else:
-                y = estimate[k + 1]
-                estimate[k] = real[k] * x - imaginary[k] * y
-                estimate[k + 1] = imaginary[k] * x + real[k] * y
-                k += 2
+                error -= (seen[q, k] * estimate[k]).real
+            row[last + m + q] = error
         for k in range(n):
+            estimate[k] *= poles[k]
             for q in range(p):
                 estimate[k] += into[k, q] * outputs[t, q]
     return rows
@@ -99,17 +69,23 @@ def _filtered(
 
 def modal_regression(a: Array, c: Array, gain: Array, compression: Compression, feedthrough: bool) -> ModalFit | None:
     """Fit B, D and the first states to the outputs predicted with A, C and K."""
-    modes = _modes(a - gain @ c)
-    if modes is None:
+    poles, vectors = (np.asarray(part, dtype=complex) for part in np.linalg.eig(a - gain @ c))
+    upper = poles.imag >= 0.0
+    # A pair of modes in real coordinates: x + i y times the eigenvector above the axis.
+    pairs = zip(poles[upper], vectors.T[upper], strict=True)
+    parts = [[v.real, -v.imag] if pole.imag > 0.0 else [v.real] for pole, v in pairs]
+    basis = np.array([column for part in parts for column in part]).T
+    if basis.shape != a.shape or not np.linalg.cond(basis) < _WORST_MODES:
         return None
     n, m, p = len(a), compression.inputs, compression.outputs
-    seen = np.ascontiguousarray(c @ modes.basis)
-    into = np.asarray(np.linalg.solve(modes.basis, gain), dtype=float)
-    columns = _columns(modes, seen, m, feedthrough)
+    seen, into = c @ vectors, np.linalg.solve(vectors, gain.astype(complex))
+    columns = _columns(seen, np.linalg.solve(vectors, basis.astype(complex)), m, feedthrough)
     wanted = len(columns) - n  # B and D; the first states come last
-    square, right, whole, parts = np.zeros((wanted, wanted)), np.zeros(wanted), np.zeros(wanted), []
+    square, right, whole, kept = np.zeros((wanted, wanted)), np.zeros(wanted), np.zeros(wanted), []
     for one in compression.experiments:
-        moments = _moments(modes, seen, into, one.input, one.output, compression.input_scale, compression.output_scale)
+        moments = _moments(
+            poles, seen, into, one.input / compression.input_scale, one.output / compression.output_scale
+        )
         if moments is None:
             return None
         products = np.einsum("qpa,ab,rpb->qr", columns, moments[:-p, :-p], columns, optimize=True)
@@ -120,7 +96,7 @@ def modal_regression(a: Array, c: Array, gain: Array, compression: Compression, 
         square += products[:wanted, :wanted] - mixed.T @ first @ mixed
         whole += np.diagonal(products)[:wanted]
         right += against[:wanted] - mixed.T @ first @ against[wanted:]
-        parts.append((moments, first, mixed, against[wanted:]))
+        kept.append((moments, first, mixed, against[wanted:]))
     if not np.all(np.diagonal(square) > _SMALLEST_SHARE**2 * whole):  # hardly more than what a first state explains
         return None
     factor = triangular(square)
@@ -128,88 +104,46 @@ def modal_regression(a: Array, c: Array, gain: Array, compression: Compression, 
         return None
     found = np.linalg.solve(factor.T, np.linalg.solve(factor, right))
     rest = np.zeros((p, p))
-    for moments, first, mixed, against in parts:
+    for moments, first, mixed, against in kept:
         weights = np.einsum("q,qpa->pa", np.concatenate([found, first @ (against - mixed @ found)]), columns)
         across = weights @ moments[:-p, -p:]
         rest += moments[-p:, -p:] - across - across.T + weights @ moments[:-p, :-p] @ weights.T
     d = found[n * m :].reshape(p, m) if feedthrough else np.zeros((p, m))
     # In the predictor the command enters by B - K D.
-    b = modes.basis @ found[: n * m].reshape(m, n).T + gain @ d
+    b = basis @ found[: n * m].reshape(m, n).T + gain @ d
     return ModalFit(b, d, rest / compression.samples)
 
 
-def _modes(a: Array) -> _Modes | None:
-    """Real modal form; none where eigenvectors are nearly parallel."""
-    values, vectors = np.linalg.eig(a)
-    basis, real, imaginary = [], [], []
-    for value, vector in zip(values, vectors.T, strict=True):
-        if value.imag < 0.0:
-            continue
-        pair = value.imag > 0.0
-        basis += [vector.real, -vector.imag] if pair else [vector.real]
-        real += [value.real] * (1 + pair)
-        imaginary += [value.imag] * (1 + pair)
-    matrix = np.ascontiguousarray(np.array(basis).T, dtype=float)
-    if matrix.shape != a.shape or not np.linalg.cond(matrix) < _WORST_MODES:
-        return None
-    return _Modes(np.array(real), np.array(imaginary), matrix)
+def _columns(seen: Complex, coordinates: Complex, m: int, feedthrough: bool) -> Array:
+    """Outputs' response to each unknown as weights of the rows, shape (unknowns, p, 2 (m + 1) n + m).
 
-
-def _columns(modes: _Modes, seen: Array, m: int, feedthrough: bool) -> Array:
-    """Outputs' response to each unknown as weights of the rows, shape (unknowns, p, (m + 1) n + m).
-
-    The unknowns are B and the first state in the modes' coordinates, with D between them.
+    The unknowns are B and the first state in the modes' real coordinates, with D between them.
     """
     p, n = seen.shape
-    one = np.zeros((n, p, n))
-    k = 0
-    while k < n:
-        one[k, :, k] = seen[:, k]
-        if modes.imaginary[k] != 0.0:
-            # A weight x + i y of a pair multiplies its mode as a complex number.
-            one[k, :, k + 1] = seen[:, k + 1]
-            one[k + 1, :, k] = seen[:, k + 1]
-            one[k + 1, :, k + 1] = -seen[:, k]
-            k += 1
-        k += 1
+    weights = np.einsum("pk,ki->ipk", seen, coordinates)
+    # The real part of weight times mode.
+    one = np.stack([weights.real, -weights.imag], axis=-1).reshape(n, p, 2 * n)
     direct = p * m if feedthrough else 0
-    columns = np.zeros((m * n + direct + n, p, (m + 1) * n + m))
+    columns = np.zeros((m * n + direct + n, p, 2 * (m + 1) * n + m))
     for group in range(m):
-        part = slice(group * n, (group + 1) * n)
-        columns[part, :, part] = one
-    columns[m * n + direct :, :, m * n : (m + 1) * n] = one
+        columns[group * n : (group + 1) * n, :, 2 * group * n : 2 * (group + 1) * n] = one
+    columns[m * n + direct :, :, 2 * m * n : 2 * (m + 1) * n] = one
     for index in range(direct):
-        columns[m * n + index, index // m, (m + 1) * n + index % m] = 1.0
+        columns[m * n + index, index // m, 2 * (m + 1) * n + index % m] = 1.0
     return columns
 
 
-def _moments(
-    modes: _Modes, seen: Array, into: Array, inputs: Array, outputs: Array, input_scale: Array, output_scale: Array
-) -> Array | None:
+def _moments(poles: Complex, seen: Complex, into: Complex, inputs: Array, outputs: Array) -> Array | None:
     """Sum of the outer products of the filtered rows of one experiment; none where they overflow."""
-    m, n = inputs.shape[1], len(modes.real)
-    state, estimate = np.zeros((m + 1, n)), np.zeros(n)
-    state[m] = _starts(modes)
-    total: Array | None = None
+    state, estimate = np.zeros((inputs.shape[1] + 1, len(poles)), dtype=complex), np.zeros(len(poles), dtype=complex)
+    state[-1] = 1.0
+    total: Array = np.zeros(())
     with np.errstate(all="ignore"):
         for start in range(0, len(outputs), _BLOCK):
             part = slice(start, start + _BLOCK)
-            rows = _filtered(
-                modes.real, modes.imaginary, seen, into, state, estimate,
-                np.ascontiguousarray(inputs[part] / input_scale), np.ascontiguousarray(outputs[part] / output_scale),
-            )  # fmt: skip
-            products = rows.T @ rows
-            total = products if total is None else total + products
-    return total if total is not None and np.all(np.isfinite(total)) else None
-
-
-def _starts(modes: _Modes) -> Array:
-    """Free modes at the first sample: each is one."""
-    starts, k = np.zeros(len(modes.real)), 0
-    while k < len(starts):
-        starts[k] = 1.0
-        k += 1 if modes.imaginary[k] == 0.0 else 2
-    return starts
+            rows = _filtered(poles, seen, into, state, estimate, inputs[part], outputs[part])
+            total = total + rows.T @ rows
+    return total if np.all(np.isfinite(total)) else None
 
 
 def command_matrices(
