@@ -124,9 +124,7 @@ def prediction_error(
         moving = np.repeat(searched, [part.size for part in matrices.parts])
         scale = _entry_scale(matrices, experiments)
         spread = np.diag(np.concatenate([one.output for one in experiments]).var(axis=0))
-        parametrisation = replace(
-            _entries(matrices, lambda point: _complement(matrices.like(point), scale, moving)),
-        )
+        parametrisation = replace(_entries(matrices, lambda point: _complement(matrices.like(point), scale, moving)))
         if focus == "prediction":
             parametrisation = replace(
                 parametrisation, settle=lambda point: mirrored(matrices.like(point), spread).flat()

@@ -15,13 +15,7 @@ from idloop.estimation.linear import Coefficient, LinearModel
 from idloop.estimation.linear.least_squares import rows_in_blocks, triangle
 from idloop.estimation.linear.model import instability_notes
 from idloop.estimation.polynomial.polynomials import Orders, Polynomials, stack
-from idloop.estimation.polynomial.regression import (
-    Channel,
-    channels,
-    check_inputs,
-    lagged,
-    open_note,
-)
+from idloop.estimation.polynomial.regression import Channel, channels, check_inputs, lagged, open_note
 from idloop.estimation.statistics.collinear import collinear_inputs, collinearity_notes
 
 _ROUNDING = 1e-9  # a direction of the windows of less than this part of the largest is none

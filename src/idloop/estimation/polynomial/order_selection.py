@@ -14,13 +14,7 @@ from idloop.errors import InputError
 from idloop.estimation.black_box.sampled import SampledData, together
 from idloop.estimation.linear.least_squares import triangle
 from idloop.estimation.polynomial.polynomials import Orders
-from idloop.estimation.polynomial.regression import (
-    channels,
-    check_inputs,
-    first_row,
-    regression_blocks,
-    solution,
-)
+from idloop.estimation.polynomial.regression import channels, check_inputs, first_row, regression_blocks, solution
 
 Criterion = Literal["validation", "aic", "bic", "fpe", "loss"]
 CRITERIA: tuple[Criterion, ...] = ("validation", "aic", "bic", "fpe", "loss")

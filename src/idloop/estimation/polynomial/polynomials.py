@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -59,32 +61,33 @@ class Orders:
         """Number of coefficients."""
         return self.na + sum(self.nb) + self.nc + self.nd + sum(self.nf)
 
+    @cached_property
+    def _places(self) -> list[slice]:
+        edges = np.cumsum([0, self.na, *self.nb, self.nc, self.nd, *self.nf]).tolist()
+        return [slice(first, stop) for first, stop in pairwise(edges)]
+
     @property
     def a(self) -> slice:
         """Place of the coefficients of A."""
-        return slice(0, self.na)
+        return self._places[0]
 
     def b(self, index: int) -> slice:
         """Place of the coefficients of B of one input."""
-        first = self.na + sum(self.nb[:index])
-        return slice(first, first + self.nb[index])
+        return self._places[1 + index]
 
     @property
     def c(self) -> slice:
         """Place of the coefficients of C."""
-        first = self.na + sum(self.nb)
-        return slice(first, first + self.nc)
+        return self._places[1 + self.inputs]
 
     @property
     def d(self) -> slice:
         """Place of the coefficients of D."""
-        first = self.c.stop
-        return slice(first, first + self.nd)
+        return self._places[2 + self.inputs]
 
     def f(self, index: int) -> slice:
         """Place of the coefficients of F of one input."""
-        first = self.d.stop + sum(self.nf[:index])
-        return slice(first, first + self.nf[index])
+        return self._places[3 + self.inputs + index]
 
     def names(self, inputs: Sequence[str]) -> tuple[str, ...]:
         """Names of the coefficients; the number is the lag: b3[u] multiplies u(t - 3)."""
