@@ -15,6 +15,7 @@ from idloop.estimation.black_box.sampled import SampledData, together
 from idloop.estimation.linear.least_squares import triangle
 from idloop.estimation.polynomial.polynomials import Orders
 from idloop.estimation.polynomial.regression import channels, check_inputs, first_row, regression_blocks, solution
+from idloop.estimation.statistics.information_criteria import Information
 
 Criterion = Literal["validation", "aic", "bic", "fpe", "loss"]
 CRITERIA: tuple[Criterion, ...] = ("validation", "aic", "bic", "fpe", "loss")
@@ -100,34 +101,19 @@ class ArxStructures:
         return np.array([o.size for o in self.structures])
 
     def criterion(self, name: Criterion) -> Array:
-        """Value of a criterion for each structure; the least is the best.
+        """Value of a criterion of `Information`, or of the validation loss, for each structure; the least is the best.
 
-        Parameters
-        ----------
-        name : "validation", "aic", "bic", "fpe" or "loss"
-            N ln V + 2 d, N ln V + d ln N (which is Rissanen's MDL), V (1 + d/N) / (1 - d/N), or a loss itself
-            (Ljung, System Identification, 2nd ed., section 16.4).
-
-        Raises
-        ------
-        InputError
-            Another name, or validation without validation data.
+        BIC is also Rissanen's MDL (Ljung, System Identification, 2nd ed., section 16.4). Raises InputError for another
+        name, or validation without validation data.
         """
         if name == "validation":
             if self.validation_loss is None:
                 raise InputError("no validation data were given; give them, or choose by 'bic', 'aic' or 'fpe'")
             return self.validation_loss
-        d, n = self.parameters, self.samples
-        logarithm = n * np.log(np.maximum(self.loss, np.finfo(float).tiny))
-        if name == "aic":
-            return np.asarray(logarithm + 2.0 * d)
-        if name == "bic":
-            return np.asarray(logarithm + d * np.log(n))
-        if name == "fpe":
-            return np.asarray(self.loss * (1 + d / n) / np.maximum(1 - d / n, 1e-12))
-        if name == "loss":
-            return self.loss
-        raise InputError(f"criterion {name!r} is unknown; choose one of {', '.join(CRITERIA)}")
+        if name not in CRITERIA:
+            raise InputError(f"criterion {name!r} is unknown; choose one of {', '.join(CRITERIA)}")
+        sizes = zip(self.loss, self.parameters, strict=True)
+        return np.array([getattr(Information(float(loss), int(d), self.samples), name) for loss, d in sizes])
 
 
 def arx_structures(
