@@ -208,11 +208,11 @@ class NarxModel:
                 key: _numbers(history.pop(key)) for key in ("train", "validation", "test", "gradient", "mu")
             }
             rows = {key: np.asarray(value, dtype=np.int64) for key, value in document["split"].items()}
-            model = cls(
+            return cls(
                 method=str(document["method"]),
                 form=document["form"],
                 delays=TappedDelays(**document["delays"]),
-                network=_network(document["network"]),
+                network=_network(document["network"], len(document["inputs"]), len(document["outputs"])),
                 low=_numbers(document["low"]),
                 high=_numbers(document["high"]),
                 sample_time=float(document["sample_time"]),
@@ -227,8 +227,6 @@ class NarxModel:
             )
         except NOT_WHOLE as error:
             raise InputError(f"damaged, or not a network ({' '.join(str(error).split())})") from None
-        _check_shapes(model.network, len(model.input_names), len(model.output_names))
-        return model
 
     def plot(self, axes: Any = None) -> Any:
         """Draw the training curve; returns the matplotlib axes."""
@@ -266,33 +264,27 @@ def _numbers(values: Any) -> Array:
     return np.array(values, dtype=float)
 
 
-def _network(values: Mapping[str, Any]) -> Network:
-    found = {
-        name: np.ascontiguousarray(values[name], dtype=np.int64 if name in ("source", "lag", "kind") else float)
-        for name in Network._fields
-    }
-    units, regressors, outputs = len(found["kind"]), len(found["source"]), len(found["constant"])
-    # A network without units has rows without numbers, which have lost their shape.
-    found["direction"] = found["direction"].reshape(units, regressors)
-    found["weight"] = found["weight"].reshape(outputs, units)
-    return Network(**found)
-
-
-def _check_shapes(network: Network, inputs: int, outputs: int) -> None:
-    """The compiled functions do not check shapes."""
-    units, regressors = len(network.kind), len(network.source)
-    expected = {
-        "lag": (regressors,), "center": (regressors,), "width": (regressors,), "direction": (units, regressors),
-        "scale": (units,), "weight": (outputs, units), "constant": (outputs,), "linear": (outputs, regressors),
-        "output_center": (outputs,), "output_width": (outputs,),
+def _network(values: Mapping[str, Any], inputs: int, outputs: int) -> Network:
+    """Network of nested lists, whose shapes are checked: the compiled functions do not check them."""
+    units, r, p = len(values["kind"]), len(values["source"]), len(values["constant"])
+    shapes: dict[str, tuple[int, ...]] = {
+        "source": (r,), "lag": (r,), "center": (r,), "width": (r,), "kind": (units,), "direction": (units, r),
+        "scale": (units,), "weight": (p, units), "constant": (p,), "linear": (p, r), "output_center": (p,),
+        "output_width": (p,),
     }  # fmt: skip
-    for name, shape in expected.items():
-        value = getattr(network, name)
+    found: dict[str, Any] = {}
+    for name, shape in shapes.items():
+        value = np.ascontiguousarray(values[name], dtype=np.int64 if name in ("source", "lag", "kind") else float)
+        # A network without units has rows without numbers, which have lost their shape.
+        value = value if value.size or np.prod(shape) else value.reshape(shape)
         if value.shape != shape or not np.all(np.isfinite(value)):
             raise InputError(f"damaged: {name} of shape {value.shape}; it must hold {shape} finite numbers")
+        found[name] = value
+    network = Network(**found)
     known = (network.source >= 0) & (network.source < inputs + outputs) & (network.lag >= 0)
     if not (np.all(known) and np.all(network.lag[network.source < outputs] >= 1)):
         raise InputError("damaged: a regressor that is no past output and no input")
+    return network
 
 
 def save(model: NarxModel, path: Path | str) -> Path:

@@ -83,7 +83,7 @@ class Fitted(NamedTuple):
     undetermined: Mask  # shape (k,): which coefficients the data leave open
     residuals: list[Array]  # prediction errors of each experiment, up to its end
     variance: float | None = None  # of the innovations; that of the residuals where not given
-    notes: list[str] = []  # noqa: RUF012  (never changed)
+    notes: Sequence[str] = ()
 
 
 def fit_outputs(
