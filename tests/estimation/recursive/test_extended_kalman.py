@@ -13,7 +13,6 @@ from scipy.linalg import solve_discrete_are
 from idloop.errors import InputError
 from idloop.estimation.black_box.sampled import SampledData
 from idloop.estimation.polynomial import Orders, Polynomials
-from idloop.estimation.polynomial.model import assemble
 from idloop.estimation.recursive import ExtendedKalman, extended_kalman_filter, recursive_arx, track
 from idloop.estimation.recursive.extended_kalman import start_from, stationary_gain
 from idloop.estimation.recursive.step import stable
@@ -223,7 +222,7 @@ def test_the_model_predicts_as_the_filter_does(made):
     assert history.names == ("a1", "a2", "b1[u]", "b2[u]")
     assert history.values.shape == history.stderr.shape == (400, 4)
     assert history.final.names == ("a1", "a2", "b1[u]", "b2[u]", "c1", "c2")
-    left = assemble("ekf", [noisy], [history.final], [[history.innovations]]).innovations(
+    left = history.final.model().innovations(
         SampledData("late", noisy.input[3000:], noisy.output[3000:], 0.1, ("u",), ("V",), ("y",), ("rad",))
     )
     assert np.std(left[50:]) == pytest.approx(np.std(history.innovations[3050:]), rel=0.05)

@@ -286,6 +286,9 @@ def test_a_start_is_gone_on_from(made):
     np.testing.assert_array_equal(estimator.coefficients, model.vector)
     later = made(300, 1, a=POLES, c=[1, 0.5])
     assert np.std(estimator.update_block(later.input, later.output[:, 0])[20:]) == pytest.approx(0.5, rel=0.15)
+    live = estimator.polynomials.model()
+    later = SampledData("later", later.input, later.output, live.sample_time)
+    assert np.std(live.innovations(later)) == pytest.approx(0.5, rel=0.15)
 
 
 def test_a_record_is_tracked_and_drawn(made):

@@ -30,7 +30,7 @@ class Matrices:
     gain: Array
 
     @property
-    def parts(self) -> tuple[Array, ...]:
+    def parts(self) -> tuple[Array, Array, Array, Array, Array]:
         """A, B, C, D and K."""
         return self.a, self.b, self.c, self.d, self.gain
 

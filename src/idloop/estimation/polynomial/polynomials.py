@@ -13,7 +13,7 @@ import numpy as np
 from idloop.arrays import Array, Complex
 from idloop.errors import InputError
 from idloop.estimation.black_box.labels import control_names
-from idloop.estimation.linear import Coefficient
+from idloop.estimation.linear import Coefficient, LinearModel
 from idloop.estimation.linear.sensitivity import Matrices
 
 if TYPE_CHECKING:
@@ -277,6 +277,15 @@ class Polynomials:
         """Innovation-form state space."""
         numerators = [self.numerator(i) for i in range(len(self.b))]
         return general_form(self.a, numerators, self.c, self.d, self.f)
+
+    def model(self) -> LinearModel:
+        """Linear model in innovation form, to simulate, predict and draw with, as of a recursive estimate."""
+        count = len(self.b)
+        return LinearModel(
+            "polynomials", *self.realization.parts, np.array([[self.variance]]), self.sample_time, self.input_names,
+            ("-",) * count, (self.output_name,), ("-",), samples=0, free=self.orders.size,
+            coefficients=self.coefficients, coefficient_covariance=self.covariance,
+        )  # fmt: skip
 
     @property
     def system(self) -> control.TransferFunction:
