@@ -30,31 +30,20 @@ _PLACES = (0.0, 0.137, 1.0, 2.71, -0.59)
 
 @dataclass(frozen=True)
 class Compensation:
-    """Effects to cancel, with limits.
+    """Effects to cancel, with limits."""
 
-    Attributes
-    ----------
-    model : Model
-        The fitted model of the machine.
-    effects : tuple of str
-        Effects to cancel, as ``name@site`` or ``name`` for all sites; empty: all that can be.
-    limit : float or None
-        Largest command that the compensation adds, in its unit; None: half of the controller's limit.
-    velocity_width : float or None
-        Speed of the reference below which dry friction is cancelled in proportion to the speed, so that the force has
-        no step at a reversal. None: the speed that it gives the whole machine in two periods.
-    command_width : float or None
-        Size of a command below which a step of an inverse is applied in part; None: a quarter of the height of the
-        step, more where sensor noise alone gives larger commands.
-    crossing_time : float or None
-        Time in which a gap is crossed [s]; None: 20 periods, longer where the limit requires it.
-    """
-
-    model: Model
+    model: Model  # the fitted model of the machine
+    # Effects to cancel, as ``name@site`` or ``name`` for all sites; empty: all that can be
     effects: tuple[str, ...] = ()
+    # Largest command that the compensation adds, in its unit; None: half of the controller's limit
     limit: float | None = None
+    # Speed of the reference below which dry friction is cancelled in proportion to the speed, so that the force has no
+    # step at a reversal. None: the speed that it gives the whole machine in two periods.
     velocity_width: float | None = None
+    # Size of a command below which a step of an inverse is applied in part; None: a quarter of the height of the step,
+    # more where sensor noise alone gives larger commands
     command_width: float | None = None
+    # Time in which a gap is crossed [s]; None: 20 periods, longer where the limit requires it
     crossing_time: float | None = None
 
     def __post_init__(self) -> None:

@@ -28,33 +28,8 @@ Measurement = Mapping[str, float] | Sequence[float] | Array
 class Controller:
     """A sampled controller; build one with ``build_controller``.
 
-    Parameters
-    ----------
-    values : mapping
-        Result of ``check_controller``.
-    kernel : Kernel
-        The same controller as flat arrays.
-    plan : Plan, optional
-        Plan of its compensator.
-    settings : Settings, optional
-        Settings of its compensator.
-
-    Attributes
-    ----------
-    kind : str
-        Type, such as ``pid``.
-    parameters : dict
-        Every parameter by its dotted name.
-    inputs : tuple of str
-        Outputs that it measures, each as joint.field.
-    sample_time : float
-        Sample time in seconds, in which `step` is called once.
-    limit : float
-        Largest absolute command; infinite without a limit.
-    kernel : Kernel
-        For compiled closed loops; its state is independent of this object.
-    plan, settings : Plan, Settings or None
-        Of its compensator.
+    `values`: from ``check_controller``. `kernel`: the same controller as flat arrays. `plan`, `settings`: of its
+    compensator, if it has one.
     """
 
     def __init__(
@@ -92,16 +67,8 @@ class Controller:
     def reset(self, command: float | None = None) -> None:
         """Reset state and fault.
 
-        Parameters
-        ----------
-        command : float or None
-            Bumpless transfer from this command: an integral is set so that the next step returns
-            it. Controllers without an integral start from rest.
-
-        Raises
-        ------
-        InputError
-            The command is not finite.
+        `command`: bumpless transfer from this command: an integral is set so that the next step returns it. Controllers
+        without an integral start from rest. Raises InputError: the command is not finite.
         """
         if command is not None and not math.isfinite(command):
             raise InputError(f"controller {self.kind}: reset command is {command}; give a finite one")
@@ -119,24 +86,10 @@ class Controller:
     ) -> float:
         """One sample.
 
-        Parameters
-        ----------
-        reference_position, reference_velocity : float
-            Reference.
-        measurement : mapping or sequence
-            By name (others are ignored, a missing one is a fault), or in the order of `inputs`.
-        feedforward : float
-            Excitation, added before linearisation and limit.
-
-        Returns
-        -------
-        float
-            The command; 0 from the first value that is not finite until `reset`, see `fault`.
-
-        Raises
-        ------
-        InputError
-            A sequence of the wrong length.
+        `reference_position`, `reference_velocity`: reference. `measurement`: by name (others are ignored, a missing one
+        is a fault), or in the order of `inputs`. `feedforward`: excitation, added before linearisation and limit.
+        Returns the command; 0 from the first value that is not finite until `reset`, see `fault`. Raises InputError: a
+        sequence of the wrong length.
         """
         if isinstance(measurement, Mapping):
             for i, name in enumerate(self.inputs):

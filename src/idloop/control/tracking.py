@@ -83,16 +83,9 @@ def track(
 ) -> Tracking:
     """Run a machine under a controller, as the nodes do in lock-step.
 
-    Parameters
-    ----------
-    machine : Machine
-        At its start.
-    controller : Controller
-        Evaluated at each measurement, reset before the first.
-    reference : ndarray (n, 2)
-        Position and velocity, one row for each period of the controller.
-    progress : callable, optional
-        Called with the share of the work that is done.
+    `machine`: at its start. `controller`: evaluated at each measurement, reset before the first. `reference` (n, 2):
+    position and velocity, one row for each period of the controller. `progress`: called with the share of the work that
+    is done.
     """
     model, period = machine.model, controller.sample_time
     columns = [model.output_names.index(name) for name in controller.inputs]

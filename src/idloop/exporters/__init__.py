@@ -31,22 +31,8 @@ __all__ = ["FORMATS", "Exported", "export"]
 def export(model: Model, form: str) -> Exported:
     """Write a model in another tool's format.
 
-    Parameters
-    ----------
-    model : Model
-        The axis, usually as a fit has left it.
-    form : str
-        One of `FORMATS`.
-
-    Returns
-    -------
-    Exported
-        Text of the file, and the parts of the model that it cannot represent.
-
-    Raises
-    ------
-    InputError
-        Unknown format, or a model that it cannot represent.
+    `model`: the axis, usually as a fit has left it. `form`: one of `FORMATS`. Returns text of the file, and the parts
+    of the model that it cannot represent. Raises InputError: unknown format, or a model that it cannot represent.
     """
     if form not in FORMATS:
         raise InputError(f"unknown format '{form}'{did_you_mean_or_known(form, list(FORMATS))}")

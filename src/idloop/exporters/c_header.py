@@ -60,10 +60,7 @@ static inline double {name}_command(
 def export(model: Model) -> Exported:
     """Write the force and the command of a wanted motion.
 
-    Raises
-    ------
-    InputError
-        Several bodies, a drive with a loop of its own, or a drive gain of 0.
+    Raises InputError: several bodies, a drive with a loop of its own, or a drive gain of 0.
     """
     if len(model.bodies) > 1:
         raise InputError(f"model {model.name}: a C header is of one body, and this model has {len(model.bodies)}")

@@ -21,15 +21,7 @@ NOTES = (
 def export(model: Model) -> Exported:
     """Write the compensator of the model's own controller.
 
-    Parameters
-    ----------
-    model : Model
-        The machine as a fit has found it.
-
-    Raises
-    ------
-    InputError
-        The model has no controller.
+    `model`: the machine as a fit has found it. Raises InputError: the model has no controller.
     """
     if model.controller is None:
         raise InputError(f"model {model.name} has no controller: add one to its file")

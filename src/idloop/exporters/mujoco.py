@@ -46,10 +46,7 @@ def export(model: Model) -> Exported:
     position the twist. A force between a later body and the ground (friction, a cable) acts on a
     fixed tendon that is the sum of the joints up to that body.
 
-    Raises
-    ------
-    InputError
-        The positions are not those of a joint.
+    Raises InputError: the positions are not those of a joint.
     """
     found = mechanics(model, "mujoco")
     root = ET.Element("mujoco", model=model.name)

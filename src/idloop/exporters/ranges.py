@@ -22,10 +22,7 @@ def export(model: Model) -> Exported:
     An axis of one body has the ranges of its joint in MuJoCo and Isaac Lab, too. Parameters without a standard error
     have no range.
 
-    Raises
-    ------
-    InputError
-        The positions are not those of a joint.
+    Raises InputError: the positions are not those of a joint.
     """
     found = mechanics(model, "ranges")
     ranges = {p.name: _range(p) for p in model.parameters if p.interval is not None}

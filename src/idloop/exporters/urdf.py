@@ -25,10 +25,7 @@ def export(model: Model) -> Exported:
 
     URDF joints are rigid: the chain moves as one body, with the friction of all of its bodies.
 
-    Raises
-    ------
-    InputError
-        The positions are not those of a joint.
+    Raises InputError: the positions are not those of a joint.
     """
     found = mechanics(model, "urdf")
     rigid = rigid_joint(model, found)

@@ -30,10 +30,7 @@ def export(model: Model) -> Exported:
     Joints of an articulation are rigid: the chain moves as one body, with the friction of all of its bodies. USD has
     degrees: what is per angle or angular velocity is written per degree.
 
-    Raises
-    ------
-    InputError
-        The positions are not those of a joint.
+    Raises InputError: the positions are not those of a joint.
     """
     found = mechanics(model, "usd")
     static, partly = _static_friction(model, found)

@@ -36,16 +36,8 @@ def watched(model: Model) -> tuple[str, ...]:
 def wear_alarms(parts: Components, recordings: float = FALSE_ALARMS) -> list[Finding] | None:
     """Alarms of one parameter: the first one of each joint, with the growth since its onset.
 
-    Parameters
-    ----------
-    parts : Components
-    recordings : float
-        Between two false alarms of a joint.
-
-    Returns
-    -------
-    list of Finding or None
-        None where recordings scatter too much for such a promise. The p-value is the rate of false alarms.
+    `recordings`: between two false alarms of a joint. Returns None where recordings scatter too much for such a
+    promise. The p-value is the rate of false alarms.
     """
     growth = USUAL_GROWTH * abs(parts.mean)
     variance = float(np.nanmedian(parts.total))

@@ -23,35 +23,21 @@ _CHANGED = ("mtime", "ETag", "etag", "LastModified", "updated", "created")  # wh
 
 @dataclass(frozen=True)
 class FleetBag:
-    """One recording of one robot.
-
-    Attributes
-    ----------
-    robot : str
-    bag : str
-        Path or address.
-    time : datetime or None
-        In UTC; None: that of its first measurement.
-    joints : tuple of (str, str)
-        Name and kind of each joint; an empty kind is found by the joint's name. Empty: all joints of the bag.
-    stamp : str
-        Size and state of its files, by which an unchanged bag is known without being read; empty where there is none.
-    """
+    """One recording of one robot."""
 
     robot: str
-    bag: str
-    time: datetime | None = None
+    bag: str  # path or address
+    time: datetime | None = None  # in UTC; None: that of its first measurement
+    # Name and kind of each joint; an empty kind is found by the joint's name. Empty: all joints of the bag.
     joints: tuple[tuple[str, str], ...] = ()
+    # Size and state of its files, by which an unchanged bag is known without being read; empty where there is none
     stamp: str = ""
 
 
 def check_place(source: str) -> None:
     """Refuse a path on this machine at which nothing is, before any library is imported.
 
-    Raises
-    ------
-    InputError
-        No such place.
+    Raises InputError: no such place.
     """
     if "://" not in source and not Path(_root(source)).exists():
         raise InputError(f"{source}: there is no such table or folder, check the path")
@@ -65,10 +51,7 @@ def find_bags(source: str, *, empty: bool = False) -> list[FleetBag]:
     comes before the first ``*``, ``?`` or ``[``. With `empty` there may be none yet. What was recovered of a bag takes
     the place of that bag.
 
-    Raises
-    ------
-    InputError
-        No such place, a table without a column or with a time that is none, no bag.
+    Raises InputError: no such place, a table without a column or with a time that is none, no bag.
     """
     check_place(source)
     fs, path = open_place(source)
@@ -94,10 +77,7 @@ def _root(path: str) -> str:
 def open_place(source: str) -> tuple[Any, str]:
     """File system of a path or an address, and the path in it.
 
-    Raises
-    ------
-    InputError
-        A file system that is not known, or whose library is not installed.
+    Raises InputError: a file system that is not known, or whose library is not installed.
     """
     fsspec = library("fsspec")
     try:

@@ -27,14 +27,9 @@ _LOOK = "500ms"
 class Workers:
     """Processes that do the work, started when there is some, ended with the block.
 
-    Parameters
-    ----------
-    count : int, optional
-        Processes on this machine, one for each core where left out; 0: this one. They need no server.
-    memory : str
-        Limit of each, as "2GB"; one that exceeds it is replaced by a new one.
-    cluster : str, optional
-        Address of the scheduler of a cluster, as "tcp://host:8786", in place of processes here.
+    `count`: processes on this machine, one for each core where left out; 0: this one. They need no server. `memory`:
+    limit of each, as "2GB"; one that exceeds it is replaced by a new one. `cluster`: address of the scheduler of a
+    cluster, as "tcp://host:8786", in place of processes here.
     """
 
     def __init__(self, count: int | None = None, memory: str = "2GB", cluster: str | None = None) -> None:
@@ -52,10 +47,7 @@ class Workers:
     def client(self) -> Any:
         """Client of Dask; None where the work is done in this process.
 
-        Raises
-        ------
-        InputError
-            Dask is not installed, no cluster answers, or the limit of memory is too small for any work.
+        Raises InputError: Dask is not installed, no cluster answers, or the limit of memory is too small for any work.
         """
         if self._client is None and (self._cluster is not None or self._given != 0):
             distributed = library("distributed")
@@ -123,18 +115,9 @@ class Workers:
     ) -> Iterator[tuple[Sequence[T], list[R]]]:
         """Yield batches of items with what a function made of each, as they end.
 
-        Parameters
-        ----------
-        function : callable
-            Called with an item and the shared arguments, which travel with each batch: what is kept at a worker is lost
-            with it.
-        items : sequence
-        shared : any
-        size : int
-            Items in a batch.
-        lost : callable
-            Result of an item under which worker after worker ended. A batch that loses its workers is repeated by
-            others, and at the end item by item, each alone.
+        `function`: called with an item and the shared arguments, which travel with each batch: what is kept at a worker
+        is lost with it. `size`: items in a batch. `lost`: Result of an item under which worker after worker ended. A
+        batch that loses its workers is repeated by others, and at the end item by item, each alone.
         """
         waiting = [items[first : first + size] for first in range(0, len(items), size)][::-1]
         client = self.client

@@ -32,14 +32,8 @@ _AXES = {FORCE_ERROR: "force error"}
 def deviations(components: Sequence[Components]) -> tuple[list[tuple[str, str]], Array, Array, NDArray[np.str_]]:
     """Largest deviation of each joint and date from its kind, in standard deviations.
 
-    Returns
-    -------
-    names : list of (str, str)
-        Robot and joint; the largest deviations first.
-    days : array, shape (d,)
-    size : array, shape (joints, d)
-        NaN without a recording.
-    parameter : array of str, shape (joints, d)
+    Returns `names`: robot and joint; the largest deviations first. `days` (d,). `size` (joints, d): NaN without a
+    recording. `parameter` (joints, d).
     """
     names = sorted({name for parts in components for name in parts.series.names})
     days = np.unique(np.concatenate([parts.series.days for parts in components])) if components else np.zeros(0)

@@ -34,16 +34,9 @@ FORCE_ERROR = "force_error"
 
 @dataclass(frozen=True)
 class Settings:
-    """What the numbers of a joint depend on besides its recording.
+    """What the numbers of a joint depend on besides its recording."""
 
-    Attributes
-    ----------
-    kinds : tuple of (str, Model)
-        Model of each kind of joint, or of the joints whose names match a pattern.
-    seed : int
-    """
-
-    kinds: tuple[tuple[str, Model], ...]
+    kinds: tuple[tuple[str, Model], ...]  # model of each kind of joint, or of the joints whose names match a pattern
     seed: int = 0
     _models: dict[tuple[str, str], Model] = field(default_factory=dict, compare=False, repr=False)
 
@@ -92,19 +85,9 @@ def _hash(*given: object) -> str:
 def identify_bag(bag: FleetBag, settings: Settings, done: Collection[str] = ()) -> list[dict[str, Any]]:
     """Identify and validate the joints of one recording.
 
-    Parameters
-    ----------
-    bag : FleetBag
-    settings : Settings
-    done : collection of str
-        Checksums and jobs, see `key_of`, of which the results are there already.
-
-    Returns
-    -------
-    list of dict
-        In the columns of `idloop.fleet.store.COLUMNS`: a row for the look at the recording, without a joint, and a row
-        for each parameter of each joint that is not done already. What cannot be done is one row without a parameter,
-        with the reason.
+    `done`: checksums and jobs, see `key_of`, of which the results are there already. Returns in the columns of
+    `idloop.fleet.store.COLUMNS`: a row for the look at the recording, without a joint, and a row for each parameter of
+    each joint that is not done already. What cannot be done is one row without a parameter, with the reason.
     """
     look = _look(bag, settings)
     try:

@@ -82,14 +82,8 @@ def render_joints(
 ) -> str:
     """Write the page of some joints of a fleet and its document of schema ``idloop/fleet/1``.
 
-    Parameters
-    ----------
-    file : JointFile
-    document : dict
-    recordings : iterable of Recording
-        Of these joints, each joint's in the order of time.
-    model, joint : str
-        File of the model of the kind, and the name that it has for the joint.
+    `recordings`: of these joints, each joint's in the order of time. `model`, `joint`: file of the model of the kind,
+    and the name that it has for the joint.
     """
     from markupsafe import Markup
 

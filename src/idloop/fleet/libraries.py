@@ -20,10 +20,7 @@ NEEDED = {
 def library(name: str) -> Any:
     """Import a module of `NEEDED`.
 
-    Raises
-    ------
-    InputError
-        It is not installed.
+    Raises InputError: it is not installed.
     """
     try:
         return import_module(name)

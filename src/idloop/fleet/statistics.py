@@ -54,30 +54,19 @@ _FEWEST_TAILS, _MOST_TAILS = 200, 20_000  # recordings from which tails are esti
 
 @dataclass(frozen=True)
 class Series:
-    """One parameter of one kind in every recording, units in rows and dates in columns.
+    """One parameter of one kind in every recording, units in rows and dates in columns."""
 
-    Attributes
-    ----------
-    kind, parameter, unit : str
-        The last is the physical unit; `natural` gives values in it.
-    names : tuple of (str, str)
-        Robot and joint of each row.
-    days : array, shape (d,)
-        Dates [days since 1970].
-    value, variance : array, shape (units, d)
-        Estimates, of the force error as logarithms, and the squares of their standard errors; NaN where there is none.
-    least : float
-        Bound of the parameter from below.
-    """
-
+    # The last is the physical unit; `natural` gives values in it
     kind: str
     parameter: str
     unit: str
-    names: tuple[tuple[str, str], ...]
-    days: Array
+    names: tuple[tuple[str, str], ...]  # robot and joint of each row
+    days: Array  # shape (d,): dates [days since 1970]
+    # shape (units, d): estimates, of the force error as logarithms, and the squares of their standard errors; NaN where
+    # there is none
     value: Array
     variance: Array
-    least: float = -np.inf
+    least: float = -np.inf  # bound of the parameter from below
 
     def natural(self, value: Array | float) -> Array:
         """Value in the unit of the parameter."""
@@ -95,80 +84,54 @@ class Series:
 
 @dataclass(frozen=True)
 class Components:
-    """A series taken apart.
-
-    Attributes
-    ----------
-    series : Series
-    mean, mean_stderr : float
-        Of the kind.
-    date, date_stderr : array, shape (d,)
-        Effect of each date; 0 where fewer than five units share it: then it adds to the variance, as others do.
-    level, level_stderr, shrunk : array, shape (units,)
-        Mean of each unit without the dates, its standard error, and its best prediction.
-    unit_deviation, day_deviation : float
-        Standard deviations of units and of days, beyond the errors.
-    memory : float
-        Correlation of a unit's successive recordings.
-    left : array, shape (units, d)
-        Estimates without the effects of dates.
-    total : array, shape (units, d)
-        Variances of single recordings: error and day.
-    freedom, unit_freedom : float
-        Degrees of freedom of the variances of days and of units.
-    kept : array of bool, shape (units,)
-        Units of the distribution that mean and deviation describe; the others are too far off to be of it.
-    """
+    """A series taken apart."""
 
     series: Series
+    # Of the kind
     mean: float
     mean_stderr: float
+    # shape (d,): effect of each date; 0 where fewer than five units share it: then it adds to the variance, as others
+    # do
     date: Array
     date_stderr: Array
+    # shape (units,): mean of each unit without the dates, its standard error, and its best prediction
     level: Array
     level_stderr: Array
     shrunk: Array
+    # Standard deviations of units and of days, beyond the errors
     unit_deviation: float
     day_deviation: float
-    memory: float
-    left: Array
-    total: Array
+    memory: float  # correlation of a unit's successive recordings
+    left: Array  # shape (units, d): estimates without the effects of dates
+    total: Array  # shape (units, d): variances of single recordings: error and day
+    # Degrees of freedom of the variances of days and of units
     freedom: float
     unit_freedom: float
+    # shape (units,): units of the distribution that mean and deviation describe; the others are too far off to be of it
     kept: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One test.
+    """One test."""
 
-    Attributes
-    ----------
-    what : str
-        ``odd`` unit, ``trend``, ``step``, or ``day``.
-    robot, joint : str
-        Empty for a kind.
-    day : float
-        First recording of a step, on which an odd unit is outside of 95 % of its kind, or that an alarm counts; the
-        one of a day; the last one of a trend [days since 1970].
-    size, low, high : float
-        Deviation of a unit from the mean of its kind, change of a trend from the first to the last recording, change at
-        a step, deviation of a day from the course of its unit, growth of an alarm over its reference, with its 95 %
-        interval; of the force error relative to what it differs from.
-    p_value, q_value : float
-        The second is the rate of false discoveries at which it is found.
-    """
-
-    what: str
+    what: str  # ``odd`` unit, ``trend``, ``step``, or ``day``
     kind: str
     parameter: str
     unit: str
+    # Empty for a kind
     robot: str
     joint: str
+    # First recording of a step, on which an odd unit is outside of 95 % of its kind, or that an alarm counts; the one
+    # of a day; the last one of a trend [days since 1970]
     day: float
+    # Deviation of a unit from the mean of its kind, change of a trend from the first to the last recording, change at a
+    # step, deviation of a day from the course of its unit, growth of an alarm over its reference, with its 95 %
+    # interval; of the force error relative to what it differs from
     size: float
     low: float
     high: float
+    # The second is the rate of false discoveries at which it is found
     p_value: float
     q_value: float = 1.0
 
@@ -179,17 +142,9 @@ def series_of(
 ) -> Series:  # fmt: skip
     """Arrange the estimates of a parameter by joint and date.
 
-    Parameters
-    ----------
-    kind, parameter, unit : str
-    joints : sequence of (str, str)
-        Robot and joint of each estimate.
-    days : array, shape (n,)
-        In the order of time: of several recordings of a date the last one counts.
-    value, stderr : array, shape (n,)
-        NaN where not known. An error of the force is taken as its logarithm.
-    least : float
-        Bound of the parameter from below.
+    `joints`: robot and joint of each estimate. `days` (n,): in the order of time: of several recordings of a date the
+    last one counts. `value`, `stderr` (n,): NaN where not known. An error of the force is taken as its logarithm.
+    `least`: bound of the parameter from below.
     """
     names = sorted(set(joints))
     place = {name: number for number, name in enumerate(names)}
@@ -398,15 +353,7 @@ class Hypotheses:
     The parts are weights of p-values (Genovese, Roeder and Wasserman, Biometrika 93, 2006): single recordings are so
     many that without them few odd units would be found.
 
-    Parameters
-    ----------
-    level : float
-        The rate.
-
-    Attributes
-    ----------
-    count : int
-        Of the tests.
+    `level`: the rate. `count`: of the tests.
     """
 
     def __init__(self, level: float = LEVEL) -> None:
@@ -548,14 +495,8 @@ class Change:
 def best_change(days: Array, y: Array, variance: Array, freedom: float, clip: float = _CLIP) -> Change:
     """Test a trend and a step at every day; the level is divided by their number (Bonferroni).
 
-    Parameters
-    ----------
-    days, y, variance : array, shape (n,)
-        In the order of time.
-    freedom : float
-        Degrees of freedom of the variance.
-    clip : float
-        Standard deviations from the median beyond which a value adds no evidence.
+    `days`, `y`, `variance` (n,): in the order of time. `freedom`: degrees of freedom of the variance. `clip`: standard
+    deviations from the median beyond which a value adds no evidence.
     """
     weight = 1.0 / np.maximum(variance, 1e-300)
     shapes = [("trend", float(days[-1]), (days - days[0]) / (days[-1] - days[0]))]
@@ -607,15 +548,9 @@ def between_periods(parts: Components, since: float, against: float | None) -> t
     with the scatter of the dates that they share; it takes two units. Of five units and more the change of each is that
     beyond this mean, among the changes of the others.
 
-    Parameters
-    ----------
-    since, against : float
-        First day of the later and of the earlier period [days since 1970]; None: everything before.
-
-    Returns
-    -------
-    kind, units : list of Finding
-        Their tests, whatever their p-values; none of a kind of which one unit alone has both periods.
+    `since`, `against`: first day of the later and of the earlier period [days since 1970]; None: everything before.
+    Returns `kind`, `units`: their tests, whatever their p-values; none of a kind of which one unit alone has both
+    periods.
     """
     series, begin = parts.series, -np.inf if against is None else against
     periods = (series.days < since) & (series.days >= begin), series.days >= since

@@ -32,21 +32,11 @@ COLUMNS = {
 
 @dataclass(frozen=True)
 class Done:
-    """What a folder of results has of some settings.
+    """What a folder of results has of some settings."""
 
-    Attributes
-    ----------
-    keys : frozenset of str
-        See `key_of`: of the joints, and of the looks at recordings that could be read.
-    looks : frozenset of (str, str, str)
-        Bag, stamp and look.
-    joints : tuple of str
-        Names of all joints.
-    """
-
-    keys: frozenset[str] = frozenset()
-    looks: frozenset[tuple[str, str, str]] = frozenset()
-    joints: tuple[str, ...] = ()
+    keys: frozenset[str] = frozenset()  # see `key_of`: of the joints, and of the looks at recordings that could be read
+    looks: frozenset[tuple[str, str, str]] = frozenset()  # bag, stamp and look
+    joints: tuple[str, ...] = ()  # names of all joints
 
     def open(self, bags: Iterable[FleetBag], settings: Settings) -> list[tuple[FleetBag, tuple[str, ...]]]:
         """Bags that are new, have changed, or may have joints of a new model, each with the keys of what is done of it.
@@ -79,12 +69,7 @@ class Recording(NamedTuple):
 
 
 class Store:
-    """A folder of results.
-
-    Parameters
-    ----------
-    folder : Path
-    """
+    """A folder of results."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -107,10 +92,7 @@ class Store:
     def query(self, sql: str, values: Sequence[Any] = ()) -> Any:
         """Answer a question in SQL, in which ``rows`` is all that is there.
 
-        Raises
-        ------
-        IdloopError
-            A file of the folder cannot be read.
+        Raises IdloopError: a file of the folder cannot be read.
         """
         duckdb = library("duckdb")
         try:

@@ -21,23 +21,12 @@ _ONE_INTERVAL = 1.0 + 1e-6
 class Condition:
     """One measured condition: linear between its samples, constant before the first and after the last.
 
-    Attributes
-    ----------
-    name : str
-        Such as ``temperature`` or ``supply``, or of one site: ``motor.temperature``.
-    unit : str
-        Such as ``°C`` or ``V``.
-    time, value : ndarray, shape (m,)
-        Stamps [s], strictly increasing, and values.
-
-    Raises
-    ------
-    InputError
-        No samples, stamps that do not increase, or values that are not finite.
+    Raises InputError: no samples, stamps that do not increase, or values that are not finite.
     """
 
-    name: str
-    unit: str
+    name: str  # such as ``temperature`` or ``supply``, or of one site: ``motor.temperature``
+    unit: str  # such as ``°C`` or ``V``
+    # shape (m,): stamps [s], strictly increasing, and values
     time: Array
     value: Array
 

@@ -200,22 +200,9 @@ CONTROLLERS: dict[str, ControllerKind] = {
 def check_controller(spec: Mapping[str, Any] | None, where: str = "controller") -> dict[str, Any]:
     """Validate a controller section without building the controller.
 
-    Parameters
-    ----------
-    spec : mapping or None
-        The section; None stands for ``{type: none}``. Groups may be nested or dotted.
-    where : str
-        Place named at the start of the error line.
-
-    Returns
-    -------
-    dict
-        ``type`` and every parameter of the type by its dotted name, defaults filled in.
-
-    Raises
-    ------
-    InputError
-        Unknown type or key, wrong type, out of range, or keys that contradict each other.
+    `spec`: the section; None stands for ``{type: none}``. Groups may be nested or dotted. `where`: place named at the
+    start of the error line. Returns ``type`` and every parameter of the type by its dotted name, defaults filled in.
+    Raises InputError: unknown type or key, wrong type, out of range, or keys that contradict each other.
     """
     if spec is None:
         spec = {"type": "none"}

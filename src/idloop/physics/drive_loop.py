@@ -195,11 +195,7 @@ class LoopGains:
 def loop_gains(kind: str, own: Mapping[str, float]) -> LoopGains:
     """Gains of a loop within its limits, without its integral.
 
-    Parameters
-    ----------
-    kind : {"position_loop", "velocity_loop"}
-    own : mapping of str to float
-        Values of its parameters.
+    `kind`: one of "position_loop", "velocity_loop". `own`: values of its parameters.
     """
     gain = own["proportional"]
     if kind == VELOCITY_LOOP.name:

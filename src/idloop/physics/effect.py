@@ -54,40 +54,19 @@ INPUT, BODY, COUPLING, OUTPUT = "input", "body", "coupling", "output"
 
 @dataclass(frozen=True)
 class EffectParameter:
-    """A parameter of an effect.
+    """A parameter of an effect."""
 
-    Attributes
-    ----------
-    name : str
-        Name in model files.
-    unit : str
-        Unit; ``{input}``, ``{force}``, ``{position}``, ``{output}`` are replaced by those of the model.
-    start : float
-        Default value, and start value of a fit.
-    neutral : float
-        Value at which the effect has no influence.
-    min, max : float
-        Physical bounds.
-    integer : bool
-        An integer, chosen and not estimated.
-    optional : str
-        Name of the parameter whose value is taken when this one is not given.
-    held : bool
-        Kept at its start value in a screening.
-    chosen : bool
-        A reference of another parameter, such as a reference temperature: never estimated.
-    """
-
-    name: str
-    unit: str
-    start: float = 0.0
-    neutral: float = 0.0
+    name: str  # name in model files
+    unit: str  # unit; ``{input}``, ``{force}``, ``{position}``, ``{output}`` are replaced by those of the model
+    start: float = 0.0  # default value, and start value of a fit
+    neutral: float = 0.0  # value at which the effect has no influence
+    # Physical bounds
     min: float = -float("inf")
     max: float = float("inf")
-    integer: bool = False
-    optional: str = ""
-    held: bool = False
-    chosen: bool = False
+    integer: bool = False  # an integer, chosen and not estimated
+    optional: str = ""  # name of the parameter whose value is taken when this one is not given
+    held: bool = False  # kept at its start value in a screening
+    chosen: bool = False  # a reference of another parameter, such as a reference temperature: never estimated
 
     @property
     def estimated(self) -> bool:
@@ -101,20 +80,12 @@ class EffectEquation:
 
     ``@q``, ``@v`` and ``@F`` are position, velocity and force in the symbols of the axis (theta, omega, T or x, v, F),
     ``@u`` and ``@y`` the incoming command and reading, ``@s`` the site, and ``@i`` the body where there are several.
-
-    Attributes
-    ----------
-    term : str
-        Symbol in the force balance, the command or the reading, with its sign; empty where the equation is complete.
-    text : str
-        The equation.
-    symbols : mapping of str to str
-        Symbol of each parameter.
     """
 
+    # Symbol in the force balance, the command or the reading, with its sign; empty where the equation is complete
     term: str
-    text: str
-    symbols: Mapping[str, str] = field(default_factory=dict)
+    text: str  # the equation
+    symbols: Mapping[str, str] = field(default_factory=dict)  # symbol of each parameter
 
 
 def _always(values: Mapping[str, float]) -> bool:
@@ -127,182 +98,93 @@ def _no_rate(values: Mapping[str, float], inertia: float, stiffness: float) -> f
 
 @dataclass(frozen=True)
 class Effect:
-    """A physical effect of the catalogue.
+    """A physical effect of the catalogue."""
 
-    Attributes
-    ----------
-    name : str
-        Name in model files; an interface that does not change.
-    site : {"input", "body", "coupling", "output"}
-        Where the effect acts.
-    text : str
-        One sentence about the physics.
-    parameters : tuple of EffectParameter
-        In the order in which the equations index them.
-    command, force, friction, coupling, reading : Hook, optional
-        The equations, see the module's table.
-    settle : Hook, optional
-        Update of the effect's state.
-    edge : Hook, optional
-        Of a coupling, the twist of either sign at which its equation is discontinuous, from the same arguments: the
-        simulator finds the instant and keeps the side in the effect's first state.
-    states : int
-        Number of states; the first is the deviation of a condition that it depends on.
-    condition : str
-        Measured condition that the effect depends on, such as ``temperature`` or ``supply``: a candidate only where it
-        was recorded.
-    reference : str
-        Parameter with the condition at which the effect has no influence.
-    order : int
-        Place in the chain of effects at one site, small first.
-    final : bool
-        An output effect that acts after the measurement noise (quantisation); noise to an estimate.
-    outputs : tuple of str
-        Fields of the outputs that it acts on: ``position``, ``velocity``.
-    also_called : tuple of str
-        Everyday words for it, with which a message points to its name.
-    looks_like : tuple of str
-        Effects that are often confounded with this one.
-    linear : bool
-        Linear in the motion: part of the linear model for the observer design.
-    proportional : bool
-        Of a force or friction without memory: proportional to its first parameter.
-    rate, spatial_rate : callable
-        ``(values, inertia, stiffness)`` to the fastest rate that the effect adds, in rad/s and
-        in rad per unit of position, for the integration step. At the input the inertia is divided by the drive's gain.
-    relaxes : bool
-        The change along the position is that of a memory in closed form: it is over where it would be far faster than
-        `rate`, and needs no steps there.
-    delay : str
-        Parameter that is a pure delay of the input or output, implemented by the simulator.
-    splits : bool
-        The effect splits its body in two, in the layout of the model.
-    trials : callable, optional
-        From `Scales` to alternatives of start values for a screening; from the units of the
-        parameters when left out.
-    further : callable, optional
-        From `Scales` and the values of the plain form, without optional and held parameters, to alternatives of these
-        in a screening of the full form.
-    contains : mapping
-        Nested effects, this one with some parameters at their neutral values:
-        ``{effect: {its parameter: parameter of this one}}``.
-    separable : bool
-        Still an effect without its nested effect.
-    degenerates_to : tuple of str
-        Effects that are limiting cases of this one.
-    same_as : tuple of str
-        Effects of the same site that together are equivalent to this one for any motion. A constant at the input may
-        name one of the driven body (where the effects after it pass constants), and a delay of a sensor one of the
-        input (with one sensor).
-    by_hand : mapping
-        Manual check that separates equivalent effects: ``{effect: check}``.
-    passes_constants : bool
-        Of an effect at the input: a constant added to its input adds a constant to its output.
-    odd : bool
-        Of an effect at the input: odd and without memory, so that it is a gain for a command of one amplitude.
-    everyday : bool
-        Common to all servo axes: data in which it is not identifiable cannot show that a model is adequate.
-    suggest_order : int
-        Priority among the effects that the next experiment is designed for, small first.
-    whole_turn : bool
-        Confounded with an offset or a spring while the motion covers less than a turn.
-    hidden_by_start : bool
-        Confounded with the unknown initial state, so that no experiment is designed for it.
-    resolution : str
-        Parameter that is the resolution of the readings, found from their quantisation without a refit.
-    site_parameter : str
-        Parameter of the body or the coupling that is equivalent to this effect's first one, such as
-        ``viscous_friction``; where it is free the effect is no candidate.
-    dry_level : str
-        Parameter that is the level of dry friction in motion.
-    command_limit : str
-        Parameter that is the largest command with an effect on an axis at rest.
-    slow : bool
-        A force that a slow disturbance may explain, so that only a refit shows it.
-    anywhere : bool
-        A slow force whose body does not matter.
-    weight : bool
-        What an axis may hold throughout a record.
-    needs_angle : bool
-        Defined for angles only.
-    needs_length : bool
-        A candidate along a length only.
-    of_loop : bool
-        Of a drive with a loop of its own: no candidate for another one.
-    set_point : mapping of str to Hook
-        Of an effect at the input that depends on the set-point: by loop of the drive, an equation with the arguments of
-        ``command`` that is called with the set-point before the loop, notes it in the effect's states, and returns it.
-        ``settle`` is then called with the set-point as well.
-    several : bool
-        May act several times at one site, such as several harmonics.
-    equation : EffectEquation, optional
-        Equation for documents; a generic function when left out.
-    valid : callable
-        Condition between the parameters, beyond the bounds of each.
-    undo : Hook, optional
-        Inverse of ``command``, for a compensator.
-    lost_motion : str
-        Parameter that is the lost motion at a reversal, for a compensator.
-    not_cancelled : str
-        Reason why a compensator cannot cancel the effect; empty where it can.
-    """
-
-    name: str
-    site: str
-    text: str
-    parameters: tuple[EffectParameter, ...]
+    name: str  # name in model files; an interface that does not change
+    site: str  # one of "input", "body", "coupling", "output"; where the effect acts
+    text: str  # one sentence about the physics
+    parameters: tuple[EffectParameter, ...]  # in the order in which the equations index them
+    # The equations, see the module's table
     command: Hook | None = None
     force: Hook | None = None
     friction: Hook | None = None
     coupling: Hook | None = None
     reading: Hook | None = None
-    settle: Hook | None = None
+    settle: Hook | None = None  # update of the effect's state
+    # Of a coupling, the twist of either sign at which its equation is discontinuous, from the same arguments: the
+    # simulator finds the instant and keeps the side in the effect's first state
     edge: Hook | None = None
-    states: int = 0
+    states: int = 0  # number of states; the first is the deviation of a condition that it depends on
+    # Measured condition that the effect depends on, such as ``temperature`` or ``supply``: a candidate only where it
+    # was recorded
     condition: str = ""
-    reference: str = ""
-    order: int = 50
-    final: bool = False
+    reference: str = ""  # parameter with the condition at which the effect has no influence
+    order: int = 50  # place in the chain of effects at one site, small first
+    final: bool = False  # an output effect that acts after the measurement noise (quantisation); noise to an estimate
+    # Fields of the outputs that it acts on: ``position``, ``velocity``
     outputs: tuple[str, ...] = ("position", "velocity")
-    also_called: tuple[str, ...] = ()
-    looks_like: tuple[str, ...] = ()
-    linear: bool = False
-    proportional: bool = False
+    also_called: tuple[str, ...] = ()  # everyday words for it, with which a message points to its name
+    looks_like: tuple[str, ...] = ()  # effects that are often confounded with this one
+    linear: bool = False  # linear in the motion: part of the linear model for the observer design
+    proportional: bool = False  # of a force or friction without memory: proportional to its first parameter
+    # ``(values, inertia, stiffness)`` to the fastest rate that the effect adds, in rad/s and in rad per unit of
+    # position, for the integration step. At the input the inertia is divided by the drive's gain.
     rate: Callable[[Mapping[str, float], float, float], float] = field(default=_no_rate)
     spatial_rate: Callable[[Mapping[str, float], float, float], float] = field(default=_no_rate)
+    # The change along the position is that of a memory in closed form: it is over where it would be far faster than
+    # `rate`, and needs no steps there
     relaxes: bool = False
-    delay: str = ""
-    splits: bool = False
+    delay: str = ""  # parameter that is a pure delay of the input or output, implemented by the simulator
+    splits: bool = False  # the effect splits its body in two, in the layout of the model
+    # From `Scales` to alternatives of start values for a screening; from the units of the parameters when left out
     trials: Trials | None = None
+    # From `Scales` and the values of the plain form, without optional and held parameters, to alternatives of these in
+    # a screening of the full form
     further: FurtherTrials | None = None
+    # Nested effects, this one with some parameters at their neutral values: ``{effect: {its parameter: parameter of
+    # this one}}``
     contains: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
-    separable: bool = False
-    degenerates_to: tuple[str, ...] = ()
+    separable: bool = False  # still an effect without its nested effect
+    degenerates_to: tuple[str, ...] = ()  # effects that are limiting cases of this one
+    # Effects of the same site that together are equivalent to this one for any motion. A constant at the input may name
+    # one of the driven body (where the effects after it pass constants), and a delay of a sensor one of the input (with
+    # one sensor).
     same_as: tuple[str, ...] = ()
+    # Manual check that separates equivalent effects: ``{effect: check}``
     by_hand: Mapping[str, str] = field(default_factory=dict)
+    # Of an effect at the input: a constant added to its input adds a constant to its output
     passes_constants: bool = False
+    # Of an effect at the input: odd and without memory, so that it is a gain for a command of one amplitude
     odd: bool = False
+    # Common to all servo axes: data in which it is not identifiable cannot show that a model is adequate
     everyday: bool = False
-    suggest_order: int = 100
-    whole_turn: bool = False
-    hidden_by_start: bool = False
+    suggest_order: int = 100  # priority among the effects that the next experiment is designed for, small first
+    whole_turn: bool = False  # confounded with an offset or a spring while the motion covers less than a turn
+    hidden_by_start: bool = False  # confounded with the unknown initial state, so that no experiment is designed for it
+    # Parameter that is the resolution of the readings, found from their quantisation without a refit
     resolution: str = ""
+    # Parameter of the body or the coupling that is equivalent to this effect's first one, such as ``viscous_friction``;
+    # where it is free the effect is no candidate
     site_parameter: str = ""
-    dry_level: str = ""
-    command_limit: str = ""
-    slow: bool = False
-    anywhere: bool = False
-    weight: bool = False
-    needs_angle: bool = False
-    needs_length: bool = False
-    of_loop: bool = False
+    dry_level: str = ""  # parameter that is the level of dry friction in motion
+    command_limit: str = ""  # parameter that is the largest command with an effect on an axis at rest
+    slow: bool = False  # a force that a slow disturbance may explain, so that only a refit shows it
+    anywhere: bool = False  # a slow force whose body does not matter
+    weight: bool = False  # what an axis may hold throughout a record
+    needs_angle: bool = False  # defined for angles only
+    needs_length: bool = False  # a candidate along a length only
+    of_loop: bool = False  # of a drive with a loop of its own: no candidate for another one
+    # Of an effect at the input that depends on the set-point: by loop of the drive, an equation with the arguments of
+    # ``command`` that is called with the set-point before the loop, notes it in the effect's states, and returns it.
+    # ``settle`` is then called with the set-point as well.
     set_point: Mapping[str, Hook] = field(default_factory=dict)
-    several: bool = False
-    equation: EffectEquation | None = None
+    several: bool = False  # may act several times at one site, such as several harmonics
+    equation: EffectEquation | None = None  # equation for documents; a generic function when left out
+    # Condition between the parameters, beyond the bounds of each
     valid: Callable[[Mapping[str, float]], bool] = field(default=_always)
-    undo: Hook | None = None
-    lost_motion: str = ""
-    not_cancelled: str = ""
+    undo: Hook | None = None  # inverse of ``command``, for a compensator
+    lost_motion: str = ""  # parameter that is the lost motion at a reversal, for a compensator
+    not_cancelled: str = ""  # reason why a compensator cannot cancel the effect; empty where it can
 
     def __post_init__(self) -> None:
         """Check the parameters that are named by facts."""
@@ -342,10 +224,7 @@ class Effect:
     def spec(self, name: str) -> EffectParameter:
         """Return a parameter's specification.
 
-        Raises
-        ------
-        InputError
-            The effect has no such parameter.
+        Raises InputError: the effect has no such parameter.
         """
         for spec in self.parameters:
             if spec.name == name:
@@ -407,16 +286,9 @@ def built_in() -> dict[str, tuple[Effect, ...]]:
 def catalogue(*folders: Path) -> dict[str, tuple[Effect, ...]]:
     """All known effects by name: built in, from ``IDLOOP_EFFECTS``, and from folders.
 
-    Parameters
-    ----------
-    *folders : Path
-        Further folders of effect files, such as the one beside a model file. Their files run when they are trusted,
-        see `idloop.physics.trust`; folders in ``IDLOOP_EFFECTS`` are set by the user and need no trust.
-
-    Raises
-    ------
-    InputError
-        A folder is not trusted; an effect file fails or takes the name of a built-in effect.
+    `*folders`: further folders of effect files, such as the one beside a model file. Their files run when they are
+    trusted, see `idloop.physics.trust`; folders in ``IDLOOP_EFFECTS`` are set by the user and need no trust. Raises
+    InputError: a folder is not trusted; an effect file fails or takes the name of a built-in effect.
     """
     known = dict(built_in())
     named = [read_effect_files(Path(item)) for item in os.environ.get("IDLOOP_EFFECTS", "").split(os.pathsep) if item]

@@ -12,14 +12,7 @@ EFFECT_TEXT = re.compile(r"^\s*(\w+)\s*@\s*([^()\s]+)\s*(?:\((.*)\))?\s*$")
 def parse_effect(text: str) -> tuple[str, str, dict[str, float]]:
     """Read an effect written as ``NAME@SITE`` or ``NAME@SITE(parameter=value, ...)``.
 
-    Returns
-    -------
-    name, site, values : str, str, dict
-
-    Raises
-    ------
-    InputError
-        The text does not have this form.
+    Raises InputError: the text does not have this form.
     """
     match = EFFECT_TEXT.match(text)
     form = f"effect '{text}': write NAME@SITE or NAME@SITE(parameter=value, ...), such as dead_zone@input(width=0.1)"

@@ -18,24 +18,12 @@ from idloop.physics.model import Model, values_of
 
 @dataclass(frozen=True)
 class Linear:
-    """Linear part of a model, dx/dt = A x + B u + G d, y = C x.
+    """Linear part of a model, dx/dt = A x + B u + G d, y = C x."""
 
-    Attributes
-    ----------
-    A : ndarray (2n, 2n)
-        States: positions, then velocities of all bodies.
-    B : ndarray (2n,)
-        Where the command enters.
-    C : ndarray (p, 2n)
-        Outputs.
-    G : ndarray (2n,)
-        Where a disturbance force on body 0 enters.
-    """
-
-    A: Array
-    B: Array
-    C: Array
-    G: Array
+    A: Array  # shape (2n, 2n): states: positions, then velocities of all bodies
+    B: Array  # shape (2n,): where the command enters
+    C: Array  # shape (p, 2n): outputs
+    G: Array  # shape (2n,): where a disturbance force on body 0 enters
 
 
 class ForceBalance(NamedTuple):
@@ -66,17 +54,12 @@ def _places(layout: Layout, gain: Array) -> Integers:
 class Engine:
     """Evaluate a model for values ``theta`` of its free parameters.
 
-    Parameters
-    ----------
-    model : Model
-        The structure and the values of the known parameters.
-
-    Notes
-    -----
     All times are in seconds on one clock, and need not be evenly spaced. A command is held from
     its time on; before the first one it is 0. A measurement comes before a command of the same
     time. Values of ``theta`` that contradict each other, such as a static friction below the kinetic
     one, give results of NaN.
+
+    `model`: the structure and the values of the known parameters.
     """
 
     def __init__(self, model: Model) -> None:
@@ -140,24 +123,11 @@ class Engine:
     ) -> Array:
         """Free run.
 
-        Parameters
-        ----------
-        theta : ndarray (k,) or None
-            Values of the free parameters; those of the model when None.
-        input_time, command : ndarray (m,)
-            Commands, held from their time on.
-        time : ndarray (n,)
-            When the outputs are read.
-        initial_state : ndarray, optional
-            From `initial_state`; at rest by default. Its time is set to the first time.
-        noise : ndarray (n, p), optional
-            Added to the readings before quantisation.
-        conditions : Conditions, optional
-            Measured conditions, on the same clock; without them they are at their references.
-
-        Returns
-        -------
-        ndarray (n, p)
+        `theta` (k,): values of the free parameters; those of the model when None. `input_time`, `command` (m,):
+        commands, held from their time on. `time` (n,): when the outputs are read. `initial_state`: from
+        `initial_state`; at rest by default. Its time is set to the first time. `noise` (n, p): added to the readings
+        before quantisation. `conditions`: measured conditions, on the same clock; without them they are at their
+        references. Returns shape (n, p).
         """
         layout = self.layout(theta).under(conditions)
         state = self._start(layout, initial_state, input_time, time)
@@ -182,19 +152,9 @@ class Engine:
     ) -> Array | None:
         """Derivatives of the outputs of a free run by the free parameters, and by the initial position and velocity.
 
-        Parameters
-        ----------
-        theta : ndarray (k,)
-        change : ndarray (k,)
-            Small steps of the parameters, of either sign.
-        input_time, command, time, initial_state, conditions
-            As of `simulate`.
-
-        Returns
-        -------
-        ndarray (k + 2, n, p), or None
-            NaN for a parameter without a derivative. None where only finite differences apply, see
-            `idloop.physics.tangent`.
+        `theta` (k,). `change` (k,): small steps of the parameters, of either sign. `input_time`, `command`, `time`,
+        `initial_state`, `conditions`: as of `simulate`. Returns shape (k + 2, n, p); NaN for a parameter without a
+        derivative. None where only finite differences apply, see `idloop.physics.tangent`.
         """
         from idloop.physics import tangent
 
@@ -224,26 +184,12 @@ class Engine:
     ) -> Array:
         """Innovations of the one-step predictor.
 
-        Parameters
-        ----------
-        measured : ndarray (n, p)
-            Measurements; NaN where there is none.
-        gain : ndarray (m (2 b + 1), p)
-            Observer gain on positions, velocities and the disturbance force; b bodies after
-            compliance has split some. Of m stacked gains, each is used for one of the first
-            measurements and the last for all that follow.
-        decay : float
-            Share of the disturbance force that remains after one sample.
-        place : ndarray of int, optional
-            Index of the gain for each of the first measurements, the last entry for all that
-            follow; one gain after the other when left out.
-        conditions : Conditions, optional
-            As of `simulate`.
-
-        Returns
-        -------
-        ndarray (n, p)
-            Measured minus predicted.
+        `measured` (n, p): measurements; NaN where there is none. `gain` (m (2 b + 1), p): observer gain on positions,
+        velocities and the disturbance force; b bodies after compliance has split some. Of m stacked gains, each is used
+        for one of the first measurements and the last for all that follow. `decay`: share of the disturbance force that
+        remains after one sample. `place`: index of the gain for each of the first measurements, the last entry for all
+        that follow; one gain after the other when left out. `conditions`: as of `simulate`. Returns shape (n, p);
+        measured minus predicted.
         """
         layout = self.layout(theta).under(conditions)
         place = _places(layout, gain) if place is None else place
@@ -270,26 +216,10 @@ class Engine:
     ) -> Array:
         """Prediction of each sample from the measurements up to ``steps`` samples before it.
 
-        Parameters
-        ----------
-        theta, input_time, command, time, initial_state, conditions
-            As of `simulate`.
-        measured : ndarray (n, p)
-            Measurements; NaN where there is none.
-        gain, place
-            Observer gains, as of `predict`.
-        steps : int
-            Prediction horizon in samples.
-
-        Returns
-        -------
-        ndarray (n, p)
-            NaN for the first ``steps`` samples.
-
-        Raises
-        ------
-        InputError
-            ``steps`` is not at least 1 and below the number of samples.
+        `theta`, `input_time`, `command`, `time`, `initial_state`, `conditions`: as of `simulate`. `measured` (n, p):
+        measurements; NaN where there is none. `gain`, `place`: observer gains, as of `predict`. `steps`: prediction
+        horizon in samples. Returns shape (n, p); NaN for the first ``steps`` samples. Raises InputError: ``steps`` is
+        not at least 1 and below the number of samples.
         """
         if not 1 <= steps < len(time):
             raise InputError(f"cannot predict {steps} steps ahead in {len(time)} samples; choose 1 .. {len(time) - 1}")
@@ -315,14 +245,9 @@ class Engine:
     ) -> ForceBalance:
         """Force balance along a measured motion.
 
-        Parameters
-        ----------
-        theta, input_time, command, time, conditions
-            As of `simulate`.
-        position, velocity, acceleration : ndarray (n, b)
-            Motion of every body.
-        rest_speed : float
-            Speed below which a body counts as standing: dry friction then balances the other forces.
+        `theta`, `input_time`, `command`, `time`, `conditions`: as of `simulate`. `position`, `velocity`, `acceleration`
+        (n, b): motion of every body. `rest_speed`: speed below which a body counts as standing: dry friction then
+        balances the other forces.
         """
         layout = self.layout(theta).under(conditions)
         residual = np.empty((len(time), layout.bodies))

@@ -31,22 +31,10 @@ def compiled(function: Any, *arguments: Any) -> Callable[..., Any]:
 class Plant:
     """Simulate a model as a machine: commands in, noisy measurements out.
 
-    Parameters
-    ----------
-    model : Model
-        The machine with its hidden effects.
-    seed : int
-        Seed of noise and disturbance.
-    noise : bool
-        Add the measurement noise of the model's outputs.
-    disturbance_std : float
-        Standard deviation of a disturbance force on body 0 (Ornstein-Uhlenbeck process).
-    disturbance_time_constant : float
-        Its correlation time [s].
-    start_time : float
-        Time at the start [s].
-    conditions : iterable of Condition, optional
-        Temperature, supply, ... by time; without them they are at their references.
+    `model`: the machine with its hidden effects. `seed`: seed of noise and disturbance. `noise`: add the measurement
+    noise of the model's outputs. `disturbance_std`: standard deviation of a disturbance force on body 0
+    (Ornstein-Uhlenbeck process). `disturbance_time_constant`: its correlation time [s]. `start_time`: time at the start
+    [s]. `conditions`: temperature, supply, ... by time; without them they are at their references.
     """
 
     def __init__(
@@ -112,10 +100,7 @@ class Plant:
     def schedule(self, stamp: float, command: float) -> None:
         """Apply a command from ``stamp`` [s] on, or from now when that is past.
 
-        Raises
-        ------
-        InputError
-            The command is not finite.
+        Raises InputError: the command is not finite.
         """
         if not math.isfinite(command):
             raise InputError(f"command at {stamp:g} s is not finite")

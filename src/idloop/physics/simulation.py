@@ -35,24 +35,10 @@ def simulate(
 ) -> Simulation:
     """Simulate a model in free run.
 
-    Parameters
-    ----------
-    model : Model
-        The axis.
-    input_time, command : array_like (m,)
-        Commands in the model's input unit, each held from its time [s] on; 0 before the first.
-    time : array_like (n,)
-        When the outputs are read [s]; the motion starts at the first.
-    position, velocity : array_like (bodies,), optional
-        Motion at the start; at rest in 0 by default.
-    noise : array_like (n, p), optional
-        Measurement noise, added before quantisation.
-    conditions : iterable of Condition, optional
-        Temperature, supply, ...; without them they are at their references.
-
-    Returns
-    -------
-    Simulation
+    `model`: the axis. `input_time`, `command` (m,): commands in the model's input unit, each held from its time [s] on;
+    0 before the first. `time` (n,): when the outputs are read [s]; the motion starts at the first. `position`,
+    `velocity` (bodies,): motion at the start; at rest in 0 by default. `noise` (n, p): measurement noise, added before
+    quantisation. `conditions`: temperature, supply, ...; without them they are at their references.
 
     Examples
     --------

@@ -26,32 +26,18 @@ _SHIFT = 1e-6
 
 
 class Legs(NamedTuple):
-    """Parts of a motion, in order, each with one command and one direction of dry friction.
+    """Parts of a motion, in order, each with one command and one direction of dry friction."""
 
-    Attributes
-    ----------
-    time, duration : array, shape (l,)
-        Start and length [s].
-    held : array, shape (l,)
-        Command.
-    position, velocity : array, shape (l,)
-        In the middle.
-    mode : array, shape (l,)
-        Direction of the dry friction; 0 at rest, and without dry friction.
-    turned : array of bool, shape (l,)
-        Whether it begins with a reversal or a stop.
-    sample : array of int, shape (l,)
-        Index of the sample at its end, -1 for none.
-    """
-
+    # shape (l,): start and length [s]
     time: Array
     duration: Array
-    held: Array
+    held: Array  # shape (l,): command
+    # shape (l,): in the middle
     position: Array
     velocity: Array
-    mode: Array
-    turned: NDArray[np.bool_]
-    sample: NDArray[np.int64]
+    mode: Array  # shape (l,): direction of the dry friction; 0 at rest, and without dry friction
+    turned: NDArray[np.bool_]  # shape (l,): whether it begins with a reversal or a stop
+    sample: NDArray[np.int64]  # shape (l,): index of the sample at its end, -1 for none
 
     def at(self, rows: NDArray[np.int64]) -> Legs:
         """Some of the legs."""
@@ -71,24 +57,11 @@ def slopes(
 ) -> Array | None:
     """Derivatives of the outputs of a free run by parameters, and by the initial position and velocity.
 
-    Parameters
-    ----------
-    layout : Layout
-        The model of the run.
-    beside : sequence of (Layout, float) or None
-        The model with each parameter changed by a small step, and this step; None to leave the parameter out.
-    input_time, command : array, shape (m,)
-        Commands, held from their time [s] on.
-    time : array, shape (n,)
-        When the outputs are read [s].
-    state : array
-        At the first time.
-
-    Returns
-    -------
-    array, shape (parameters + 2, n, p), or None
-        NaN for parameters that are left out, and for a delay. None where the equation above does not apply: several
-        bodies, effects with memory, effects on sensors, steps that are long for the motion.
+    `layout`: the model of the run. `beside`: the model with each parameter changed by a small step, and this step; None
+    to leave the parameter out. `input_time`, `command` (m,): commands, held from their time [s] on. `time` (n,): when
+    the outputs are read [s]. `state`: at the first time. Returns shape (parameters + 2, n, p); NaN for parameters that
+    are left out, and for a delay. None where the equation above does not apply: several bodies, effects with memory,
+    effects on sensors, steps that are long for the motion.
     """
     axis = layout.axis
     memories = layout.states - kernel.FIRST - 4 - len(layout.wanted)

@@ -93,10 +93,7 @@ def check_trusted(files: EffectFiles) -> None:
 def trust(files: EffectFiles) -> None:
     """Trust these files.
 
-    Raises
-    ------
-    InputError
-        The record cannot be written.
+    Raises InputError: the record cannot be written.
     """
     _write(_record(files.folder), f"{files.checksum}\n".encode() + os.fsencode(files.folder))
 
@@ -104,10 +101,7 @@ def trust(files: EffectFiles) -> None:
 def revoke(folder: Path) -> None:
     """Revoke the trust in a folder.
 
-    Raises
-    ------
-    InputError
-        It is not trusted.
+    Raises InputError: it is not trusted.
     """
     path = _record(folder.resolve())
     known = _read(path)

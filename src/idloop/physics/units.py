@@ -17,14 +17,9 @@ NAMES = {"rad": "rotary", "m": "linear", "V": "electrical"}
 
 @dataclass(frozen=True)
 class Units:
-    """The units of one model.
+    """The units of one model."""
 
-    Attributes
-    ----------
-    input, position, force : str
-        Unit of the command, of positions and of forces.
-    """
-
+    # Unit of the command, of positions and of forces
     input: str
     position: str
     force: str
@@ -44,10 +39,7 @@ class Units:
 def input_unit(unit: str, where: str) -> str:
     """Check the unit of a command.
 
-    Raises
-    ------
-    InputError
-        Not a unit of a command.
+    Raises InputError: not a unit of a command.
     """
     unit = ALIASES.get(unit, unit)
     if unit not in INPUT_UNITS:

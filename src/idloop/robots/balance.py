@@ -33,23 +33,15 @@ _MOST_REST = 0.02  # share of rest within a row that is used
 
 @dataclass(frozen=True)
 class RobotMotion:
-    """Smoothed motion of all joints along a record.
-
-    Attributes
-    ----------
-    record : JointRecord
-    position, velocity, acceleration : array, shape (n, joints)
-        At the record's own rate.
-    rest_speed : array, shape (joints,)
-    cutoff, band : float
-        Of the motion, and of the comparison of torques [Hz].
-    """
+    """Smoothed motion of all joints along a record."""
 
     record: JointRecord
+    # shape (n, joints): at the record's own rate
     position: Array
     velocity: Array
     acceleration: Array
-    rest_speed: Array
+    rest_speed: Array  # shape (joints,)
+    # Of the motion, and of the comparison of torques [Hz]
     cutoff: float
     band: float
 
@@ -57,10 +49,7 @@ class RobotMotion:
 def robot_motions(records: Sequence[JointRecord], prismatic: Sequence[bool]) -> list[RobotMotion]:
     """Smooth the motions of all records with one cut-off, that of the fastest joint.
 
-    Raises
-    ------
-    InputError
-        No joint moves, or a record is too short.
+    Raises InputError: no joint moves, or a record is too short.
     """
     models = [axis_model(name, prismatic=one) for name, one in zip(records[0].joints, prismatic, strict=True)]
     moving = [
@@ -97,26 +86,13 @@ def _joined(record: JointRecord, motions: Sequence[Motion], cutoff: float) -> Ro
 
 @dataclass(frozen=True)
 class Balance:
-    """Rows of the balance of one record.
-
-    Attributes
-    ----------
-    motion : RobotMotion
-    time : array, shape (rows,)
-        [s].
-    regressor : array, shape (rows, joints, parameters)
-        Parameters: ten of each link, then `OF_JOINT` of each joint.
-    torque : array, shape (rows, joints)
-        Measured, less what was subtracted [N·m or N].
-    used : array of bool, shape (rows, joints)
-        False where dry friction holds the joint: it is then not known.
-    """
+    """Rows of the balance of one record."""
 
     motion: RobotMotion
-    time: Array
-    regressor: Array
-    torque: Array
-    used: NDArray[np.bool_]
+    time: Array  # shape (rows,): [s]
+    regressor: Array  # shape (rows, joints, parameters): parameters: ten of each link, then `OF_JOINT` of each joint
+    torque: Array  # shape (rows, joints): measured, less what was subtracted [N·m or N]
+    used: NDArray[np.bool_]  # shape (rows, joints): False where dry friction holds the joint: it is then not known
 
     def without(self, known: Array) -> Balance:
         """The balance with a torque (n, joints) along the motion subtracted from the measured one."""

@@ -17,14 +17,7 @@ class SelfCollision:
 
     Pairs of neighbours, and pairs that overlap in the zero position, are left out.
 
-    Parameters
-    ----------
-    robot : RigidBody
-
-    Attributes
-    ----------
-    problem : str
-        Why nothing is checked; empty where it is.
+    `problem`: why nothing is checked; empty where it is.
     """
 
     def __init__(self, robot: RigidBody) -> None:

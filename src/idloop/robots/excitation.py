@@ -37,31 +37,21 @@ _TRIES = 20  # random middles for each start: some are not free
 
 @dataclass(frozen=True)
 class Limits:
-    """What a trajectory stays within.
+    """What a trajectory stays within."""
 
-    Attributes
-    ----------
-    lower, upper, velocity, acceleration, effort : array, shape (joints,)
-        [rad or m, and per s and s², N·m or N].
-    distance : float
-        Least distance between links [m].
-    """
-
+    # shape (joints,): [rad or m, and per s and s², N·m or N]
     lower: Array
     upper: Array
     velocity: Array
     acceleration: Array
     effort: Array
-    distance: float
+    distance: float  # least distance between links [m]
 
 
 def limits_of(robot: RigidBody, share: float, acceleration: float | None, distance: float) -> Limits:
     """Limits of the description, each reduced to a share of it.
 
-    Raises
-    ------
-    InputError
-        A share that is none.
+    Raises InputError: a share that is none.
     """
     if not 0.0 < share <= 1.0:
         raise InputError(f"share {share:g} of the limits: give a number above 0, 1 at most")
@@ -83,31 +73,17 @@ def limits_of(robot: RigidBody, share: float, acceleration: float | None, distan
 
 @dataclass(frozen=True)
 class Trajectory:
-    """A planned motion of all joints.
-
-    Attributes
-    ----------
-    joints : tuple of str
-    time : array, shape (n,)
-        [s].
-    position, velocity, acceleration : array, shape (n, joints)
-    condition : float
-        Condition number of the base parameters' regressor with columns of unit length.
-    before : float
-        The same of the best random trajectory.
-    distance : float
-        Least distance between links [m]; infinite where nothing was checked.
-    notes : tuple of str
-    """
+    """A planned motion of all joints."""
 
     joints: tuple[str, ...]
-    time: Array
+    time: Array  # shape (n,): [s]
+    # shape (n, joints)
     position: Array
     velocity: Array
     acceleration: Array
-    condition: float
-    before: float
-    distance: float
+    condition: float  # condition number of the base parameters' regressor with columns of unit length
+    before: float  # the same of the best random trajectory
+    distance: float  # least distance between links [m]; infinite where nothing was checked
     notes: tuple[str, ...]
 
 
@@ -160,27 +136,8 @@ def plan(
 ) -> Trajectory:
     """Optimise a trajectory within limits.
 
-    Parameters
-    ----------
-    robot : RigidBody
-    limits : Limits
-    period : float
-        [s].
-    periods : int
-    harmonics : int
-    rate : float
-        Points per second of the result.
-    starts : int
-        Random trajectories, of which the best is optimised.
-    steps : int
-        Of the optimiser.
-    seed : int
-    report : callable
-
-    Raises
-    ------
-    InputError
-        No trajectory within the limits.
+    `period`: [s]. `rate`: points per second of the result. `starts`: random trajectories, of which the best is
+    optimised. `steps`: of the optimiser. Raises InputError: no trajectory within the limits.
     """
     from scipy.optimize import minimize
 

@@ -22,19 +22,8 @@ def identified_urdf(text: str, links: Mapping[str, Array], models: Mapping[str, 
 
     A link behind a fixed joint is one body with the link before it: its own inertia is removed.
 
-    Parameters
-    ----------
-    text : str
-        The URDF.
-    links : mapping of str to array, shape (10,)
-        Inertial parameters of the link that each joint moves, by the name of the joint.
-    models : mapping of str to Model
-        Of each joint: viscous and dry friction.
-
-    Raises
-    ------
-    InputError
-        The text is no XML.
+    `text`: the URDF. `links` (10,): inertial parameters of the link that each joint moves, by the name of the joint.
+    `models`: of each joint: viscous and dry friction. Raises InputError: the text is no XML.
     """
     try:
         root = ET.fromstring(text, ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))  # noqa: S314 - the user's own file

@@ -36,28 +36,17 @@ _LEAST_MOTION = 0.05
 
 @dataclass(frozen=True)
 class TorqueError:
-    """Error of the modelled torque along one record, in the comparison band and where the joint moves.
-
-    Attributes
-    ----------
-    record : str
-    unseen : bool
-    rms, torque : array, shape (joints,)
-        Of the error and of the measured torque about its mean [N·m or N]; NaN for a joint that never moves.
-    rigid : array, shape (joints,)
-        Rms error without the effects that were found.
-    time : array, shape (rows,)
-        [s].
-    measured, error : array, shape (rows, joints)
-        Torque, and what is left of it; NaN where dry friction holds the joint [N·m or N].
-    """
+    """Error of the modelled torque along one record, in the comparison band and where the joint moves."""
 
     record: str
     unseen: bool
+    # shape (joints,): of the error and of the measured torque about its mean [N·m or N]; NaN for a joint that never
+    # moves
     rms: Array
     torque: Array
-    rigid: Array
-    time: Array
+    rigid: Array  # shape (joints,): Rms error without the effects that were found
+    time: Array  # shape (rows,): [s]
+    # shape (rows, joints): torque, and what is left of it; NaN where dry friction holds the joint [N·m or N]
     measured: Array
     error: Array
 
@@ -72,29 +61,14 @@ class Robot:
     """An identified robot.
 
     Its torque is that of `fit` plus that of the effects of the ladders.
-
-    Attributes
-    ----------
-    rigid_body : RigidBody
-    fit : RigidFit
-        Links and joints, with the torque of the effects subtracted.
-    start : RigidFit
-        The first fit, without them.
-    ladders : tuple of Ladder
-        One for each joint.
-    tasks : tuple of JointTask
-        Records of each joint.
-    balances : tuple of Balance
-        Of the fitted records.
-    errors : tuple of TorqueError
     """
 
     rigid_body: RigidBody
-    fit: RigidFit
-    start: RigidFit
-    ladders: tuple[Ladder, ...]
-    tasks: tuple[JointTask, ...]
-    balances: tuple[Balance, ...]
+    fit: RigidFit  # links and joints, with the torque of the effects subtracted
+    start: RigidFit  # the first fit, without them
+    ladders: tuple[Ladder, ...]  # one for each joint
+    tasks: tuple[JointTask, ...]  # records of each joint
+    balances: tuple[Balance, ...]  # of the fitted records
     errors: tuple[TorqueError, ...]
 
     @property

@@ -78,16 +78,8 @@ def root_of(parameters: Array) -> Array:
 def parameters_at(roots: Array, coordinates: Array) -> Array:
     """Ten parameters of each link.
 
-    Parameters
-    ----------
-    roots : array, shape (links, 4, 4)
-        From `root_of`, of the description.
-    coordinates : array, shape (links, 10)
-        Logarithms of the diagonal of V, and its entries above the diagonal; zero for the description.
-
-    Returns
-    -------
-    array, shape (links, 10)
+    `roots` (links, 4, 4): from `root_of`, of the description. `coordinates` (links, 10): logarithms of the diagonal of
+    V, and its entries above the diagonal; zero for the description. Returns shape (links, 10).
     """
     change = np.zeros((len(roots), 4, 4))
     change[:, _DIAGONAL, _DIAGONAL] = np.exp(coordinates[:, :4])

@@ -20,16 +20,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class JointLimits:
-    """What the joints of a robot may do.
-
-    Attributes
-    ----------
-    joints : tuple of str
-    lower, upper, velocity, effort, acceleration : array, shape (joints,)
-        [rad or m, and per s; N·m or N; rad/s² or m/s²]. Infinite where there is no limit.
-    """
+    """What the joints of a robot may do."""
 
     joints: tuple[str, ...]
+    # shape (joints,): [rad or m, and per s; N·m or N; rad/s² or m/s²]. Infinite where there is no limit.
     lower: Array
     upper: Array
     velocity: Array
@@ -52,17 +46,8 @@ class JointLimits:
 def urdf_limits(path: Path | str, joints: Sequence[str], acceleration: float) -> JointLimits:
     """Limits of position, velocity and effort that a URDF gives, with one of the acceleration for all joints.
 
-    Parameters
-    ----------
-    path : Path or str
-    joints : sequence of str
-    acceleration : float
-        [rad/s² or m/s²]
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, lacks a joint, or has no velocity limit for it.
+    `acceleration`: [rad/s² or m/s²]. Raises InputError: the file cannot be read, lacks a joint, or has no velocity
+    limit for it.
     """
     text = read_urdf(Path(path))
     try:

@@ -40,26 +40,14 @@ _LEAST = 1e-6  # of start values of a fit
 
 @dataclass(frozen=True)
 class JointTask:
-    """What one joint's ladder is climbed from; travels to another process.
+    """What one joint's ladder is climbed from; travels to another process."""
 
-    Attributes
-    ----------
-    model : Model
-        Inertia, viscous and Coulomb friction, constant torque.
-    records, validation : tuple of Record
-        With the effort that is left for the joint.
-    inertia : float
-        Mean own inertia of the links, which the model has besides the armature [kg·m² or kg].
-    level : float
-        Family-wise error rate of every step of this joint.
-    seed : int
-    """
-
-    model: Model
+    model: Model  # inertia, viscous and Coulomb friction, constant torque
+    # With the effort that is left for the joint
     records: tuple[Record, ...]
     validation: tuple[Record, ...]
-    inertia: float
-    level: float
+    inertia: float  # mean own inertia of the links, which the model has besides the armature [kg·m² or kg]
+    level: float  # family-wise error rate of every step of this joint
     seed: int
 
 

@@ -30,17 +30,8 @@ _MARGIN = 1e-6  # for numbers that were written with nine digits
 class JointPath:
     """Positions of all joints over a path time.
 
-    Parameters
-    ----------
-    joints : sequence of str
-    time : array, shape (n,)
-        Ascending, from 0 [s].
-    position, velocity : array, shape (n, joints)
-
-    Raises
-    ------
-    InputError
-        Fewer than two points, numbers that are not finite, or times that do not ascend.
+    `time` (n,): ascending, from 0 [s]. `position`, `velocity` (n, joints). Raises InputError: fewer than two points,
+    numbers that are not finite, or times that do not ascend.
     """
 
     def __init__(self, joints: Sequence[str], time: Array, position: Array, velocity: Array) -> None:
@@ -114,14 +105,8 @@ class JointPath:
     def approached_from(self, position: Array, limits: JointLimits, share: float, stop_time: float) -> JointPath:
         """Return the path behind a straight line in joint space from a position at rest to its beginning.
 
-        Parameters
-        ----------
-        position : array, shape (joints,)
-        limits : JointLimits
-        share : float
-            Part of the limits of velocity and acceleration that the line may use.
-        stop_time : float
-            As of `refuse` [s].
+        `position` (joints,). `share`: part of the limits of velocity and acceleration that the line may use.
+        `stop_time`: as of `refuse` [s].
         """
         gap = np.abs(self.position[0] - position)
         # A cubic from rest to rest: its largest velocity is 1.5 gap / T, its largest acceleration 6 gap / T².
@@ -140,10 +125,7 @@ class JointPath:
 def read_path(path: Path | str) -> JointPath:
     """Read a trajectory as `idloop robot excite` writes it, ``.csv`` or ``.yaml``.
 
-    Raises
-    ------
-    InputError
-        The file cannot be read, or holds no trajectory with positions and velocities.
+    Raises InputError: the file cannot be read, or holds no trajectory with positions and velocities.
     """
     file = Path(path)
     try:

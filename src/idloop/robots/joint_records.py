@@ -61,28 +61,16 @@ def axis_model(
 
 @dataclass(frozen=True, eq=False)
 class JointRecord:
-    """Joints of a robot on a uniform time axis.
-
-    Attributes
-    ----------
-    name : str
-    joints : tuple of str
-    time : array, shape (n,)
-        [s].
-    position, velocity, effort : array, shape (n, joints)
-        [rad or m, rad/s or m/s, N·m or N]; a velocity is NaN throughout where there is none to be used.
-    bag : int
-        Place of its bag among those that were read together.
-    findings : tuple of Finding
-    """
+    """Joints of a robot on a uniform time axis."""
 
     name: str
     joints: tuple[str, ...]
-    time: Array
+    time: Array  # shape (n,): [s]
+    # shape (n, joints): [rad or m, rad/s or m/s, N·m or N]; a velocity is NaN throughout where there is none to be used
     position: Array
     velocity: Array
     effort: Array
-    bag: int = 0
+    bag: int = 0  # place of its bag among those that were read together
     findings: tuple[Finding, ...] = ()
 
     @property
@@ -93,14 +81,7 @@ class JointRecord:
     def axis(self, place: int, model: Model, effort: Array | None = None) -> Record:
         """Record of one joint.
 
-        Parameters
-        ----------
-        place : int
-            Of the joint.
-        model : Model
-            From `axis_model`.
-        effort : array, shape (n,), optional
-            In place of the measured one.
+        `place`: of the joint. `model`: from `axis_model`. `effort` (n,): in place of the measured one.
         """
         given = self.effort[:, place] if effort is None else effort
         measured = {"position": self.position[:, place], "velocity": self.velocity[:, place]}
@@ -113,18 +94,8 @@ def read_joints(bags: Iterable[str | Path], joints: Sequence[str], topic: str = 
     Joints that not every bag has are left out of all. A joint that is missing in some messages is interpolated; where
     it is missing for more than five steps, the record is cut.
 
-    Parameters
-    ----------
-    bags : iterable of str or Path
-        rosbag2 folders, ``.mcap`` or ``.db3`` files.
-    joints : sequence of str
-        Of the robot.
-    topic : str
-
-    Raises
-    ------
-    InputError
-        No such bag or topic, none of the joints in it, no effort, or nothing long enough without a gap.
+    `bags`: rosbag2 folders, ``.mcap`` or ``.db3`` files. `joints`: of the robot. Raises InputError: no such bag or
+    topic, none of the joints in it, no effort, or nothing long enough without a gap.
     """
     paths = [Path(bag) for bag in bags]
     twice = next((path for place, path in enumerate(paths) if path in paths[:place]), None)

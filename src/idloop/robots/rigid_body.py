@@ -36,26 +36,11 @@ class RigidBody:
 
     Links behind joints that are not among ``joints`` are rigid with the link before them, in the joint's zero position.
 
-    Parameters
-    ----------
-    urdf : Path or str
-        File.
-    joints : sequence of str, optional
-        Joints in the wanted order; all movable joints of the file, in its order, when left out.
-
-    Attributes
-    ----------
-    joints : tuple of str
-    types : tuple of str
-        ``revolute``, ``continuous`` or ``prismatic``.
-    nominal : array, shape (10 joints,)
-        Inertial parameters by the URDF, ten for each joint's link in the order of ``joints``: mass [kg], first moments
-        [kg·m], inertia about the joint's frame (xx, xy, yy, xz, yz, zz) [kg·m²].
-
-    Raises
-    ------
-    InputError
-        Pinocchio is not installed, the file is no URDF, or it lacks a joint.
+    `urdf`: file. `joints`: joints in the wanted order; all movable joints of the file, in its order, when left out.
+    `types`: ``revolute``, ``continuous`` or ``prismatic``. `nominal` (10 joints,): inertial parameters by the URDF, ten
+    for each joint's link in the order of ``joints``: mass [kg], first moments [kg·m], inertia about the joint's frame
+    (xx, xy, yy, xz, yz, zz) [kg·m²]. Raises InputError: Pinocchio is not installed, the file is no URDF, or it lacks a
+    joint.
     """
 
     def __init__(self, urdf: Path | str, joints: Sequence[str] | None = None) -> None:
@@ -122,9 +107,7 @@ class RigidBody:
         Atkeson, An and Hollerbach (Int. J. Robotics Research 5, 1986): the torque is linear in mass, first moments and
         inertia about the joint's frame.
 
-        Parameters
-        ----------
-        position, velocity, acceleration : array, shape (n, joints)
+        `position`, `velocity`, `acceleration` (n, joints).
         """
         found = np.empty((len(position), len(self.joints), len(self._columns)))
         v, a = np.zeros(self._model.nv), np.zeros(self._model.nv)
@@ -139,10 +122,7 @@ class RigidBody:
     def torque(self, parameters: Array, position: Array, velocity: Array, acceleration: Array) -> Array:
         """Torque of every joint by recursive Newton-Euler, shape (n, joints) [N·m or N].
 
-        Parameters
-        ----------
-        parameters : array, shape (10 joints,)
-        position, velocity, acceleration : array, shape (n, joints)
+        `parameters` (10 joints,). `position`, `velocity`, `acceleration` (n, joints).
         """
         model, data = self._with(parameters)
         found = np.empty(position.shape)

@@ -38,22 +38,13 @@ _Z95 = 1.959963984540054
 
 @dataclass(frozen=True)
 class BaseParameter:
-    """A combination of parameters that the data determine.
+    """A combination of parameters that the data determine."""
 
-    Attributes
-    ----------
-    name : str
-        Of the parameter that stands for the combination.
-    value, stderr : float
-        In its unit.
-    others : dict of str to float
-        Factors of the other parameters in the combination.
-    """
-
-    name: str
+    name: str  # of the parameter that stands for the combination
+    # In its unit
     value: float
     stderr: float
-    others: dict[str, float]
+    others: dict[str, float]  # factors of the other parameters in the combination
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -63,34 +54,16 @@ class BaseParameter:
 
 @dataclass(frozen=True)
 class RigidFit:
-    """Rigid bodies and joints of a robot, fitted.
-
-    Attributes
-    ----------
-    joints : tuple of str
-    links : array, shape (joints, 10)
-        Physically consistent inertial parameters, in the order of `RigidBody.nominal`.
-    own : array, shape (joints, 4)
-        Armature, viscous and Coulomb friction, offset of each joint.
-    base : tuple of BaseParameter
-    scales : array, shape (joints,)
-        Factor of the torque of each joint's effects; 1 where it was not estimated.
-    sigma : array, shape (joints,)
-        Standard deviation of the residual torque in the comparison band.
-    condition : float
-        Condition number of the base parameters' regressor with columns of unit length.
-    excess : float
-        Part by which consistency and prior raise the rms residual over that of plain least squares.
-    """
+    """Rigid bodies and joints of a robot, fitted."""
 
     joints: tuple[str, ...]
-    links: Array
-    own: Array
+    links: Array  # shape (joints, 10): physically consistent inertial parameters, in the order of `RigidBody.nominal`
+    own: Array  # shape (joints, 4): armature, viscous and Coulomb friction, offset of each joint
     base: tuple[BaseParameter, ...]
-    scales: Array
-    sigma: Array
-    condition: float
-    excess: float
+    scales: Array  # shape (joints,): factor of the torque of each joint's effects; 1 where it was not estimated
+    sigma: Array  # shape (joints,): standard deviation of the residual torque in the comparison band
+    condition: float  # condition number of the base parameters' regressor with columns of unit length
+    excess: float  # part by which consistency and prior raise the rms residual over that of plain least squares
 
     @property
     def parameters(self) -> Array:
@@ -103,20 +76,9 @@ def fit_rigid(
 ) -> RigidFit:
     """Fit the parameters of all joints to the balances of all records together.
 
-    Parameters
-    ----------
-    joints : sequence of str
-    balances : sequence of Balance
-    nominal : array, shape (10 joints,)
-        Inertial parameters by the description.
-    scaled : sequence of int
-        Joints whose effects have a further column in the balances, the torque that was subtracted for them: its factor
-        is a correction.
-
-    Raises
-    ------
-    InputError
-        Fewer rows in motion than parameters that they determine.
+    `nominal` (10 joints,): inertial parameters by the description. `scaled`: joints whose effects have a further column
+    in the balances, the torque that was subtracted for them: its factor is a correction. Raises InputError: fewer rows
+    in motion than parameters that they determine.
     """
     count = len(joints)
     triangles, freedoms = zip(*(_triangle(balances, joint) for joint in range(count)), strict=True)
@@ -236,20 +198,9 @@ def consistent_links(
 ) -> tuple[Array, Array]:
     """Least squares under positive definite pseudo-inertias, with a prior at the description.
 
-    Parameters
-    ----------
-    regressor : array, shape (n, 10 links + k)
-        In units of the residual's standard deviation, as the torque.
-    torque : array, shape (n,)
-    nominal : array, shape (10 links,)
-        The description.
-    armatures : sequence of int
-        Of the k other parameters, those that are not negative.
-
-    Returns
-    -------
-    links : array, shape (links, 10)
-    others : array, shape (k,)
+    `regressor` (n, 10 links + k): in units of the residual's standard deviation, as the torque. `torque` (n,).
+    `nominal` (10 links,): the description. `armatures`: of the k other parameters, those that are not negative. Returns
+    `links` (links, 10). `others` (k,).
     """
     from scipy.optimize import least_squares
 
@@ -300,24 +251,15 @@ def consistent_links(
 
 @dataclass(frozen=True)
 class Payload:
-    """A rigid body at the last link.
+    """A rigid body at the last link."""
 
-    Attributes
-    ----------
-    joint : str
-        Of the last link, in whose frame it is.
-    parameters : array, shape (10,)
-        Physically consistent: mass [kg], first moments [kg·m], inertia about the frame [kg·m²].
-    mass, mass_stderr : float
-        By least squares [kg]; NaN where the motion does not show it.
-    centre, centre_stderr : array, shape (3,)
-        Centre of mass [m]; NaN where the motion does not show it.
-    """
-
-    joint: str
+    joint: str  # of the last link, in whose frame it is
+    # shape (10,): physically consistent: mass [kg], first moments [kg·m], inertia about the frame [kg·m²]
     parameters: Array
+    # By least squares [kg]; NaN where the motion does not show it
     mass: float
     mass_stderr: float
+    # shape (3,): centre of mass [m]; NaN where the motion does not show it
     centre: Array
     centre_stderr: Array
 
@@ -325,12 +267,8 @@ class Payload:
 def fit_payload(fit: RigidFit, empty: Sequence[Balance], loaded: Sequence[Balance]) -> Payload:
     """Fit a body at the last link together with the base parameters of the robot.
 
-    Parameters
-    ----------
-    fit : RigidFit
-        Of the robot without the body.
-    empty, loaded : sequence of Balance
-        Of records without and with the body, the torque of other effects subtracted.
+    `fit`: of the robot without the body. `empty`, `loaded`: of records without and with the body, the torque of other
+    effects subtracted.
     """
     names = parameter_names(fit.joints)
     base = np.array([names.index(one.name) for one in fit.base if one.name in names])

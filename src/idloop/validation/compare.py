@@ -88,15 +88,7 @@ class Comparison(Runs):
 
         In a closed loop they are tested against the exogenous signals that were recorded.
 
-        Parameters
-        ----------
-        lags : int
-            Largest lag in samples.
-
-        Returns
-        -------
-        list of ResidualTest
-            Empty when the model has no observer.
+        `lags`: largest lag in samples. Returns empty when the model has no observer.
         """
         if self._observer is None:
             return []
@@ -197,25 +189,12 @@ def compare(
 ) -> Comparison:
     """Compare a model with a record: outputs in free run and some steps ahead, drive force, residuals.
 
-    Parameters
-    ----------
-    model : Model
-        With the parameter values to use; only the initial state is fitted.
-    steps : int
-        Prediction horizon in samples.
-    cutoff : float, optional
-        Cut-off of the differentiating filter on the drive side [Hz]; that of the training record
-        (``Comparison.force.cutoff``) to compare records in one band.
-    measures : mapping of str to str, optional
-        By output the error to break down: ``free_run``, ``ahead`` or ``one_step``; that of another comparison
-        (``Comparison.where.measures``) to compare models. Without it a prediction where the free run drifts.
-
-    Raises
-    ------
-    InputError
-        The record does not match the model.
-    IdloopError
-        Neither free run nor prediction stays finite, and no drive force can be compared.
+    `model`: with the parameter values to use; only the initial state is fitted. `steps`: prediction horizon in samples.
+    `cutoff`: cut-off of the differentiating filter on the drive side [Hz]; that of the training record
+    (``Comparison.force.cutoff``) to compare records in one band. `measures`: by output the error to break down:
+    ``free_run``, ``ahead`` or ``one_step``; that of another comparison (``Comparison.where.measures``) to compare
+    models. Without it a prediction where the free run drifts. Raises InputError: the record does not match the model.
+    Raises IdloopError: neither free run nor prediction stays finite, and no drive force can be compared.
     """
     if steps < 1:
         raise InputError(f"steps = {steps} is no prediction horizon; choose at least 1")

@@ -214,31 +214,12 @@ def residual_tests(
 ) -> list[ResidualTest]:
     """Whiteness and input-residual tests for every output.
 
-    Parameters
-    ----------
-    residual : array, shape (n,) or (n, p)
-        Innovations or simulation errors; NaN samples are left out.
-    signal : array, shape (n,)
-        Input at the same instants.
-    names : tuple of str, optional
-        Output names.
-    lags : int
-        Largest lag in samples.
-    outside : sequence of array, shape (n,)
-        Exogenous signals of a closed loop at the same instants: reference, excitation. The residual is tested against
-        these instead of the input. The p-value is multiplied by their number and that of the outputs (Bonferroni).
-    fed_back : bool
-        Whether the input may carry past residuals: then a coloured residual without exogenous signals is not tested.
-
-    Returns
-    -------
-    list of ResidualTest
-        One per output that has enough samples.
-
-    Raises
-    ------
-    InputError
-        If lengths differ or there are fewer than ``4 · lags`` samples.
+    `residual` (n,): innovations or simulation errors; NaN samples are left out. `signal` (n,): input at the same
+    instants. `names`: output names. `lags`: largest lag in samples. `outside` (n,): exogenous signals of a closed loop
+    at the same instants: reference, excitation. The residual is tested against these instead of the input. The p-value
+    is multiplied by their number and that of the outputs (Bonferroni). `fed_back`: whether the input may carry past
+    residuals: then a coloured residual without exogenous signals is not tested. Returns one per output that has enough
+    samples. Raises InputError: if lengths differ or there are fewer than ``4 · lags`` samples.
     """
     e = np.asarray(residual, dtype=float)
     e = e[:, None] if e.ndim == 1 else e
