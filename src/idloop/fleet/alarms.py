@@ -8,16 +8,14 @@ joints, so that the rate of false alarms is averaged over the uncertain mean of 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.fleet.statistics import Components, Finding, finding_of
 from idloop.monitoring import choose_watches
 from idloop.monitoring.run_length import FEWEST_BLOCKS, run_length
 from idloop.monitoring.watch import USUAL_GROWTH
 from idloop.physics import Model
-
-Array = NDArray[np.float64]
 
 FALSE_ALARMS = 10_000  # recordings of a joint between two false alarms
 REFERENCE = 7  # recordings of a joint that count as healthy

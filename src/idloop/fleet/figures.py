@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.fleet.joint_day import FORCE_ERROR
 from idloop.fleet.statistics import Components
 from idloop.fleet.words import day_text, display, kind_text
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from bokeh.plotting import figure
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
 MOST_ROWS = 150  # joints in the heat map
 FRAME = "diagnosed"  # name of the frames in it

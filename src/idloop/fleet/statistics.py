@@ -24,12 +24,10 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Mask
 from idloop.fleet.joint_day import FORCE_ERROR
 from idloop.fleet.libraries import library
-
-Array = NDArray[np.float64]
 
 LEVEL = 0.05
 RELATIVE = "relative"  # in the place of a unit: a share of what is differed from
@@ -108,7 +106,7 @@ class Components:
     freedom: float
     unit_freedom: float
     # shape (units,): units of the distribution that mean and deviation describe; the others are too far off to be of it
-    kept: NDArray[np.bool_]
+    kept: Mask
 
 
 @dataclass(frozen=True)
@@ -168,7 +166,7 @@ class RandomEffect(NamedTuple):
     stderr: float
     variance: float
     freedom: float
-    kept: NDArray[np.bool_]
+    kept: Mask
 
 
 def random_effect(value: Array, variance: Array) -> RandomEffect:
@@ -266,7 +264,7 @@ def _successive(left: Array, own: Array) -> tuple[Array, Array]:
     return np.concatenate([np.zeros(0), *steps]), np.concatenate([np.zeros(0), *errors])
 
 
-def _effects_of_dates(y: Array, shared: NDArray[np.bool_]) -> tuple[Array, Array]:
+def _effects_of_dates(y: Array, shared: Mask) -> tuple[Array, Array]:
     """Median polish of units and dates: effects of the dates (d,), 0 where too few units share one, and on each unit.
 
     What a date does may grow with the level of a unit, as a gain does: a term for their product (Tukey, Biometrics 5,
@@ -292,7 +290,7 @@ def _effects_of_dates(y: Array, shared: NDArray[np.bool_]) -> tuple[Array, Array
     return date, date + share * product
 
 
-def _near(away: Array) -> NDArray[np.bool_]:
+def _near(away: Array) -> Mask:
     """Which deviations are no further off than most are."""
     return np.asarray(np.abs(away) <= _CLIP * _NORMAL * np.nanmedian(np.abs(away)))
 
@@ -454,7 +452,7 @@ def _day(
     return finding_of(series, "day", at, size, stderr, freedom, name, p_value)
 
 
-def _shared(parts: Components) -> NDArray[np.bool_]:
+def _shared(parts: Components) -> Mask:
     """Dates of which the effect is known."""
     return np.asarray(np.sum(np.isfinite(parts.left), axis=0) >= FEWEST_UNITS)
 

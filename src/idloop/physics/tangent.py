@@ -13,13 +13,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Integers, Mask
 from idloop.physics import kernel
 from idloop.physics.kernel import Axis
 from idloop.physics.layout import Layout
-
-Array = NDArray[np.float64]
 
 # Difference step, relative to the largest position and velocity.
 _SHIFT = 1e-6
@@ -36,10 +34,10 @@ class Legs(NamedTuple):
     position: Array
     velocity: Array
     mode: Array  # shape (l,): direction of the dry friction; 0 at rest, and without dry friction
-    turned: NDArray[np.bool_]  # shape (l,): whether it begins with a reversal or a stop
-    sample: NDArray[np.int64]  # shape (l,): index of the sample at its end, -1 for none
+    turned: Mask  # shape (l,): whether it begins with a reversal or a stop
+    sample: Integers  # shape (l,): index of the sample at its end, -1 for none
 
-    def at(self, rows: NDArray[np.int64]) -> Legs:
+    def at(self, rows: Integers) -> Legs:
         """Some of the legs."""
         return Legs(
             self.time[rows], self.duration[rows], self.held[rows], self.position[rows], self.velocity[rows],
@@ -95,7 +93,7 @@ def slopes(
     return found
 
 
-def _instants(changes: Array, time: Array) -> tuple[Array, NDArray[np.int64]]:
+def _instants(changes: Array, time: Array) -> tuple[Array, Integers]:
     """Times of samples and of commands between them, with the index of the sample (-1: a command)."""
     inside = changes[(changes > time[0] + kernel.SAME_TIME) & (changes < time[-1] - kernel.SAME_TIME)]
     next_ = np.searchsorted(time, inside - kernel.SAME_TIME)
@@ -122,7 +120,7 @@ def _motion(layout: Layout, input_time: Array, command: Array, time: Array, stat
     return motion
 
 
-def _legs(axis: Axis, grid: Array, held: Array, motion: Array, sample: NDArray[np.int64], state: Array) -> Legs:
+def _legs(axis: Axis, grid: Array, held: Array, motion: Array, sample: Integers, state: Array) -> Legs:
     """Steps of a motion; those with a reversal under dry friction in two parts."""
     time, duration = grid[:-1], np.diff(grid)
     before, after = motion[:-1, 1], motion[1:, 1]

@@ -12,14 +12,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Mask
 from idloop.errors import InputError
 from idloop.estimation.force_balance.motion import Motion, low_pass, measured_motion
 from idloop.robots.joint_records import JointRecord, axis_model
 from idloop.robots.rigid_body import PER_LINK, RigidBody
-
-Array = NDArray[np.float64]
 
 # What every joint has beside its link.
 OF_JOINT = ("armature", "viscous", "coulomb", "offset")
@@ -92,7 +90,7 @@ class Balance:
     time: Array  # shape (rows,): [s]
     regressor: Array  # shape (rows, joints, parameters): parameters: ten of each link, then `OF_JOINT` of each joint
     torque: Array  # shape (rows, joints): measured, less what was subtracted [N·m or N]
-    used: NDArray[np.bool_]  # shape (rows, joints): False where dry friction holds the joint: it is then not known
+    used: Mask  # shape (rows, joints): False where dry friction holds the joint: it is then not known
 
     def without(self, known: Array) -> Balance:
         """The balance with a torque (n, joints) along the motion subtracted from the measured one."""

@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.robots.rigid_body import RigidBody, load_pinocchio
-
-Array = NDArray[np.float64]
 
 
 class SelfCollision:

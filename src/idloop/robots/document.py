@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.diagnosis import Ladder
 from idloop.physics.model import Model
 from idloop.reporting.detectability import undetectable
@@ -18,8 +18,6 @@ from idloop.robots.joint_models import JointTask
 from idloop.robots.rigid_fit import EFFECTS, Payload
 from idloop.validation import compare
 from idloop.validation.where import DRIVE_FORCE
-
-Array = NDArray[np.float64]
 
 SCHEMA = "idloop/robot/1"
 # Condition number above which the least-squares fit is sensitive to noise and model error (Gautier and Khalil, Int. J.

@@ -13,15 +13,14 @@ from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.robots.balance import OF_JOINT
 from idloop.robots.collision import SelfCollision
 from idloop.robots.rigid_body import RigidBody
 from idloop.spelling import listed
 
-Array = NDArray[np.float64]
 Report = Callable[[float, str], None]
 
 _POINTS = 80  # of a period in the optimisation

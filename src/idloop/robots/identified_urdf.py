@@ -6,15 +6,13 @@ from collections.abc import Mapping
 from xml.etree import ElementTree as ET
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.exporters.mechanics import digits, mechanics
 from idloop.physics.model import Model
 from idloop.robots.inertia import pseudo_inertia
 from idloop.robots.rigid_body import PER_LINK
-
-Array = NDArray[np.float64]
 
 
 def identified_urdf(text: str, links: Mapping[str, Array], models: Mapping[str, Model]) -> str:

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.diagnosis import Ladder, Step
 from idloop.diagnosis.search.step import NOT_EXCITED
 from idloop.physics.model import Model
@@ -25,7 +25,6 @@ from idloop.robots.joint_records import JointRecord
 from idloop.robots.rigid_body import RigidBody
 from idloop.robots.rigid_fit import EFFECTS, RigidFit, fit_rigid
 
-Array = NDArray[np.float64]
 Report = Callable[[float, str], None]
 
 # Part of the torque of effects that no other parameter of the joint explains, for its size to be estimated beside them.

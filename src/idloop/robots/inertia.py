@@ -11,9 +11,8 @@ entries of V are numbers without units.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from idloop.arrays import Array
 
 _DIAGONAL = np.arange(4)
 _UPPER = np.triu_indices(4, 1)

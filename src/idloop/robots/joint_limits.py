@@ -9,13 +9,11 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.robots.rigid_body import read_urdf
 from idloop.spelling import did_you_mean
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.diagnosis import Ladder, refine
 from idloop.diagnosis.options import MINIMUM_IMPROVEMENT
 from idloop.estimation.force_balance.motion import low_pass
@@ -28,7 +28,6 @@ from idloop.robots.rigid_body import RigidBody
 from idloop.robots.rigid_fit import RigidFit
 from idloop.worker_process import WorkerProcess
 
-Array = NDArray[np.float64]
 Report = Callable[[float, str], None]
 
 _MEAN_OVER = 500  # configurations over which a joint's own inertia is averaged

@@ -14,13 +14,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.documents import read_yaml
 from idloop.errors import InputError
 from idloop.robots.joint_limits import JointLimits
-
-Array = NDArray[np.float64]
 
 _DENSE = 8  # checks between two points
 _AT_REST = 1e-6  # of the velocity limit: a velocity that counts as none

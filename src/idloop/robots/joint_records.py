@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.physics.model import Model
 from idloop.physics.model_file import from_text
@@ -22,8 +22,6 @@ from idloop.records.finding import Finding
 from idloop.records.inspection.velocity_check import without_wrong_velocities
 from idloop.records.record import Record
 from idloop.spelling import listed
-
-Array = NDArray[np.float64]
 
 # A joint that is missing for more steps than this is not interpolated: the record is cut there.
 _LONGEST_PAUSE = 5.0

@@ -7,15 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.spelling import did_you_mean, listed
 
 if TYPE_CHECKING:
     from types import ModuleType
 
-Array = NDArray[np.float64]
 
 PER_LINK = 10  # mass, first moments (x, y, z), and inertia (xx, xy, yy, xz, yz, zz) about the joint's frame
 MASS = 0

@@ -13,15 +13,13 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from idloop.arrays import Array, Integers
 from idloop.errors import InputError
 from idloop.estimation.statistics.covariance import jackknife, sandwich, white_covariance, widest
 from idloop.robots.balance import OF_JOINT, Balance, parameter_names
 from idloop.robots.inertia import nearest_consistent, parameters_at, root_of
 from idloop.robots.rigid_body import PER_LINK
-
-Array = NDArray[np.float64]
 
 # Pivots below this part of the largest belong to parameters that the data do not determine.
 _RANK = 1e-6
@@ -106,7 +104,7 @@ def _triangle(balances: Sequence[Balance], joint: int) -> tuple[Array, int]:
     return np.asarray(np.linalg.qr(table, mode="r")), len(table)
 
 
-def _weighted(triangles: Sequence[Array], rows: NDArray[np.int64]) -> tuple[Array, Array]:
+def _weighted(triangles: Sequence[Array], rows: Integers) -> tuple[Array, Array]:
     """Standard deviation of each joint's residual, and least-squares values, by reweighting."""
     sizes = np.array([float(np.linalg.norm(one[:, -1])) for one in triangles])
     sigma = np.maximum(sizes / np.sqrt(np.maximum(rows, 1)), 1e-12)
@@ -169,7 +167,7 @@ def _base(
     return tuple(found), condition
 
 
-def _covariance(balances: Sequence[Balance], columns: NDArray[np.int64], values: Array, sigma: Array) -> Array:
+def _covariance(balances: Sequence[Balance], columns: Integers, values: Array, sigma: Array) -> Array:
     """Covariance under residuals that are coloured and correlated between joints."""
     jacobians, residuals, scores = [], [], []
     for one in balances:
