@@ -11,7 +11,7 @@ from dataclasses import replace
 import pytest
 
 from idloop.cli import main
-from idloop.cli._common import print_blocks
+from idloop.cli._outputs import print_blocks
 from idloop.diagnosis import Candidate, Ladder, Step
 from idloop.diagnosis.screening.proposals import proposals
 from idloop.p_values import p_value_text

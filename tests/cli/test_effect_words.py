@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from idloop.cli._effect_words import effect_text
+from idloop.cli._inputs import effect_text
 from idloop.errors import InputError
 from idloop.physics import load_model
 

@@ -174,7 +174,7 @@ def test_a_closed_pipe_is_quiet():
 def test_json_has_null_for_what_is_no_number(capsys):
     import numpy as np
 
-    from idloop.cli._common import print_json
+    from idloop.cli._outputs import print_json
 
     print_json({"a": math.nan, "b": np.array([1.0, np.inf]), "c": np.float64(2), 3: {"d"}, "p": Path("x")})
     document = json.loads(capsys.readouterr().out)
@@ -190,14 +190,14 @@ def test_json_refuses_what_it_cannot_say():
 
 @pytest.mark.parametrize("text", ("inertia", "=3", "a=b", "a=nan", "a=inf"))
 def test_bad_settings(text):
-    from idloop.cli._common import parse_setting
+    from idloop.cli._inputs import parse_setting
 
     with pytest.raises(InputError, match="--set"):
         parse_setting(text)
 
 
 def test_several_values_after_one_validate():
-    from idloop.cli._common import ListOptionCommand
+    from idloop.cli._inputs import ListOptionCommand
 
     seen = {}
     command = ListOptionCommand(

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idloop.cli._common import print_blocks
+from idloop.cli._outputs import print_blocks
 from idloop.diagnosis import Candidate, Ladder, Step
 from idloop.diagnosis.candidate import effect_parameters
 from idloop.diagnosis.screening.proposals import proposals

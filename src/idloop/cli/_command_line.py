@@ -1,4 +1,4 @@
-"""The command line that is running, as one would type it again."""
+"""The command line that is running: what it keeps for functions deeper down, and how one would type it again."""
 
 from __future__ import annotations
 
@@ -10,18 +10,28 @@ import click
 from click.core import ParameterSource
 
 
-def command_line(context: click.Context, *, without: Collection[str] = (), with_: Sequence[str] = ()) -> str:
-    """Write the verb with the arguments and options that were given, defaults left out.
+def keep(context: click.Context, parameter: click.Parameter, value: Any) -> None:
+    """Keep the value of an option that no verb sees itself, as its callback."""
+    context.meta[f"idloop.{parameter.name}"] = value
 
-    `context`: of the verb; `without`: names of parameters to leave out; `with_`: words that come first. Returns: for a
-    shell.
+
+def kept(name: str) -> Any:
+    """Value of an option that `keep` has; None where it was not given, and outside of the command line."""
+    context = click.get_current_context(silent=True)
+    return None if context is None else context.meta.get(f"idloop.{name}")
+
+
+def command_line(context: click.Context, *, without: Collection[str] = (), with_: Sequence[str] = ()) -> str:
+    """Write the verb for a shell with what was given, defaults left out.
+
+    `without`: names of parameters to leave out. `with_`: words that come first.
     """
     words, options = ["idloop", context.info_name or "", *with_], []
     for parameter in context.command.params:
         name = parameter.name or ""
         if name in without or context.get_parameter_source(name) is not ParameterSource.COMMANDLINE:
             continue
-        # What the verb does not see itself is kept under the option's name; a flag may be kept nowhere.
+        # A flag that the verb does not see may be kept nowhere.
         value: Any = context.params.get(name, context.meta.get(f"idloop.{name}"))
         if isinstance(parameter, click.Argument):
             words += [str(word) for word in (value if isinstance(value, tuple) else (value,))]

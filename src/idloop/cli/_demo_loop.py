@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from idloop.cli import _common
+from idloop.cli import _outputs
 from idloop.cli._progress import progress
 from idloop.errors import IdloopError
 
@@ -179,7 +179,7 @@ def tell(run: LoopRun) -> None:
         columns = [live.parameters[name], run.offline[name], replayed.parameters[name] if replayed else {}]
         cells = [f"{one['value']:.5g} ± {one['stderr'] or 0.0:.2g}" if one else "-" for one in columns]
         rows.append((name, f"{truth:.5g}", *cells, live.parameters[name]["unit"]))
-    _common.print_table(("parameter", "machine", "live", "offline", "replayed", "unit"), rows)
+    _outputs.print_table(("parameter", "machine", "live", "offline", "replayed", "unit"), rows)
     apart = ", ".join(f"{what} by at most {value:.2g}" for what, value in run.apart.items())
     click.echo(f"differs from the live estimate, in standard errors: {apart}\nbag: {run.bag}\n")
 
@@ -216,7 +216,7 @@ def tell_real_machine(rows: list[dict[str, Any]] | None) -> None:
         click.echo("real machine: the EMPS record is not on this machine; the README says where it comes from")
         return
     click.echo("real machine (EMPS ball-screw axis): force error of each model")
-    _common.print_table(
+    _outputs.print_table(
         ("model", "fitted", "pulses (unseen)"),
         [
             (

@@ -9,29 +9,21 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from datetime import timedelta
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING
 
 import click
+
+from idloop.cli._command_line import keep, kept
 
 if TYPE_CHECKING:
     from rich.progress import Task
     from rich.text import Text
 
-Function = TypeVar("Function", bound=Callable[..., Any])
-
 PERIOD = 5.0  # seconds from one plain line to the next; what ends sooner is silent
-_QUIET = "idloop.quiet"
 
-
-def quiet_option(function: Function) -> Function:
-    """Add `--quiet`, which `progress` obeys."""
-
-    def keep(context: click.Context, parameter: click.Parameter, value: bool) -> None:
-        context.meta[_QUIET] = value
-
-    return click.option(
-        "--quiet", is_flag=True, expose_value=False, callback=keep, help="Do not say how far the work is."
-    )(function)
+quiet_option = click.option(
+    "--quiet", is_flag=True, expose_value=False, callback=keep, help="Do not say how far the work is."
+)
 
 
 @dataclass
@@ -82,10 +74,9 @@ def progress(text: str, *, writes: bool = False) -> Iterator[Callable[..., None]
     `text`: what it does. `writes`: it leaves files behind as it goes; else Ctrl-C says that nothing is kept. Yields:
     `update(fraction, note="")` with the part done, from 0 to 1.
     """
-    context = click.get_current_context(silent=True)
-    quiet = context is not None and context.meta.get(_QUIET, False)
     work = Work(text)
-    shown = contextlib.nullcontext(work.update) if quiet else _bar(work) if sys.stderr.isatty() else _lines(work)
+    loud = _bar if sys.stderr.isatty() else _lines
+    shown = contextlib.nullcontext(work.update) if kept("quiet") else loud(work)
     try:
         with shown as update:
             yield update
@@ -93,11 +84,6 @@ def progress(text: str, *, writes: bool = False) -> Iterator[Callable[..., None]
         if writes or end.args:
             raise
         raise KeyboardInterrupt("interrupted: nothing is kept") from None
-
-
-def part(update: Callable[..., None], low: float, high: float) -> Callable[[float, str], None]:
-    """Progress of one part of the work, from one share of the whole to another."""
-    return lambda share, text: update(low + (high - low) * share, text)
 
 
 @contextlib.contextmanager

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from idloop.cli._common import log as say
+from idloop.cli import _outputs
 from idloop.errors import InputError
 
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ def serve(port: int, tell: Callable[[str], None]) -> None:
 
     def begin(files: list[Path], given: Mapping[str, str]) -> dict[str, Any]:
         begun, unseen = start_of(files, given, _free_folder)
-        say(f"written: {begun.folder.absolute()}")
+        _outputs.log(f"written: {begun.folder.absolute()}")
         inspected = [*begun.said(), *begun.done.notes]
         if begun.fit is None:
             return {"address": "", "inspected": inspected, "refused": refused(begun)}

@@ -8,20 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from idloop.cli._common import (
-    BAG,
-    apply_options,
-    json_option,
-    log_written,
-    model_options,
-    open_model,
-    plot_option,
-    print_blocks,
-    print_json,
-    read_one_record,
-    save_plot,
-)
-from idloop.cli._places import PLOT
+from idloop.cli import _inputs, _outputs
 from idloop.cli._progress import progress, quiet_option
 from idloop.errors import InputError
 
@@ -37,22 +24,20 @@ def label_models(sources: Sequence[str], models: Sequence[Model]) -> list[str]:
 
 @click.command()
 @click.argument("models", nargs=-1, required=True, metavar="MODEL...")
-@click.argument("bag", type=BAG)
-@model_options
+@click.argument("bag", type=_inputs.BAG)
+@_inputs.model_options
 @click.option(
     "--steps", type=click.IntRange(min=1), default=10, show_default=True, help="Samples that a prediction looks ahead."
 )
-@plot_option
-@click.option("--plot-where", type=PLOT, metavar="FILE", help="Write the figure of where the models fail.")
+@_outputs.plot_option
+@click.option("--plot-where", type=_outputs.PLOT, metavar="FILE", help="Write the figure of where the models fail.")
 @click.option("--all", "everything", is_flag=True, help="Print everything: all tests, regions, variables, stretches.")
 @quiet_option
-@json_option
+@_outputs.json_option
 def command(
     models: tuple[str, ...],
     bag: Path,
     *,
-    settings: tuple[str, ...],
-    effects: tuple[str, ...],
     steps: int,
     plot: Path | None,
     plot_where: Path | None,
@@ -65,19 +50,20 @@ def command(
     then where the error falls: by time, frequency, velocity, position, command, direction, time since a reversal.
     """
     from idloop.api.comparison import compare
+    from idloop.api.data import read_bag
 
-    loaded = [apply_options(open_model(source), settings, effects) for source in models]
+    loaded = [_inputs.with_options(_inputs.open_model(source)) for source in models]
     if any(model.output_names != loaded[0].output_names for model in loaded):
         raise InputError(f"the models have different outputs: compare them one by one ({', '.join(models)})")
-    records = [read_one_record(bag, model) for model in loaded]
+    records = [read_bag(bag, model) for model in loaded]
+    _inputs.log_warnings(records)
     with progress("comparing") as update:
         found = compare(loaded, records, steps=steps, labels=label_models(models, loaded), progress=update)
-    for path, draw in ((plot, found.plot), (plot_where, found.plot_where)):
-        save_plot(draw, path)
-        log_written(path)
+    _outputs.save_plot(found.plot, plot)
+    _outputs.save_plot(found.plot_where, plot_where)
     if as_json:
-        print_json({**found.to_dict(), "plot": plot, "plot_where": plot_where})
+        _outputs.print_json({**found.to_dict(), "plot": plot, "plot_where": plot_where})
         return
-    print_blocks(found.blocks(everything=everything))
+    _outputs.print_blocks(found.blocks(everything=everything))
     if not everything:
         click.echo("\n(--all says everything that stands out, --plot-where draws it)")

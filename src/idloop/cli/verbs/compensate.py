@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
+import tempfile
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from idloop.cli._common import (
-    MODEL,
-    apply_options,
-    json_option,
-    log_written,
-    model_options,
-    open_model,
-    plot_option,
-    print_found,
-    save_plot,
-)
-from idloop.cli._places import NEW_FOLDER, OUTPUT_FILE, force_option
+from idloop.cli import _inputs, _outputs
 from idloop.cli._progress import progress, quiet_option
 from idloop.errors import InputError
+from idloop.output_files import make_folder
 
 if TYPE_CHECKING:
+    from idloop.api.tracking_runs import Loops, Reference
+    from idloop.control.compensation import Compensation
     from idloop.physics import Model
 
 EXAMPLE = """\b
@@ -35,12 +29,13 @@ Examples:
 \b
 Use it: the controller node takes a fitted model, or the file of --output, as its parameter `compensation`.
 """
-_POSITIVE = click.FloatRange(min=0.0, min_open=True)
+_LONG = 30.0  # about how long a run of the graph takes, for the bar [s]
+RUNS = ("without", "with")
 
 
 @click.command(epilog=EXAMPLE)
-@click.argument("model", type=MODEL, metavar="MODEL")
-@model_options
+@_inputs.model_argument
+@_inputs.model_options
 @click.option("--only", multiple=True, metavar="NAME[@SITE]", help="Cancel this effect only. May be repeated.")
 @click.option(
     "--plant", metavar="MODEL|FILE.xml", help="The machine: a model, or an MJCF file. Left out: as MODEL says."
@@ -54,10 +49,10 @@ _POSITIVE = click.FloatRange(min=0.0, min_open=True)
     help="What is followed: a signal as YAML, or the reference of a bag. Left out: moves to and fro.",
 )
 @click.option("--controller", metavar="YAML|FILE", help="Controller in place of the model's, as text or in a file.")
-@click.option("--limit", type=_POSITIVE, help="Most that is added to the command; left out, half of its limit.")
-@click.option("--velocity-width", type=_POSITIVE, help="Speed below which dry friction is cancelled in part.")
-@click.option("--command-width", type=_POSITIVE, help="Command below which a dead zone is crossed in part.")
-@click.option("--crossing-time", type=_POSITIVE, help="Time in which a gap is crossed, in seconds.")
+@click.option("--limit", type=_inputs.POSITIVE, help="Most that is added to the command; left out, half of its limit.")
+@click.option("--velocity-width", type=_inputs.POSITIVE, help="Speed below which dry friction is cancelled in part.")
+@click.option("--command-width", type=_inputs.POSITIVE, help="Command below which a dead zone is crossed in part.")
+@click.option("--crossing-time", type=_inputs.POSITIVE, help="Time in which a gap is crossed, in seconds.")
 @click.option(
     "--settle",
     type=click.FloatRange(min=0.0),
@@ -68,18 +63,15 @@ _POSITIVE = click.FloatRange(min=0.0, min_open=True)
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the measurement noise.")
 @click.option("--no-noise", is_flag=True, help="Sensors without noise.")
 @click.option("--graph", is_flag=True, help="Run the nodes, once without and once with, and read their bags.")
-@click.option("--bags", type=NEW_FOLDER, metavar="FOLDER", help="Keep the bags of --graph in a new folder.")
-@click.option("--domain", type=click.IntRange(0, 232), help="ROS domain of --graph alone (ROS_DOMAIN_ID).")
-@click.option("--output", type=OUTPUT_FILE, metavar="FILE", help="Write the compensator for the controller node.")
-@force_option("Overwrite the file of --output.")
-@plot_option
+@click.option("--bags", type=_outputs.NEW_FOLDER, metavar="FOLDER", help="Keep the bags of --graph in a new folder.")
+@_inputs.domain_option
+@_outputs.output_option("FILE", "Write the compensator for the controller node.")
+@_outputs.plot_option
 @quiet_option
-@json_option
+@_outputs.json_option
 def command(
     model: Model,
     *,
-    settings: tuple[str, ...],
-    effects: tuple[str, ...],
     only: tuple[str, ...],
     plant: str | None,
     plant_effect: tuple[str, ...],
@@ -88,7 +80,6 @@ def command(
     bags: Path | None,
     domain: int | None,
     output: Path | None,
-    force: bool,
     plot: Path | None,
     as_json: bool,
     **options: Any,
@@ -104,22 +95,53 @@ def command(
 
     if bags is not None and not graph:
         raise InputError("--bags goes with --graph: a simulation records nothing")
-    machine = None if plant is None else Path(plant) if plant.endswith(MJCF) else open_model(plant)
+    machine = None if plant is None else Path(plant) if plant.endswith(MJCF) else _inputs.open_model(plant)
     options |= {"effects": only, "plant": machine, "plant_effects": plant_effect, "noise": not no_noise}
-    chosen = apply_options(model, settings, effects)
+    chosen = _inputs.with_options(model)
     if graph:
-        from idloop.cli._tracking_graph import run_loops
-
-        found = compensate(chosen, run=partial(run_loops, bags=bags, domain=domain), **options)
+        found = compensate(chosen, run=partial(run_graph_twice, bags=bags, domain=domain), **options)
     else:
         with progress("following the reference") as update:
             found = compensate(chosen, progress=update, **options)
     if output is not None:
         found.save(output)
-    log_written(output)
-    save_plot(found.plot, plot)
-    log_written(plot)
-    run = "graph" if graph else "simulation"
-    print_found(
-        found, as_json=as_json, plant=plant, plant_effects=plant_effect, run=run, bags=bags, output=output, plot=plot
-    )
+    _outputs.log_written(output)
+    _outputs.save_plot(found.plot, plot)
+    more = {"plant": plant, "plant_effects": plant_effect, "run": "graph" if graph else "simulation", "bags": bags}
+    _outputs.print_found(found, as_json=as_json, **more, output=output, plot=plot)
+
+
+def run_graph_twice(
+    machine: Model | Path,
+    compensation: Compensation,
+    section: Mapping[str, Any],
+    reference: Reference,
+    *,
+    bags: Path | None,
+    domain: int | None,
+    seed: int,
+    noise: bool,
+) -> Loops:
+    """Run the nodes without and with compensation, in the place of `idloop.api.tracking_runs.simulate_loops`.
+
+    `bags`: new folder for the recordings, which are not kept without one. `domain`: ROS domain of these graphs alone.
+    Raises InputError: the reference is no signal that the excitation node can play.
+    """
+    del section  # the compensating model names its controller
+    from idloop.api.tracking_runs import Loops
+    from idloop.cli._demo_loop import narrated
+    from idloop.graph.tracking import TrackingExperiment, track_on_graph
+
+    if reference.signal is None:
+        raise InputError("--reference: on the graph the reference must be a signal, not a bag")
+    experiment = TrackingExperiment(compensation.model, machine, reference.signal, seed, noise)
+    found = []
+    with tempfile.TemporaryDirectory(prefix="idloop_compensate_") as scratch:
+        folder = Path(scratch) / "bags" if bags is None else bags
+        make_folder(folder, parents=True)
+        for name, used in zip(RUNS, (None, compensation), strict=True):
+            with narrated(f"graph {name} compensation", _LONG) as say:
+                found.append(track_on_graph(experiment, used, folder / name, Path(scratch), say=say, domain_id=domain))
+    if bags is not None:
+        _outputs.log(f"written: {', '.join(str(bags / name) for name in RUNS)}")
+    return Loops(*found)

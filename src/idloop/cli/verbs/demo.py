@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from idloop.cli import _common
+from idloop.cli import _outputs
 from idloop.cli._demo_loop import GRAPHS, check_loop, narrated, run_from_away
-from idloop.cli._places import NEW_FOLDER
 from idloop.cli._progress import quiet_option
 from idloop.errors import IdloopError
 from idloop.output_files import make_folder, probe_folder
@@ -231,11 +230,11 @@ def tell_outcome(outcome: Outcome) -> None:
     from idloop.reporting.text.ladder import ladder_blocks
 
     click.echo()
-    _common.print_blocks(ladder_blocks(outcome.ladder))
+    _outputs.print_blocks(ladder_blocks(outcome.ladder))
     floor = ", ".join(f"{name} {value:.2f} %" for name, value in outcome.floor["fit"].items())
     click.echo(f"noise floor: FIT {floor}; the last error is {outcome.above_floor:.2f} times that of the noise")
     click.echo(f"hidden in the machine: {outcome.hidden}: {'found' if outcome.found else 'NOT found'}\n")
-    _common.print_table(("file", ""), [(name, str(path)) for name, path in outcome.files.items()])
+    _outputs.print_table(("file", ""), [(name, str(path)) for name, path in outcome.files.items()])
 
 
 def to_document(outcome: Outcome, failures: list[str]) -> Mapping[str, Any]:
@@ -266,10 +265,10 @@ def to_document(outcome: Outcome, failures: list[str]) -> Mapping[str, Any]:
 @click.option(
     "--seconds", type=click.FloatRange(6.0), default=60.0, show_default=True, help="With --loop: signal of a graph [s]."
 )
-@click.option("--directory", type=NEW_FOLDER, help="New folder for all results (default: in bags/).")
+@click.option("--directory", type=_outputs.NEW_FOLDER, help="New folder for all results (default: in bags/).")
 @click.option("--domain", type=click.IntRange(0, 232), help="ROS domain of the graphs (ROS_DOMAIN_ID).")
 @quiet_option
-@_common.json_option
+@_outputs.json_option
 def command(
     hide: str | None,
     *,
@@ -296,7 +295,7 @@ def command(
     if loop:
         document, failures = check_loop(graphs, folder, seconds, seed, domain, quiet=as_json)
         if as_json:
-            _common.print_json({"schema": "idloop/demo/1", **document, "failures": failures})
+            _outputs.print_json({"schema": "idloop/demo/1", **document, "failures": failures})
         else:
             click.echo(f"all results: {folder}")
     else:
@@ -320,7 +319,7 @@ def tell_story(hidden: str, folder: Path, seed: int, domain: int | None, *, as_j
     outcome = judge(hidden, bag, folder, seed)
     failures = outcome.failures
     if as_json:
-        _common.print_json(to_document(outcome, failures))
+        _outputs.print_json(to_document(outcome, failures))
     else:
         tell_outcome(outcome)
     return failures

@@ -7,15 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from idloop.cli._common import (
-    MODEL,
-    apply_options,
-    json_option,
-    log,
-    model_options,
-    print_json,
-)
-from idloop.cli._places import force_option
+from idloop.cli import _inputs, _outputs
 from idloop.errors import InputError
 from idloop.output_files import make_folder, probe_file, probe_folder, write_text
 
@@ -44,7 +36,7 @@ Examples:
 
 
 @click.command(epilog=EXAMPLE)
-@click.argument("model", type=MODEL, metavar="MODEL")
+@_inputs.model_argument
 @click.option("--format", "forms", multiple=True, metavar="NAME", help="One of those below; may be repeated.")
 @click.option(
     "--output",
@@ -52,45 +44,43 @@ Examples:
     metavar="PATH",
     help="File to write; for several formats a folder, which is made.",
 )
-@force_option("Overwrite what is there.")
-@model_options
-@json_option
-def command(
-    model: Model,
-    *,
-    forms: tuple[str, ...],
-    output: Path | None,
-    force: bool,
-    settings: tuple[str, ...],
-    effects: tuple[str, ...],
-    as_json: bool,
-) -> None:
+@_outputs.force_option("Overwrite what is there.")
+@_inputs.model_options
+@_outputs.json_option
+def command(model: Model, *, forms: tuple[str, ...], output: Path | None, as_json: bool) -> None:
     """Write MODEL in other tools' formats: the one named, or all that can hold it.
 
     What a format cannot carry is said in the file and, line by line, on stderr.
     """
-    several = len(dict.fromkeys(forms)) != 1
-    if output is not None:
-        # What it is follows from the number of formats.
-        _probe(output, several=several, overwrite=force)
-    chosen = apply_options(model, settings, effects)
+    several = len(dict.fromkeys(forms)) != 1  # what --output is follows from the number of formats
+    if output is not None and not several:
+        probe_file(output, "--output", overwrite=_outputs.forced())
+    elif output is not None and output.exists() and not output.is_dir():
+        raise InputError(f"--output {output}: several formats need a folder, and this is a file")
+    elif output is not None:
+        probe_folder(output, "--output", parents=True)
+    chosen = _inputs.with_options(model)
     files = _write_all(chosen, forms)
     if output is None and len(files) > 1 and not as_json:
         raise InputError("--output is missing: several formats need a folder; or name one --format")
-    paths = _paths(output, files, several=several, overwrite=force)
+    paths = [output / file.file_name if several and output is not None else output for file in files]
+    # All are probed before the first is written.
+    for path in paths if several and output is not None and output.is_dir() else ():
+        if path is not None:
+            probe_file(path, "--output", overwrite=_outputs.forced())
     for file, path in zip(files, paths, strict=True):
         for line in file.left_out:
-            log(f"{file.format}: not carried: {line}")
+            _outputs.log(f"{file.format}: not carried: {line}")
         if path is not None:
             make_folder(path.parent, parents=True)
             write_text(path, file.text)
-            log(f"written: {path}")
+            _outputs.log_written(path)
     if as_json:
         listed = [
             {"format": f.format, "path": path, "text": f.text, "left_out": f.left_out}
             for f, path in zip(files, paths, strict=True)
         ]
-        print_json({"schema": SCHEMA, "model": chosen.name, "files": listed})
+        _outputs.print_json({"schema": SCHEMA, "model": chosen.name, "files": listed})
     elif output is None:
         click.echo(files[0].text, nl=False)
 
@@ -105,28 +95,5 @@ def _write_all(model: Model, forms: tuple[str, ...]) -> list[Exported]:
         try:
             files.append(export(model, form))
         except InputError as error:
-            log(f"{form}: left out: {error}")
+            _outputs.log(f"{form}: left out: {error}")
     return files
-
-
-def _probe(output: Path, *, several: bool, overwrite: bool) -> None:
-    """See that the file, or for several formats the folder, can be written."""
-    if not several:
-        probe_file(output, "--output", overwrite=overwrite)
-    elif output.exists() and not output.is_dir():
-        raise InputError(f"--output {output}: several formats need a folder, and this is a file")
-    else:
-        probe_folder(output, "--output", parents=True)
-
-
-def _paths(output: Path | None, files: list[Exported], *, several: bool, overwrite: bool) -> list[Path | None]:
-    """Where each file goes; all are probed before the first is written."""
-    if output is None:
-        return [None] * len(files)
-    if not several:
-        return [output]
-    paths = [output / file.file_name for file in files]
-    if output.is_dir():
-        for path in paths:
-            probe_file(path, "--output", overwrite=overwrite)
-    return list(paths)

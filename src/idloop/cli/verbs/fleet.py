@@ -9,18 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from idloop.cli._common import (
-    ListOptionCommand,
-    json_option,
-    log,
-    log_written,
-    open_model,
-    plot_option,
-    print_found,
-    save_plot,
-    trust_option,
-)
-from idloop.cli._places import OutputFolder
+from idloop.cli import _inputs, _outputs
 from idloop.cli._progress import progress, quiet_option
 from idloop.errors import IdloopError, InputError
 
@@ -37,13 +26,7 @@ Examples:
 """
 
 
-class FleetCommand(ListOptionCommand):
-    """`--model A=X B=Y` takes several values at once."""
-
-    list_options = ("--model",)
-
-
-@click.command(cls=FleetCommand, epilog=EXAMPLE)
+@click.command(cls=_inputs.lists("--model"), epilog=EXAMPLE)
 @click.argument("source", metavar="TABLE_OR_FOLDER")
 @click.option(
     "--model",
@@ -53,7 +36,13 @@ class FleetCommand(ListOptionCommand):
     metavar="[KIND=]MODEL",
     help="Model of a kind of joints, a file or a preset; KIND is a name of the table or a pattern of joint names.",
 )
-@click.option("--output", type=OutputFolder(parents=True), required=True, metavar="DIR", help="Folder of the results.")
+@click.option(
+    "--output",
+    type=_outputs.OutputFolder(parents=True),
+    required=True,
+    metavar="DIR",
+    help="Folder of the results.",
+)
 @click.option("--since", metavar="DATE", help="Compare the recordings from this date on with those before.")
 @click.option("--against", metavar="DATE", help="First date of the earlier period [the first one that there is].")
 @click.option("--level", type=float, default=0.05, show_default=True, help="Rate of false discoveries.")
@@ -70,10 +59,10 @@ class FleetCommand(ListOptionCommand):
 @click.option("--memory", default="2GB", show_default=True, metavar="SIZE", help="Limit of each process.")
 @click.option("--cluster", metavar="ADDRESS", help="Scheduler of Dask, in place of processes here.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Equal seeds give equal answers.")
-@trust_option
-@plot_option
+@_inputs.trust_option
+@_outputs.plot_option
 @quiet_option
-@json_option
+@_outputs.json_option
 def command(
     source: str,
     models: tuple[str, ...],
@@ -112,14 +101,14 @@ def command(
     options = {"memory": memory, "diagnose": diagnose if diagnose == "all" else int(diagnose), **given}
 
     def show(fleet: Fleet) -> None:
-        save_plot(fleet.plot, plot)
         fleet.save(plot)
-        print_found(fleet, as_json=as_json, plot=plot)
-        log_written(output / "fleet.html", plot)
+        _outputs.print_found(fleet, as_json=as_json, plot=plot)
+        _outputs.log_written(output / "fleet.html")
+        _outputs.save_plot(fleet.plot, plot)
 
     try:
         if watch:
-            log(f"watching {source}; Ctrl-C ends it")
+            _outputs.log(f"watching {source}; Ctrl-C ends it")
             ended = threading.Event()
             watch_fleet(source, several, output, ended=ended, on_change=show, period=period, **options)
         else:
@@ -130,7 +119,7 @@ def command(
                 raise IdloopError(f"{source}: nothing was identified; the reasons are listed and kept in {output}")
     except KeyboardInterrupt:
         if watch:
-            log(f"ended; what was found is in {output}")
+            _outputs.log(f"ended; what was found is in {output}")
             return
         kept = f"interrupted: what was finished is kept in {output}; the same command goes on from there"
         raise KeyboardInterrupt(kept) from None
@@ -146,6 +135,6 @@ def _models(given: tuple[str, ...]) -> dict[str, Model]:
             raise InputError(f"--model {text}: write KIND=MODEL, such as wrist=wrist.yaml")
         if kind in found:
             raise InputError(f"--model {text}: there is a model for {kind} already")
-        found[kind] = open_model(source)
+        found[kind] = _inputs.open_model(source)
     # The pattern of all joints comes last: the first that matches counts.
     return dict(sorted(found.items(), key=lambda one: one[0] == "*"))

@@ -20,21 +20,7 @@ from idloop.api.identification import (
     record_document,
 )
 from idloop.api.result import ignore_progress
-from idloop.cli._common import (
-    BAG,
-    MODEL,
-    ListOptionCommand,
-    json_option,
-    log,
-    log_written,
-    plot_option,
-    print_blocks,
-    print_found,
-    print_json,
-    read_fitted_and_unseen,
-    save_plot,
-    trust_option,
-)
+from idloop.cli import _inputs, _outputs
 from idloop.cli._identification_arguments import (
     MEASURED,
     SWEPT,
@@ -45,7 +31,6 @@ from idloop.cli._identification_arguments import (
     parse_structure,
     parse_sweep,
 )
-from idloop.cli._places import OUTPUT_FILE, force_option
 from idloop.cli._progress import progress, quiet_option
 from idloop.cli.main import DONE
 from idloop.errors import IdloopError, InputError
@@ -98,12 +83,12 @@ class ControllerArgument(click.ParamType["dict[str, Any]"]):
         return load_controller(value)
 
 
-@click.command(cls=ListOptionCommand, epilog=EXAMPLE)
-@click.argument("bags", type=BAG, nargs=-1, metavar="BAG...")
+@click.command(cls=_inputs.lists("--validate"), epilog=EXAMPLE)
+@click.argument("bags", type=_inputs.BAG, nargs=-1, metavar="BAG...")
 @click.option("--method", "methods", multiple=True, metavar="NAME", help="Of --list. May be repeated.")
-@click.option("--validate", type=BAG, multiple=True, metavar="BAG...", help="Bags that the models do not see.")
-@click.option("--model", type=MODEL, help="Preset or model file that names the streams and their units.")
-@trust_option
+@_inputs.validate_option
+@click.option("--model", type=_inputs.MODEL, help="Preset or model file that names the streams and their units.")
+@_inputs.trust_option
 @click.option("--joint", metavar="NAME", help="Commanded joint, where joint_command holds several.")
 @click.option("--output", "outputs", multiple=True, metavar="JOINT.FIELD", help="Only this output. May be repeated.")
 @click.option("--sample-time", type=float, metavar="SECONDS", help="Even grid to identify on; the record's own.")
@@ -138,7 +123,7 @@ class ControllerArgument(click.ParamType["dict[str, Any]"]):
 )
 @click.option("--horizon", type=click.IntRange(min=2), help="Samples that subspace methods look back and ahead.")
 @click.option("--window", type=click.IntRange(min=2), help="Samples of lag window (spa), segment (welch), lags (cra).")
-@click.option("--period", type=click.FloatRange(min=0.0, min_open=True), help="Of a periodic excitation (bla) [s].")
+@click.option("--period", type=_inputs.POSITIVE, help="Of a periodic excitation (bla) [s].")
 @click.option("--units", type=click.IntRange(min=1), help="Units of a network.")
 @click.option(
     "--focus",
@@ -181,12 +166,14 @@ class ControllerArgument(click.ParamType["dict[str, Any]"]):
     help=f"Table and figure over one of {', '.join(SWEPT)}; {' or '.join(MEASURED)} alone: each BAG by itself.",
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of networks.")
-@click.option("--save", type=OUTPUT_FILE, metavar="FILE", help="Write the model (.json; linear ones also .npz).")
-@force_option("Overwrite the file of --save.")
+@click.option(
+    "--save", type=_outputs.OUTPUT_FILE, metavar="FILE", help="Write the model (.json; linear ones also .npz)."
+)
+@_outputs.force_option("Overwrite the file of --save.")
 @click.option("--list", "show_list", is_flag=True, help="List the methods with what they are for.")
-@plot_option
+@_outputs.plot_option
 @quiet_option
-@json_option
+@_outputs.json_option
 def command(
     bags: tuple[Path, ...],
     *,
@@ -203,7 +190,6 @@ def command(
     steps: int,
     sweep: str | None,
     save: Path | None,
-    force: bool,
     show_list: bool,
     plot: Path | None,
     as_json: bool,
@@ -239,10 +225,10 @@ def command(
     check_structure(choices.structure, list(chosen.values()))
     note_unused(list(chosen), choices, Choices())
     signals = named_signals(bags[0], model, joint, outputs)
-    train, unseen = read_fitted_and_unseen(bags, validate, signals)
+    train, unseen = _inputs.read_fitted_and_unseen(bags, validate, signals)
     notes = left_out_notes(bags, signals)
     for note in notes:
-        log(note)
+        _outputs.log(note)
 
     grids = grids_of(train, unseen, detrend, drop)
     # Stamps are whole nanoseconds: 20 ms is to be 0.02 s, for a controller of that period to fit.
@@ -269,13 +255,13 @@ def command(
 def list_methods(*, as_json: bool) -> None:
     """Print every method with what it is for."""
     if not as_json:
-        print_blocks(methods_blocks())
+        _outputs.print_blocks(methods_blocks())
         return
     from idloop.estimation.black_box.methods import METHODS
 
     fields = ("name", "kind", "summary", "loop", "source", "needs", "polynomials")
     listed = [{field: getattr(method, field) for field in fields} for method in METHODS.values()]
-    print_json({"schema": SCHEMA, "methods": listed})
+    _outputs.print_json({"schema": SCHEMA, "methods": listed})
 
 
 def note_unused(names: Sequence[str], choices: Choices, default: Choices) -> None:
@@ -294,7 +280,7 @@ def note_unused(names: Sequence[str], choices: Choices, default: Choices) -> Non
         if len(deaf) < len(names):
             deaf = [n for n in deaf if METHODS[n].kind != "response"]
         if deaf:
-            log(f"note: --{option.replace('_', '-')} means nothing to {', '.join(deaf)}")
+            _outputs.log(f"note: --{option.replace('_', '-')} means nothing to {', '.join(deaf)}")
 
 
 def named_signals(bag: Path, model: Model | None, joint: str | None, outputs: Sequence[str]) -> AxisSignals:
@@ -398,9 +384,9 @@ def finish(found: Identification, plot: Path | None, save: Path | None, *, as_js
     if save is not None and found.outcomes[0].found is not None:
         found.save(save)
     if any(one.found is not None for one in found.outcomes):
-        save_plot(found.plot, plot)
-    print_found(found, as_json=as_json)
-    log_written(save, plot)
+        _outputs.save_plot(found.plot, plot)
+    _outputs.print_found(found, as_json=as_json)
+    _outputs.log_written(save)
     failed = [one for one in found.outcomes if one.error]
     if failed:
         raise IdloopError(f"{len(failed)} of {len(found.outcomes)} models failed: {failed[0].label}: {failed[0].error}")
@@ -425,7 +411,7 @@ def finish_sweep(
     if plot is not None:
         from idloop.reporting.plots.identification import plot_sweep
 
-        save_plot(lambda: plot_sweep(sweep.name, unit, _sweep_lines(rows), steps, title), plot)
+        _outputs.save_plot(lambda: plot_sweep(sweep.name, unit, _sweep_lines(rows), steps, title), plot)
     if as_json:
         table = [
             {
@@ -439,11 +425,12 @@ def finish_sweep(
             for value, one in rows
         ]
         found = {"over": sweep.name, "unit": unit, "rows": table, "best": best_values(rows), "smallest": smallest}
-        print_json({**document, "sweep": found})
+        _outputs.print_json({**document, "sweep": found})
     else:
         note = document["loop"]["note"]
-        print_blocks([title, "", *sweep_blocks(sweep.name, unit, rows, steps, smallest), *([note] if note else [])])
-    log_written(plot)
+        _outputs.print_blocks(
+            [title, "", *sweep_blocks(sweep.name, unit, rows, steps, smallest), *([note] if note else [])]
+        )
     return DONE
 
 

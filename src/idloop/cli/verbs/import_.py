@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from idloop.cli._common import json_option, log, print_json, print_table
+from idloop.cli import _outputs
 from idloop.errors import InputError
 from idloop.output_files import probe_folder
 
@@ -17,16 +17,11 @@ def list_sets(*, as_json: bool) -> None:
 
     sets = [load_mapping(name) for name in ready_mappings()]
     if as_json:
-        print_json(
-            [
-                {"name": item.name, "description": item.description, "cite": item.cite, "parts": list(item.parts)}
-                for item in sets
-            ]
-        )
+        fields = ("name", "description", "cite")
+        _outputs.print_json([{key: getattr(one, key) for key in fields} | {"parts": list(one.parts)} for one in sets])
         return
-    print_table(
-        ["set", "what it is", "parts"], [(item.name, item.description, ", ".join(item.parts) or "-") for item in sets]
-    )
+    rows = [(one.name, one.description, ", ".join(one.parts) or "-") for one in sets]
+    _outputs.print_table(["set", "what it is", "parts"], rows)
 
 
 def split_arguments(words: tuple[str, ...], mapping: str | None) -> tuple[str, Path, Path]:
@@ -53,7 +48,7 @@ def split_arguments(words: tuple[str, ...], mapping: str | None) -> tuple[str, P
 @click.option("--map", "mapping", metavar="FILE", help="Mapping file of your own (schema idloop/mapping/1).")
 @click.option("--part", metavar="NAME", help="Which record of a file that holds several.")
 @click.option("--list", "show_list", is_flag=True, help="List the ready sets and their parts.")
-@json_option
+@_outputs.json_option
 def command(words: tuple[str, ...], *, mapping: str | None, part: str | None, show_list: bool, as_json: bool) -> None:
     """Turn SRC (a log of any known form, or a foreign bag) into the bag BAG of our topics.
 
@@ -81,12 +76,12 @@ def command(words: tuple[str, ...], *, mapping: str | None, part: str | None, sh
 
     result = import_bag(source, bag, name, part=part)
     if as_json:
-        print_json(result.to_dict())
+        _outputs.print_json(result.to_dict())
         return
     for note in result.notes:
-        log(f"note: {note}")
+        _outputs.log(f"note: {note}")
     for finding in result.findings:
-        log(f"{finding.level}: {finding.text}")
+        _outputs.log(f"{finding.level}: {finding.text}")
     written = ", ".join(f"{channel} [{unit or 'unit not given'}]" for channel, unit in result.channels.items())
     click.echo(
         f"{result.bag}: {result.samples} samples, {result.duration:.6g} s, every {result.period * 1e3:.6g} ms;"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from idloop.cli._common import json_option, plot_option, print_blocks, print_json, save_plot
+from idloop.cli import _outputs
 from idloop.errors import InputError
 
 
@@ -14,8 +14,8 @@ from idloop.errors import InputError
 @click.argument("bags", metavar="BAG...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--command", "command_topic", metavar="TOPIC", help="Topic of the command, when it is not joint_command.")
 @click.option("--distro", metavar="NAME", help="ROS distribution of types that the bag does not define.")
-@plot_option
-@json_option
+@_outputs.plot_option
+@_outputs.json_option
 def command(
     bags: tuple[Path, ...], *, command_topic: str | None, distro: str | None, plot: Path | None, as_json: bool
 ) -> None:
@@ -34,16 +34,18 @@ def command(
     if plot is not None:
         from idloop.reporting.plots.recording import plot_recording
 
-        save_plot(lambda: plot_recording(found[0]), plot)
+        _outputs.save_plot(lambda: plot_recording(found[0]), plot)
     if len(found) == 1:
         if as_json:
-            print_json(found[0].to_dict())
+            _outputs.print_json(found[0].to_dict())
         else:
-            print_blocks(inspection_blocks(found[0]))
+            _outputs.print_blocks(inspection_blocks(found[0]))
         return
     between, found = compare_inspections(found), list(judged_together(found))
     if as_json:
         records = [one.to_dict() for one in found]
-        print_json({"schema": "idloop/inspections/1", "bags": records, "between": [one.to_dict() for one in between]})
+        _outputs.print_json(
+            {"schema": "idloop/inspections/1", "bags": records, "between": [one.to_dict() for one in between]}
+        )
     else:
-        print_blocks(comparison_blocks(found, between))
+        _outputs.print_blocks(comparison_blocks(found, between))

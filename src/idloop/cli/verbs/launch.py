@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from idloop.cli import _common
+from idloop.cli import _inputs, _outputs
 from idloop.errors import InputError
 
 if TYPE_CHECKING:
@@ -41,8 +41,8 @@ def describe(graph: Graph) -> list[tuple[str, str | None, str]]:
 @click.argument("graph", required=False, metavar="GRAPH")
 @click.argument("arguments", nargs=-1, metavar="[NAME:=VALUE]...")
 @click.option("--show-args", is_flag=True, help="List the graph's arguments and stop.")
-@click.option("--domain", type=click.IntRange(0, 232), help="ROS domain of this graph alone (ROS_DOMAIN_ID).")
-@_common.json_option
+@_inputs.domain_option
+@_outputs.json_option
 def command(graph: str | None, arguments: tuple[str, ...], show_args: bool, domain: int | None, as_json: bool) -> None:
     """Start GRAPH, one process per node, and end it when the run is over or at Ctrl-C.
 
@@ -53,27 +53,21 @@ def command(graph: str | None, arguments: tuple[str, ...], show_args: bool, doma
     if graph is None:
         names = graph_names()
         if as_json:
-            _common.print_json({"schema": "idloop/launch/1", "graphs": names})
+            _outputs.print_json({"schema": "idloop/launch/1", "graphs": names})
         else:
-            _common.print_table(("graph", "what it runs"), [(name, graph_summary(name)) for name in names])
+            _outputs.print_table(("graph", "what it runs"), [(name, graph_summary(name)) for name in names])
         return
     description = load_graph(graph, parse_arguments(arguments), to_run=not show_args)
     if show_args:
         rows = describe(description)
         if as_json:
             declared = [{"name": name, "value": value, "description": text} for name, value, text in rows]
-            _common.print_json({"schema": "idloop/launch/1", "graph": description.name, "arguments": declared})
+            _outputs.print_json({"schema": "idloop/launch/1", "graph": description.name, "arguments": declared})
         else:
             shown = [(name, "(must be given)" if value is None else value, text) for name, value, text in rows]
-            _common.print_table(("argument", "value", "description"), shown)
+            _outputs.print_table(("argument", "value", "description"), shown)
         return
-    ended = run_graph(description, say=lambda label, line: _common.log(f"[{label}] {line}"), domain_id=domain)
+    ended = run_graph(description, say=lambda label, line: _outputs.log(f"[{label}] {line}"), domain_id=domain)
     if as_json:
-        _common.print_json(
-            {
-                "schema": "idloop/launch/1",
-                "graph": description.name,
-                "arguments": description.values,
-                "ended": "by itself" if ended else "stopped",
-            }
-        )
+        end = {"arguments": description.values, "ended": "by itself" if ended else "stopped"}
+        _outputs.print_json({"schema": "idloop/launch/1", "graph": description.name, **end})

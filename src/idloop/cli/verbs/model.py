@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import click
 
-from idloop.cli._common import apply_options, json_option, model_options, open_model, print_json, print_table
+from idloop.cli import _inputs, _outputs
 
 
 def list_presets(*, as_json: bool) -> None:
     """Print name, description and size of every preset."""
     from idloop.physics import load_model, preset_names
 
-    models = [load_model(name) for name in preset_names()]
+    models = {name: load_model(name) for name in preset_names()}
     if as_json:
-        print_json([{"name": model.name, "description": model.description} for model in models])
+        _outputs.print_json([{"name": one.name, "description": one.description} for one in models.values()])
         return
-    print_table(
-        ["preset", "what it is"],
-        [(name, " ".join(model.description.split())) for name, model in zip(preset_names(), models, strict=True)],
-    )
+    rows = [(name, " ".join(one.description.split())) for name, one in models.items()]
+    _outputs.print_table(["preset", "what it is"], rows)
 
 
 def preset_text(name: str) -> str:
@@ -31,11 +29,9 @@ def preset_text(name: str) -> str:
 @click.command()
 @click.argument("model", required=False)
 @click.option("--list", "show_list", is_flag=True, help="List the presets.")
-@model_options
-@json_option
-def command(
-    model: str | None, *, show_list: bool, settings: tuple[str, ...], effects: tuple[str, ...], as_json: bool
-) -> None:
+@_inputs.model_options
+@_outputs.json_option
+def command(model: str | None, *, show_list: bool, as_json: bool) -> None:
     """Print MODEL, a preset or a file, as a whole model file.
 
     Redirect it to start a model of your own: idloop model dc_motor > mine.yaml
@@ -44,13 +40,13 @@ def command(
         list_presets(as_json=as_json)
         return
     from idloop.physics import preset_names
+    from idloop.physics.model_file import to_mapping
 
-    checked = apply_options(open_model(model), settings, effects)
+    loaded = _inputs.open_model(model)
+    checked = _inputs.with_options(loaded)
     if as_json:
-        from idloop.physics.model_file import to_mapping
-
-        print_json(to_mapping(checked))
-    elif model in preset_names() and not settings and not effects:
+        _outputs.print_json(to_mapping(checked))
+    elif model in preset_names() and checked is loaded:
         # As written, with the comments that say where its numbers come from.
         click.echo(preset_text(model), nl=False)
     else:

@@ -3,24 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from idloop.cli._common import (
-    BAG,
-    MODEL,
-    ListOptionCommand,
-    apply_options,
-    json_option,
-    log_written,
-    model_options,
-    plot_option,
-    print_found,
-    read_records,
-    save_plot,
-)
-from idloop.cli._progress import part, progress, quiet_option
+from idloop.api.result import part
+from idloop.cli import _inputs, _outputs
+from idloop.cli._progress import progress, quiet_option
 from idloop.errors import InputError
 
 if TYPE_CHECKING:
@@ -28,14 +17,6 @@ if TYPE_CHECKING:
     from idloop.records import Record
 
 LEARN = 600.0  # [s]
-
-
-class MonitorCommand(ListOptionCommand):
-    """`--reference A B C`, `--watch X Y` and `--vary X Y` take several values at once."""
-
-    list_options = ("--reference", "--watch", "--vary")
-
-
 EXAMPLE = """\b
 Example:
   idloop monitor fitted.yaml bags/monday bags/tuesday --reference bags/new \\
@@ -43,9 +24,9 @@ Example:
 """
 
 
-@click.command(cls=MonitorCommand, epilog=EXAMPLE)
-@click.argument("model", type=MODEL)
-@click.argument("bags", type=BAG, nargs=-1, required=True, metavar="BAG...")
+@click.command(cls=_inputs.lists("--reference", "--watch", "--vary"), epilog=EXAMPLE)
+@_inputs.model_argument
+@_inputs.bags_argument
 @click.option(
     "--watch",
     "texts",
@@ -54,10 +35,10 @@ Example:
     help="What may grow, and the growth to be noticed: 20% (the default) or a number in the parameter's unit. "
     "Without it dry friction and what sits in couplings, as far as the model has them.",
 )
-@click.option("--reference", type=BAG, multiple=True, metavar="BAG...", help="Bags of the healthy machine.")
+@click.option("--reference", type=_inputs.BAG, multiple=True, metavar="BAG...", help="Bags of the healthy machine.")
 @click.option(
     "--learn",
-    type=click.FloatRange(min=0.0, min_open=True),
+    type=_inputs.POSITIVE,
     metavar="SECONDS",
     help=f"Without --reference: so much of the first bag is healthy [{LEARN:g} s, at most half of it].",
 )
@@ -76,16 +57,16 @@ Example:
 )
 @click.option(
     "--block",
-    type=click.FloatRange(min=0.0, min_open=True),
+    type=_inputs.POSITIVE,
     default=2.0,
     show_default=True,
     metavar="SECONDS",
     help="Length of the blocks that are judged.",
 )
-@model_options
-@plot_option
+@_inputs.model_options
+@_outputs.plot_option
 @quiet_option
-@json_option
+@_outputs.json_option
 def command(
     model: Model,
     bags: tuple[Path, ...],
@@ -93,13 +74,9 @@ def command(
     texts: tuple[str, ...],
     reference: tuple[Path, ...],
     learn: float | None,
-    false_alarms: str,
-    vary: tuple[str, ...],
-    block: float,
-    settings: tuple[str, ...],
-    effects: tuple[str, ...],
     plot: Path | None,
     as_json: bool,
+    **options: Any,
 ) -> None:
     """Watch an effect of MODEL grow through every BAG, in the order given.
 
@@ -110,24 +87,21 @@ def command(
     if reference and learn is not None:
         raise InputError("--learn takes the healthy time from the first bag, --reference has it already: use one")
     # What is refused here needs no bag.
-    monitoring.parse_false_alarms(false_alarms)
-    model = apply_options(model, settings, effects)
+    monitoring.parse_false_alarms(options["false_alarms"])
+    model = _inputs.with_options(model)
     monitoring.choose_watches(model, texts)
-    records = read_records(bags, model, fitted=False)
-    healthy = read_records(reference, model)
+    records = _inputs.read_records(bags, model, fitted=False)
+    healthy = _inputs.read_records(reference, model)
     if not healthy:
         first, records[0] = split(records[0], learn)
         healthy = [first]
     with progress(f"watching {model.name}") as update:
-        watching = Monitor.learn(
-            model, healthy, texts, vary=vary, false_alarms=false_alarms, block=block, progress=part(update, 0.0, 0.5)
-        )
+        watching = Monitor.learn(model, healthy, texts, **options, progress=part(update, 0.0, 0.5))
         for done, record in enumerate(records):
             update(0.5 + 0.5 * done / len(records), record.name)
             watching.follow(record)
-    save_plot(watching.plot, plot)
-    print_found(watching, as_json=as_json, plot=plot)
-    log_written(plot)
+    _outputs.print_found(watching, as_json=as_json, plot=plot)
+    _outputs.save_plot(watching.plot, plot)
 
 
 def split(record: Record, learn: float | None) -> tuple[Record, Record]:

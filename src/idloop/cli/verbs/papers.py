@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 import idloop
-from idloop.cli._common import json_option, log, log_written, plot_option, print_json, print_table, save_plot
+from idloop.cli import _outputs
 from idloop.cli._progress import progress, quiet_option
 from idloop.cli.main import COULD_NOT, DONE
 from idloop.errors import InputError
 from idloop.reporting.text.blocks import number
 
 if TYPE_CHECKING:
-    from papers.reproduction import Cell, Line, Reproduction
+    from papers.reproduction import Cell, Reproduction
 
 EXAMPLES = Path(idloop.__file__).resolve().parents[2] / "examples"
 HOLDS = {True: "yes", False: "NO", None: ""}
@@ -38,17 +38,15 @@ def list_rows(*, as_json: bool) -> None:
     from papers import ROWS
 
     if as_json:
-        print_json(
-            {
-                "schema": "idloop/papers/1",
-                "rows": [
-                    {"row": name, "title": row.title, "paper": row.paper, "parts": list(row.parts)}
-                    for name, row in ROWS.items()
-                ],
-            }
-        )
+        rows = [
+            {"row": name, "title": row.title, "paper": row.paper, "parts": list(row.parts)}
+            for name, row in ROWS.items()
+        ]
+        _outputs.print_json({"schema": "idloop/papers/1", "rows": rows})
         return
-    print_table(["row", "what is redone", "paper"], [(name, row.title, row.paper) for name, row in ROWS.items()])
+    _outputs.print_table(
+        ["row", "what is redone", "paper"], [(name, row.title, row.paper) for name, row in ROWS.items()]
+    )
 
 
 def cell(value: Cell) -> str:
@@ -56,38 +54,21 @@ def cell(value: Cell) -> str:
     return value if isinstance(value, str) else number(value, 5)
 
 
-def with_unit(line: Line) -> str:
-    """Quantity with its unit in brackets, where it has one."""
-    return f"{line.quantity} [{line.unit}]" if line.unit else line.quantity
-
-
 def print_reproduction(found: Reproduction) -> None:
     """Print the table "quantity | ours | paper | claimed", the further tables and the notes."""
-    print_table(
-        ["quantity", "ours", "paper", "source", "claimed", "holds"],
-        [
-            (with_unit(line), cell(line.ours), cell(line.paper), line.source, line.claimed or "", HOLDS[line.holds])
-            for line in found.rows()
-        ],
-    )
+    rows = []
+    for line in found.rows():
+        quantity = f"{line.quantity} [{line.unit}]" if line.unit else line.quantity
+        values = (cell(line.ours), cell(line.paper))
+        rows.append((quantity, *values, line.source, line.claimed or "", HOLDS[line.holds]))
+    _outputs.print_table(["quantity", "ours", "paper", "source", "claimed", "holds"], rows)
     for table in found.tables():
         click.echo(f"\n{table.title}")
-        print_table(table.header, [[cell(value) for value in row] for row in table.rows])
+        _outputs.print_table(table.header, [[cell(value) for value in row] for row in table.rows])
     if found.notes():
         click.echo()
     for note in found.notes():
         click.echo(f"- {note}")
-
-
-def save_figure(found: Reproduction, path: Path) -> None:
-    """Write the row's figure."""
-    import matplotlib as mpl
-    import numpy as np
-
-    # A file is written, so no window is needed.
-    mpl.use("Agg")
-    axes: Any = np.ravel(found.plot())[0]
-    save_plot(lambda: axes.figure, path)
 
 
 EXAMPLE = """\b
@@ -102,9 +83,9 @@ Example:
 @click.argument("row", required=False)
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the measurement noise.")
 @click.option("--part", "parts", multiple=True, metavar="PART", help="One case of a long row; repeat for several.")
-@plot_option
+@_outputs.plot_option
 @quiet_option
-@json_option
+@_outputs.json_option
 def command(row: str | None, *, seed: int, parts: tuple[str, ...], plot: Path | None, as_json: bool) -> int:
     """Redo ROW of the source papers in simulation; without ROW, list the rows.
 
@@ -125,15 +106,19 @@ def command(row: str | None, *, seed: int, parts: tuple[str, ...], plot: Path | 
     with progress(f"{name}: {ROWS[name].title}") as update:
         found = reproduce(name, seed, update, chosen)
     if plot is not None:
-        save_figure(found, plot)
+        import matplotlib as mpl
+        import numpy as np
+
+        mpl.use("Agg")  # a file is written, so no window is needed
+        axes: Any = np.ravel(found.plot())[0]
+        _outputs.save_plot(lambda: axes.figure, plot)
     if as_json:
         heading = {"schema": "idloop/papers/1", "row": name, "title": ROWS[name].title, "paper": ROWS[name].paper}
-        print_json({**heading, "seed": seed, "parts": list(chosen), **found.to_dict(), "plot": plot})
+        _outputs.print_json({**heading, "seed": seed, "parts": list(chosen), **found.to_dict(), "plot": plot})
     else:
         click.echo(f"{name}: {ROWS[name].title}\n{ROWS[name].paper}\n")
         print_reproduction(found)
-    log_written(plot)
     missed = sum(line.holds is False for line in found.rows())
     if missed:
-        log(f"{name}: {missed} of {len(found.rows())} lines do not hold")
+        _outputs.log(f"{name}: {missed} of {len(found.rows())} lines do not hold")
     return COULD_NOT if missed else DONE

@@ -6,15 +6,14 @@ from pathlib import Path
 
 import click
 
-from idloop.cli._common import BAG, json_option, print_json, print_table
-from idloop.cli._places import NEW_FOLDER
+from idloop.cli import _inputs, _outputs
 from idloop.output_files import probe_folder
 
 
 @click.command("recover")
-@click.argument("bag", type=BAG, metavar="BAG")
-@click.argument("target", type=NEW_FOLDER, metavar="[NEW_BAG]", required=False)
-@json_option
+@click.argument("bag", type=_inputs.BAG, metavar="BAG")
+@click.argument("target", type=_outputs.NEW_FOLDER, metavar="[NEW_BAG]", required=False)
+@_outputs.json_option
 def command(bag: Path, target: Path | None, *, as_json: bool) -> None:
     """Copy every readable message of the recording BAG into NEW_BAG (default: BAG_recovered).
 
@@ -27,7 +26,7 @@ def command(bag: Path, target: Path | None, *, as_json: bool) -> None:
     place = target or probe_folder(bag.with_name(f"{bag_name(bag)}{RECOVERED}"), "NEW_BAG", new=True, parents=True)
     result = recover_bag(bag, place)
     if as_json:
-        print_json({"schema": "idloop/recover/1", **vars(result)})
+        _outputs.print_json({"schema": "idloop/recover/1", **vars(result)})
         return
-    print_table(["topic", "messages"], [(topic, str(count)) for topic, count in result.topics.items()])
+    _outputs.print_table(["topic", "messages"], [(topic, str(count)) for topic, count in result.topics.items()])
     click.echo(f"{result.bag}: {result.messages} messages over {result.duration:.6g} s; {result.state}")

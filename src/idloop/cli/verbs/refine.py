@@ -10,22 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from idloop.api.result import Progress, part
+from idloop.cli import _inputs, _outputs
 from idloop.cli._command_line import command_line
-from idloop.cli._common import (
-    BAG,
-    ModelArgument,
-    apply_options,
-    json_option,
-    log,
-    log_grades,
-    model_options,
-    print_blocks,
-    print_json,
-    read_fitted_and_unseen,
-)
-from idloop.cli._diagnosis import DiagnosisCommand, diagnosis_options, limit_options, read_limits
-from idloop.cli._places import OUTPUT_FOLDER, force_option
-from idloop.cli._progress import part, progress, quiet_option
+from idloop.cli._progress import progress, quiet_option
 from idloop.errors import IdloopError, InputError
 from idloop.reporting.ladder_folder import FILES, Kept, check_target, read_ladder, write_all, write_ladder
 
@@ -49,11 +37,11 @@ Examples:
 """
 
 
-@click.command(cls=DiagnosisCommand, epilog=EXAMPLE)
+@click.command(cls=_inputs.lists("--validate", "--effects"), epilog=EXAMPLE)
 @click.argument("sources", nargs=-1, metavar="[MODEL] BAG...")
-@click.option("--validate", type=BAG, multiple=True, metavar="BAG...", help="Bags that the fits do not see.")
-@diagnosis_options
-@model_options
+@_inputs.validate_option
+@_inputs.diagnosis_options
+@_inputs.model_options
 @click.option("--most", type=click.IntRange(min=0), default=8, show_default=True, help="Most effects in the ladder.")
 @click.option(
     "--resume",
@@ -67,40 +55,23 @@ Examples:
     help="Take the last step of the resumed ladder back, and stop there; twice: the last two. ladder.json keeps them.",
 )
 @click.option("--add", metavar="EFFECT@SITE", help="Add this effect, the user's own choice, and go on from there.")
-@limit_options
+@_inputs.limit_options
 @click.option("--no-suggest", is_flag=True, help="Do not work out the next experiment for what stays open.")
-@click.option(
-    "--output",
-    type=OUTPUT_FOLDER,
-    metavar="DIR",
-    help=f"Write {', '.join(FILES)} (default with --resume: that folder).",
-)
-@force_option("Overwrite the files in the folder of --output.")
+@_outputs.output_folder_option(f"Write {', '.join(FILES)} (default with --resume: that folder).")
 @quiet_option
-@json_option
+@_outputs.json_option
 def command(
     sources: tuple[str, ...],
     *,
     validate: tuple[Path, ...],
-    level: float,
-    minimum_improvement: float,
-    only: tuple[str, ...],
-    criterion: str,
-    seed: int,
-    settings: tuple[str, ...],
-    effects: tuple[str, ...],
     most: int,
     resume: Path | None,
     undo: int,
     add: str | None,
-    max_command: float | None,
-    position_range: tuple[float, float] | None,
-    max_velocity: float | None,
-    duration: float | None,
     no_suggest: bool,
     output: Path | None,
-    force: bool,
     as_json: bool,
+    **options: Any,
 ) -> None:
     """Add the effects that MODEL lacks one by one, until nothing significant is left in the BAGs.
 
@@ -119,47 +90,43 @@ def command(
     target = output if output is not None else resume
     if target is not None:
         own = resume is not None and target.resolve() == resume.resolve()
-        check_target(target, "--output" if output is not None else "--resume", overwrite=force or own)
-    limits = read_limits(max_command, position_range, max_velocity)
+        check_target(target, "--output" if output is not None else "--resume", overwrite=_outputs.forced() or own)
+    search, limits = _inputs.search_options(options), _inputs.limits_of(options)
     kept = read_ladder(resume) if resume is not None else None
     if undo and kept is not None and resume is not None:
         kept = kept.without_last(undo, resume)
     model, bags = _sources(sources, kept)
-    model = apply_options(model, settings, effects) if kept is None else model
     unseen = validate or (kept.validate if kept is not None else ())
-    records, validation = read_fitted_and_unseen(bags, unseen, model)
+    records, validation = _inputs.read_fitted_and_unseen(bags, unseen, model)
     folder = kept.folder if kept is not None else model.folder
-    origin = _origin(bags, unseen, kept, seed) if target is not None else {}
-
     taken_back = kept.taken_back if kept is not None else ()
+    origin = _origin(bags, unseen, kept, search["seed"]) if target is not None else {}
 
     def as_kept(ladder: Ladder) -> Kept:
         return Kept(ladder, tuple(bags), tuple(unseen), folder, origin, taken_back=taken_back)
 
-    undecided = criterion == _AUTO and (kept is None or kept.ladder.criterion == _AUTO)
+    undecided = search["criterion"] == _AUTO and (kept is None or kept.ladder.criterion == _AUTO)
     keep = _Keeper(target, as_kept, undecided=undecided)
+    only_undo = bool(undo) and add is None and kept is not None
     answer: Next | None = None
-    if not undo:
-        with keep.on_interrupt():
-            log_grades((*bags, *unseen), model, (*records, *validation))
-    with keep.on_interrupt(), progress(f"refining {model.name}") as update:
-        climbing = update if no_suggest else part(update, 0.0, 0.7)
-        if undo and add is None and kept is not None:
-            ladder = kept.ladder
-        else:
-            before = kept.ladder if kept is not None else None
-            ladder = _climb(
-                model, before, (records, validation), add, keep.step,
-                level=level, criterion=criterion, minimum_improvement=0.01 * minimum_improvement,
-                effects=only or None, most=most, seed=seed, progress=climbing,
-            )  # fmt: skip
-        # What was found after all, or ties with it, is not what the data cannot show.
-        ladder = replace(ladder, untestable=tuple(undetectable(ladder)))
-        keep(ladder)
-        if not no_suggest and not (undo and add is None):
-            answer = _next(ladder, records, limits, duration, seed, part(update, 0.7, 1.0))
-            planned = None if answer is None or answer.suggestion is None else answer.suggestion.to_dict()
-            ladder = replace(ladder, suggested_experiment=planned)
+    with keep.on_interrupt():
+        if not undo:
+            _inputs.log_grades((*bags, *unseen), model, (*records, *validation))
+        with progress(f"refining {model.name}") as update:
+            if only_undo and kept is not None:
+                ladder = kept.ladder
+            else:
+                before = kept.ladder if kept is not None else None
+                climbing = update if no_suggest else part(update, 0.0, 0.7)
+                both = records, validation
+                ladder = _climb(model, before, both, add, keep.step, most=most, progress=climbing, **search)
+            # What was found after all, or ties with it, is not what the data cannot show.
+            ladder = replace(ladder, untestable=tuple(undetectable(ladder)))
+            keep(ladder)
+            if not (no_suggest or only_undo):
+                answer = _next(ladder, records, limits, options["duration"], search["seed"], part(update, 0.7, 1.0))
+                planned = None if answer is None or answer.suggestion is None else answer.suggestion.to_dict()
+                ladder = replace(ladder, suggested_experiment=planned)
     left: Sequence[ResidualFinding] = ()
     unjudged: IdloopError | None = None
     try:
@@ -175,21 +142,20 @@ def command(
     except IdloopError as error:
         # A model that runs away cannot be compared with anything; what was found is printed all the same.
         unjudged = error
+    steps = taken_back[-1]["steps"] if undo else []
     if as_json:
         result = Result(ladder, tuple(records), tuple(validation), tuple(left))
-        print_json({**result.to_dict(), "output": target, "taken_back": taken_back[-1]["steps"] if undo else []})
-        if unjudged is not None:
-            raise unjudged
-        return
-    if undo:
-        kept_in = "" if target is None else f" (kept in {target / 'ladder.json'}, taken_back)"
-        click.echo(f"taken back: {', '.join(taken_back[-1]['steps'])}{kept_in}")
-    futile = [f"next experiment: none; {answer.reason}"] if answer is not None and answer.futile else []
-    print_blocks([*ladder_blocks(ladder, left), *futile, *parameter_blocks(ladder)])
+        _outputs.print_json({**result.to_dict(), "output": target, "taken_back": steps})
+    else:
+        if undo:
+            kept_in = "" if target is None else f" (kept in {target / 'ladder.json'}, taken_back)"
+            click.echo(f"taken back: {', '.join(steps)}{kept_in}")
+        futile = [f"next experiment: none; {answer.reason}"] if answer is not None and answer.futile else []
+        _outputs.print_blocks([*ladder_blocks(ladder, left), *futile, *parameter_blocks(ladder)])
     if unjudged is not None:
         raise unjudged
-    if target is not None:
-        log(f"written: {target}")
+    if not as_json:
+        _outputs.log_written(target)
 
 
 @dataclass
@@ -261,33 +227,25 @@ def _origin(bags: Sequence[Path], unseen: Sequence[Path], kept: Kept | None, see
 
 def _sources(sources: Sequence[str], kept: Kept | None) -> tuple[Model, Sequence[Path]]:
     """Model and bags of the command line, or those of the resumed ladder."""
-    if kept is None:
-        if len(sources) < 2:
-            missing = "MODEL and BAG are" if not sources else "BAG is"
-            raise InputError(f"{missing} missing: write idloop refine MODEL BAG..., or --resume DIR")
-        return ModelArgument().convert(sources[0], None, None), [BAG.convert(s, None, None) for s in sources[1:]]
     words = list(sources)
+    if kept is None:
+        if len(words) < 2:
+            missing = "MODEL and BAG are" if not words else "BAG is"
+            raise InputError(f"{missing} missing: write idloop refine MODEL BAG..., or --resume DIR")
+        model = _inputs.open_model(words[0])
+        bags = [_inputs.existing_bag(word) for word in words[1:]]
+        return _inputs.with_options(model), bags
     if words and (not Path(words[0]).exists() or Path(words[0]).suffix in {".yaml", ".yml"}):
         # The model of a ladder is its own; naming it again does no harm.
-        ModelArgument().convert(words.pop(0), None, None)
-    bags = [BAG.convert(word, None, None) for word in words] or list(kept.bags)
+        _inputs.open_model(words.pop(0))
+    bags = [_inputs.existing_bag(word) for word in words or kept.bags]
     if not bags:
         raise InputError("BAG is missing: the ladder does not know what it was climbed on")
-    for bag in bags:
-        BAG.convert(bag, None, None)
     return kept.ladder.model, bags
 
 
-# ---------------------------------------------------------------- the next experiment
-
-
 def _next(
-    ladder: Ladder,
-    records: Sequence[Record],
-    limits: Limits,
-    duration: float | None,
-    seed: int,
-    update: Callable[..., None],
+    ladder: Ladder, records: Sequence[Record], limits: Limits, duration: float | None, seed: int, update: Progress
 ) -> Next | None:
     """The experiment that would settle what is open, if anything is.
 
@@ -302,5 +260,5 @@ def _next(
     try:
         return next_of_ladder(ladder, records, limits, {"duration": duration, "seed": seed, "progress": update})
     except IdloopError as error:
-        log(f"no experiment can be suggested: {error}")
+        _outputs.log(f"no experiment can be suggested: {error}")
         return None

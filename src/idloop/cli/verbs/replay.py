@@ -7,22 +7,21 @@ from pathlib import Path
 
 import click
 
-from idloop.cli import _common
-from idloop.cli._places import NEW_FOLDER
+from idloop.cli import _inputs, _outputs
 from idloop.reporting.text.blocks import number
 
 
 @click.command("replay", short_help="Play a bag into the live graph.")
-@click.argument("bag", type=_common.BAG, metavar="BAG")
+@click.argument("bag", type=_inputs.BAG, metavar="BAG")
 @click.option("--model", "model_name", default="dc_motor", show_default=True, metavar="MODEL", help="Model to fit.")
 @click.option("--effect", "effects", multiple=True, metavar="NAME@SITE(...)", help="Effect added to the model.")
 @click.option("--window", type=float, default=20.0, show_default=True, help="Seconds of data a fit uses.")
 @click.option("--validation", type=float, default=10.0, show_default=True, help="Seconds after it that judge the fit.")
 @click.option("--fit-period", type=float, default=10.0, show_default=True, help="Seconds between fits.")
 @click.option("--rate", type=float, default=0.0, help="Times real time; 0: as fast as the nodes acknowledge.")
-@click.option("--output", type=NEW_FOLDER, help="Keep what the estimator said in this new bag.")
-@click.option("--domain", type=click.IntRange(0, 232), help="ROS domain of this graph alone (ROS_DOMAIN_ID).")
-@_common.json_option
+@click.option("--output", type=_outputs.NEW_FOLDER, help="Keep what the estimator said in this new bag.")
+@_inputs.domain_option
+@_outputs.json_option
 def command(
     bag: Path,
     model_name: str,
@@ -46,21 +45,19 @@ def command(
             effects=effects,
             windows=Windows(window, validation, fit_period),
             rate=rate,
-            say=lambda label, line: _common.log(f"[{label}] {line}"),
+            say=lambda label, line: _outputs.log(f"[{label}] {line}"),
             domain_id=domain,
         )
     if as_json:
-        _common.print_json({"schema": "idloop/replay/1", "bag": bag, "model": model_name, "result": result})
+        _outputs.print_json({"schema": "idloop/replay/1", "bag": bag, "model": model_name, "result": result})
         return
-    _common.print_table(
+    _outputs.print_table(
         ("output", "FIT on unseen data", "FIT on fitted data"),
         [(name, f"{value:.2f} %", f"{result.fit_train[name]:.2f} %") for name, value in result.fit.items()],
     )
     click.echo()
-    _common.print_table(
-        ("parameter", "value", "standard error", "unit"),
-        [
-            (name, number(one["value"], 6), number(one["stderr"], 2), one["unit"])
-            for name, one in result.parameters.items()
-        ],
-    )
+    rows = [
+        (name, number(one["value"], 6), number(one["stderr"], 2), one["unit"])
+        for name, one in result.parameters.items()
+    ]
+    _outputs.print_table(("parameter", "value", "standard error", "unit"), rows)

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from idloop.cli._common import BAG, ListOptionCommand, json_option, log, log_written, print_json, read_records
-from idloop.cli._places import OUTPUT_FOLDER, OutputFile
+from idloop.cli import _inputs, _outputs
 from idloop.cli._progress import progress, quiet_option
 from idloop.errors import InputError
 from idloop.output_files import make_folder, probe_file
@@ -34,27 +33,27 @@ Examples:
 """
 
 
-PAGE = OutputFile((".html", ".htm"), replaces=True)
-PAPER = OutputFile((".pdf",), replaces=True)
-PICTURE = OutputFile((".png",), replaces=True)
+PAGE = _outputs.OutputFile((".html", ".htm"), replaces=True)
+PAPER = _outputs.OutputFile((".pdf",), replaces=True)
+PICTURE = _outputs.OutputFile((".png",), replaces=True)
 
 
-class ReportCommand(ListOptionCommand):
-    """A command whose list options take several values at once."""
-
-    list_options = ("--bag", "--validate")
-
-
-@click.command(cls=ReportCommand, epilog=EXAMPLE)
+@click.command(cls=_inputs.lists("--bag", "--validate"), epilog=EXAMPLE)
 @click.argument("run", type=click.Path(path_type=Path), metavar="RUN")
 @click.option("--output", type=PAGE, metavar="FILE", help="HTML file (default: RUN/report.html).")
 @click.option("--pdf", type=PAPER, metavar="FILE", help="Print the page with Chromium as well.")
 @click.option("--picture", type=PICTURE, metavar="FILE", help="Take a picture (PNG) of the answer as well.")
-@click.option("--svg", type=OUTPUT_FOLDER, metavar="DIR", help="Write the figures for a paper as well, one SVG each.")
-@click.option("--bag", type=BAG, multiple=True, metavar="BAG...", help="The fitted recordings, if they have moved.")
-@click.option("--validate", type=BAG, multiple=True, metavar="BAG...", help="The unseen ones, if they have moved.")
+@click.option(
+    "--svg", type=_outputs.OUTPUT_FOLDER, metavar="DIR", help="Write the figures for a paper as well, one SVG each."
+)
+@click.option(
+    "--bag", type=_inputs.BAG, multiple=True, metavar="BAG...", help="The fitted recordings, if they have moved."
+)
+@click.option(
+    "--validate", type=_inputs.BAG, multiple=True, metavar="BAG...", help="The unseen ones, if they have moved."
+)
 @quiet_option
-@json_option
+@_outputs.json_option
 def command(
     run: Path,
     *,
@@ -71,33 +70,31 @@ def command(
     One HTML page that needs nothing else: what is missing, the ladder, measured against model, where the model
     fails, what is left, what this data cannot show, the next experiment, equations, parameters, provenance.
     """
+    from idloop.reporting.page import chromium
+
     kept = read_ladder(run)
     page = output if output is not None else probe_file(run / "report.html", "RUN", overwrite=True)
     if pdf is not None or picture is not None:
-        from idloop.reporting.page.chromium import find_chromium
-
-        find_chromium()
+        chromium.find_chromium()
     with progress(f"report of {run}", writes=True) as update:
         contents = gather_kept(kept, run, bag, validate, update)
         size = write_report(contents, page)
-        files = _save_figures(contents, svg)
+        files = []
+        if svg is not None:
+            from idloop.reporting.page.paper import save_paper_figures
+
+            files = save_paper_figures(contents, make_folder(svg))
         update(0.95, "printing")
-        _print(page, pdf, picture)
+        if pdf is not None:
+            chromium.print_pdf(page, pdf)
+        if picture is not None:
+            chromium.take_picture(page, picture)
     if as_json:
-        document = {
-            "schema": "idloop/report/1",
-            "run": run,
-            "report": page,
-            "bytes": size,
-            "pdf": pdf,
-            "picture": picture,
-            "svg": files,
-            "added": list(kept.ladder.added),
-            "verdict": kept.ladder.verdict,
-        }
-        print_json(document)
+        document = {"schema": "idloop/report/1", "run": run, "report": page, "bytes": size, "pdf": pdf}
+        document |= {"picture": picture, "svg": files, "added": kept.ladder.added, "verdict": kept.ladder.verdict}
+        _outputs.print_json(document)
         return
-    log_written(page, pdf, picture, *files)
+    _outputs.log_written(page, pdf, picture, *files)
 
 
 def gather_kept(
@@ -113,7 +110,7 @@ def gather_kept(
     for path in (*fitted, *unseen):
         if not path.exists():
             raise InputError(f"{path}: this recording of {run} is not there any more: name it by --bag or --validate")
-    records, validation = read_records(fitted, model), read_records(unseen, model, excited=False)
+    records, validation = _inputs.read_records(fitted, model), _inputs.read_records(unseen, model, excited=False)
     return gather(
         kept.ladder, fitted_records(kept, records), [*validation, *judged_records(kept, records)],
         suggestion=read_next_experiment(run, kept), provenance=_origin(kept, fitted, unseen), progress=update,
@@ -134,22 +131,7 @@ def _origin(kept: Kept, fitted: Sequence[Path], unseen: Sequence[Path]) -> dict[
             served, option = (FITTED, "--bag") if bag["use"] == UNSEEN else (UNSEEN, "--validate")
             raise InputError(f"{bag['path']}: of this ladder these are {served} data: name it by {option}")
         if bag["sha256"] not in then:
-            log(f"{bag['path']}: this recording is not the one that the ladder was climbed on (its checksum differs)")
+            _outputs.log(
+                f"{bag['path']}: this recording is not the one that the ladder was climbed on (its checksum differs)"
+            )
     return {**now, **kept.provenance}
-
-
-def _print(page: Path, pdf: Path | None, picture: Path | None) -> None:
-    from idloop.reporting.page.chromium import print_pdf, take_picture
-
-    if pdf is not None:
-        print_pdf(page, pdf)
-    if picture is not None:
-        take_picture(page, picture)
-
-
-def _save_figures(contents: Contents, svg: Path | None) -> list[Path]:
-    if svg is None:
-        return []
-    from idloop.reporting.page.paper import save_paper_figures
-
-    return save_paper_figures(contents, make_folder(svg))

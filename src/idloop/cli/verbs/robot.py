@@ -7,18 +7,7 @@ from typing import Any
 
 import click
 
-from idloop.cli._common import (
-    BAG,
-    ListOptionCommand,
-    json_option,
-    log,
-    log_written,
-    plot_option,
-    print_blocks,
-    print_json,
-    save_plot,
-)
-from idloop.cli._places import OUTPUT_FOLDER, OutputFile, force_option
+from idloop.cli import _inputs, _outputs
 from idloop.cli._progress import progress, quiet_option
 from idloop.errors import InputError
 
@@ -36,8 +25,8 @@ Examples:
 EXCITE = "excite"
 
 
-class RobotCommand(ListOptionCommand):
-    """A command whose list options take several values at once; `excite` as the first word is a command of its own."""
+class RobotCommand(_inputs.ListOptionCommand):
+    """`excite` as the first word is a command of its own."""
 
     list_options = ("--validate", "--payload")
 
@@ -52,42 +41,24 @@ class RobotCommand(ListOptionCommand):
 
 @click.command(EXCITE, epilog=EXCITE_EXAMPLE)
 @click.argument("urdf", type=click.Path(path_type=Path), metavar="URDF")
-@click.option("--period", type=click.FloatRange(0.0, min_open=True), default=10.0, show_default=True, metavar="SECONDS")
+@click.option("--period", type=_inputs.POSITIVE, default=10.0, show_default=True, metavar="SECONDS")
 @click.option("--periods", type=click.IntRange(min=1), default=2, show_default=True, help="How often it is repeated.")
 @click.option("--harmonics", type=click.IntRange(min=2), default=5, show_default=True, help="Sines of each joint.")
 @click.option("--share", type=float, default=0.8, show_default=True, help="Part of every limit of the URDF to use.")
-@click.option("--max-acceleration", type=click.FloatRange(0.0, min_open=True), help="Of every joint [rad/s² or m/s²].")
+@click.option("--max-acceleration", type=_inputs.POSITIVE, help="Of every joint [rad/s² or m/s²].")
 @click.option("--distance", type=float, default=0.03, show_default=True, help="Least distance between links [m].")
 @click.option("--rate", type=click.FloatRange(1.0), default=50.0, show_default=True, help="Points per second.")
 @click.option("--steps", type=click.IntRange(min=0), default=20, show_default=True, help="Of the optimiser.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Equal seeds give equal answers.")
-@click.option(
-    "--output",
-    type=OutputFile((".yaml", ".yml", ".csv")),
-    metavar="FILE",
-    help="Write the points (.yaml: trajectory_msgs/msg/JointTrajectory; .csv).",
+@_outputs.output_option(
+    "FILE",
+    "Write the points (.yaml: trajectory_msgs/msg/JointTrajectory; .csv).",
+    _outputs.OutputFile((".yaml", ".yml", ".csv")),
 )
-@force_option("Overwrite the file of --output.")
-@plot_option
+@_outputs.plot_option
 @quiet_option
-@json_option
-def excite(
-    urdf: Path,
-    *,
-    period: float,
-    periods: int,
-    harmonics: int,
-    share: float,
-    max_acceleration: float | None,
-    distance: float,
-    rate: float,
-    steps: int,
-    seed: int,
-    output: Path | None,
-    force: bool,
-    plot: Path | None,
-    as_json: bool,
-) -> None:
+@_outputs.json_option
+def excite(urdf: Path, *, output: Path | None, plot: Path | None, as_json: bool, **options: Any) -> None:
     """Plan the trajectory that shows most of the parameters of the robot in URDF, within its limits.
 
     Periodic sums of sines that begin and end at rest, optimised for the base parameters within the limits of position,
@@ -97,26 +68,19 @@ def excite(
     from idloop.api.robot_excitation import excite_robot
 
     with progress(f"planning for {urdf.stem}") as update:
-        found = excite_robot(
-            urdf, period=period, periods=periods, harmonics=harmonics, share=share, max_acceleration=max_acceleration,
-            distance=distance, rate=rate, steps=steps, seed=seed, progress=update,
-        )  # fmt: skip
-    save_plot(found.plot, plot)
-    log_written(plot)
+        found = excite_robot(urdf, **options, progress=update)
+    _outputs.save_plot(found.plot, plot)
     if output is not None:
         found.save(output)
-    log_written(output)
-    if as_json:
-        print_json({**found.to_dict(), "output": output, "plot": plot})
-    else:
-        print_blocks(found.blocks())
+    _outputs.log_written(output)
+    _outputs.print_found(found, as_json=as_json, output=output, plot=plot)
 
 
 @click.command(cls=RobotCommand, epilog=EXAMPLE)
 @click.argument("urdf", type=click.Path(path_type=Path), metavar="URDF")
-@click.argument("bags", type=BAG, nargs=-1, required=True, metavar="BAG...")
-@click.option("--validate", type=BAG, multiple=True, metavar="BAG...", help="Bags that the fits do not see.")
-@click.option("--payload", type=BAG, multiple=True, metavar="BAG...", help="Bags with a body at the last link.")
+@_inputs.bags_argument
+@_inputs.validate_option
+@click.option("--payload", type=_inputs.BAG, multiple=True, metavar="BAG...", help="Bags with a body at the last link.")
 @click.option("--topic", default="joint_states", show_default=True, help="Topic of the JointState messages.")
 @click.option(
     "--level",
@@ -128,31 +92,19 @@ def excite(
 @click.option("--rounds", type=click.IntRange(min=1), default=2, show_default=True, help="Fits of links and joints.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Equal seeds give equal answers.")
 @click.option("--workers", type=click.IntRange(min=0), help="Processes for the joints (default: one for each core).")
-@click.option(
-    "--output",
-    type=OUTPUT_FOLDER,
-    metavar="DIR",
-    help="Write robot.json, robot.urdf, report.html, and the model of each joint.",
-)
-@force_option("Overwrite the files in the folder of --output.")
-@plot_option
+@_outputs.output_folder_option("Write robot.json, robot.urdf, report.html, and the model of each joint.")
+@_outputs.plot_option
 @quiet_option
-@json_option
+@_outputs.json_option
 def command(
     urdf: Path,
     bags: tuple[Path, ...],
     *,
     validate: tuple[Path, ...],
-    payload: tuple[Path, ...],
-    topic: str,
-    level: float,
-    rounds: int,
-    seed: int,
-    workers: int | None,
     output: Path | None,
-    force: bool,
     plot: Path | None,
     as_json: bool,
+    **options: Any,
 ) -> None:
     """Identify the rigid bodies of the robot in URDF and all of its joints, and name what each joint lacks.
 
@@ -161,20 +113,12 @@ def command(
     """
     from idloop.api.robot import identify_robot
 
-    if output is not None and (output / "robot.json").exists() and not force:
+    if output is not None and (output / "robot.json").exists() and not _outputs.forced():
         raise InputError(f"--output {output}: there is a robot already, name another folder or add --force")
     with progress(f"identifying {urdf.stem}") as update:
-        found = identify_robot(
-            urdf, bags, validate, payload=payload, topic=topic, level=level, rounds=rounds, workers=workers, seed=seed,
-            progress=update,
-        )  # fmt: skip
-    save_plot(found.plot, plot)
-    log_written(plot)
+        found = identify_robot(urdf, bags, validate, **options, progress=update)
+    _outputs.save_plot(found.plot, plot)
     if output is not None:
         found.save(output)
-    if as_json:
-        print_json({**found.to_dict(), "output": output, "plot": plot})
-    else:
-        print_blocks(found.blocks())
-    if output is not None:
-        log(f"written: {output}")
+    _outputs.print_found(found, as_json=as_json, output=output, plot=plot)
+    _outputs.log_written(output)

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from idloop.cli._common import json_option, log, print_blocks, print_json
-from idloop.cli._places import OutputFolder
+from idloop.cli import _outputs
 from idloop.cli._progress import progress, quiet_option
 from idloop.errors import InputError
 
@@ -46,7 +45,7 @@ _PROMPT = "Enter to go on, SIGNAL=COLUMN[=UNIT] to change one (rate=HZ where the
 
 @click.command(epilog=EXAMPLE)
 @click.argument("files", nargs=-1, required=True, metavar="FILE...", type=click.Path(path_type=Path))
-@click.option("--output", type=OutputFolder(new=True, parents=True), metavar="DIR", help="Folder to write.")
+@click.option("--output", type=_outputs.NEW_FOLDER, metavar="DIR", help="Folder to write.")
 @click.option("--rate", type=click.FloatRange(0, min_open=True), metavar="HZ", help="Rows per second without a time.")
 @click.option("--period", type=click.FloatRange(0, min_open=True), metavar="S", help="Seconds per row without a time.")
 @click.option("--joint", default="axis", show_default=True, metavar="NAME", help="Name to write for the joint.")
@@ -71,7 +70,7 @@ _PROMPT = "Enter to go on, SIGNAL=COLUMN[=UNIT] to change one (rate=HZ where the
 @click.option("--no-fit", is_flag=True, help="Only write mapping, model and bags.")
 @click.option("--yes", is_flag=True, help="Ask nothing on a terminal.")
 @quiet_option
-@json_option
+@_outputs.json_option
 def command(
     files: tuple[Path, ...],
     *,
@@ -99,12 +98,13 @@ def command(
     """
     if rate is not None and period is not None:
         raise InputError("--rate and --period say the same: give one")
-    csv = {
-        key: value
-        for key, value in (("delimiter", delimiter), ("decimal", decimal), ("skip_rows", skip_rows))
-        if value is not None
+    layout = {
+        "delimiter": delimiter,
+        "decimal": decimal,
+        "skip_rows": skip_rows,
+        "header": False if no_header else None,
     }
-    csv |= {"header": False} if no_header else {}
+    csv = {key: value for key, value in layout.items() if value is not None}
     given = {name: text for name, text in signals.items() if text is not None}
     period = 1.0 / rate if rate else period
     asked = not (yes or as_json) and _on_terminal()
@@ -117,14 +117,14 @@ def command(
     if not (asked or as_json):
         # What was recognised is seen also where what follows is refused.
         free_folder(found, output)
-        print_blocks(found.blocks())
+        _outputs.print_blocks(found.blocks())
         click.echo()
     with progress("starting") as update:
         begun = begin(found, output, csv=csv, joint=joint, fitted=not no_fit, progress=update)
     if as_json:
-        print_json(begun.to_dict())
+        _outputs.print_json(begun.to_dict())
     else:
-        print_blocks(begun.outcome())
+        _outputs.print_blocks(begun.outcome())
     if begun.fit is None and begun.done.asked:
         raise click.exceptions.Exit(1)
 
@@ -163,16 +163,16 @@ def _ask(read: Callable[..., Log], given: dict[str, str], period: float | None, 
             try:
                 found = read(given, period=period)
             except InputError as error:
-                log(str(error))
+                _outputs.log(str(error))
                 if found is not None:
                     # What was refused is not kept: the table that stands there is what will be fitted.
                     given, period = shown
-                    log("not changed: the table above holds")
+                    _outputs.log("not changed: the table above holds")
             else:
                 free_folder(found, output)
                 shown = given, period
-                print_blocks(found.blocks())
-                log(f"picture: {_picture(found, Path(folder))}")
+                _outputs.print_blocks(found.blocks())
+                _outputs.log(f"picture: {_picture(found, Path(folder))}")
             answer = _answer(accepts=found is not None)
             if answer is None:
                 assert found is not None  # noqa: S101  (else nothing is accepted)
@@ -197,16 +197,16 @@ def _answer(*, accepts: bool) -> tuple[str, str] | None:
         role, equals, text = (word.strip() for word in answer.partition("="))
         if not equals:
             known = "" if answer.lower() in (*_ACCEPTS, *_REFUSES) else f"not understood: {answer!r}; "
-            log(f"{known}say what to change, such as position=angle=deg or command=u=V; q stops")
+            _outputs.log(f"{known}say what to change, such as position=angle=deg or command=u=V; q stops")
         elif role == RATE:
             if _is_positive(text):
                 return role, text
-            log(f"{text!r} rows per second are none; give a number above zero")
+            _outputs.log(f"{text!r} rows per second are none; give a number above zero")
         else:
             try:
                 check_signals([role])
             except InputError as error:
-                log(str(error))
+                _outputs.log(str(error))
             else:
                 return role, text
 

@@ -8,25 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from idloop.cli._common import (
-    BAG,
-    ModelArgument,
-    json_option,
-    log,
-    log_written,
-    plot_option,
-    print_found,
-    read_records,
-    save_plot,
-    trust_option,
-)
-from idloop.cli._diagnosis import (
-    DiagnosisCommand,
-    criterion_option,
-    limit_options,
-    seed_option,
-)
-from idloop.cli._places import OUTPUT_FILE, force_option
+from idloop.cli import _inputs, _outputs
 from idloop.cli._progress import progress, quiet_option
 from idloop.errors import InputError
 
@@ -47,7 +29,7 @@ Run it: the excitation node takes the file as its parameter `experiment`, then c
 """
 
 
-@click.command(cls=DiagnosisCommand, epilog=EXAMPLE)
+@click.command(cls=_inputs.lists("--also"), epilog=EXAMPLE)
 @click.argument("sources", nargs=-1, metavar="[MODEL...] BAG")
 @click.option("--between", nargs=2, metavar="MODEL MODEL", help="Two rival models; the same as naming two MODELs.")
 @click.option(
@@ -57,18 +39,17 @@ Run it: the excitation node takes the file as its parameter `experiment`, then c
     help="Settle what a ladder of idloop refine left open; BAG may be left out.",
 )
 @click.option("--show", metavar="EFFECT@SITE", help="Make this effect visible, which the data so far do not show.")
-@click.option("--also", type=BAG, multiple=True, metavar="BAG...", help="More of the data so far.")
-@limit_options
+@click.option("--also", type=_inputs.BAG, multiple=True, metavar="BAG...", help="More of the data so far.")
+@_inputs.limit_options
 @click.option("--start", type=float, metavar="POSITION", help="Where the axis will rest before.")
 @click.option("--no-fit", is_flag=True, help="Take rival models as they are instead of fitting them first.")
-@criterion_option
-@seed_option
-@trust_option
-@click.option("--output", type=OUTPUT_FILE, metavar="NEXT.yaml", help="Write the experiment.")
-@force_option("Overwrite the file of --output.")
-@plot_option
+@_inputs.criterion_option
+@_inputs.seed_option
+@_inputs.trust_option
+@_outputs.output_option("NEXT.yaml", "Write the experiment.")
+@_outputs.plot_option
 @quiet_option
-@json_option
+@_outputs.json_option
 def command(
     sources: tuple[str, ...],
     *,
@@ -78,7 +59,6 @@ def command(
     also: tuple[Path, ...],
     no_fit: bool,
     output: Path | None,
-    force: bool,
     plot: Path | None,
     as_json: bool,
     **options: Any,
@@ -102,20 +82,19 @@ def command(
         if ladder is not None:
             subject, records = _ladder_and_records(ladder, bags, also)
         else:
-            subject = [ModelArgument().convert(name, None, None) for name in names]
-            records = read_records([*bags, *also], subject[0])
+            subject = [_inputs.open_model(name) for name in names]
+            records = _inputs.read_records([*bags, *also], subject[0])
         found = suggest(subject, records, show=show, fitted=no_fit, progress=update, **options)
     if found.experiment is None:
         for option, place in (("--output", output), ("--plot", plot)):
             if place is not None:
-                log(f"{option} {place}: not written, there is no experiment that is worth running")
+                _outputs.log(f"{option} {place}: not written, there is no experiment that is worth running")
         output = plot = None
     if output is not None:
         found.save(output)
-    log_written(output)
-    save_plot(found.plot, plot)
-    log_written(plot)
-    print_found(found, as_json=as_json, output=output, plot=plot)
+    _outputs.log_written(output)
+    _outputs.save_plot(found.plot, plot)
+    _outputs.print_found(found, as_json=as_json, output=output, plot=plot)
 
 
 def _split(
@@ -127,7 +106,7 @@ def _split(
     if ladder is not None and show is not None:
         raise InputError("--ladder asks for what it left open itself: leave --show out, or name MODEL")
     if ladder is not None:
-        return [], [BAG.convert(source, None, None) for source in sources]
+        return [], [_inputs.existing_bag(source) for source in sources]
     if not sources:
         raise InputError("BAG is missing: name the recording that the models are to explain")
     names = [*(between or ()), *sources[:-1]]
@@ -135,7 +114,7 @@ def _split(
         raise InputError(f"MODEL is missing: write idloop suggest MODEL {sources[-1]}, or --between two models")
     if len(names) > 1 and show is not None:
         raise InputError("--show takes one MODEL: the rivals are that model with and without the effect")
-    return names, [BAG.convert(sources[-1], None, None)]
+    return names, [_inputs.existing_bag(sources[-1])]
 
 
 def _ladder_and_records(folder: Path, bags: Sequence[Path], also: Sequence[Path]) -> tuple[Ladder, list[Record]]:
@@ -147,5 +126,5 @@ def _ladder_and_records(folder: Path, bags: Sequence[Path], also: Sequence[Path]
     chosen = [*(bags or kept.bags), *also]
     if not chosen:
         raise InputError(f"{folder}: its bags are not known any more; name BAG")
-    records = read_records(chosen, kept.ladder.model)
+    records = _inputs.read_records(chosen, kept.ladder.model)
     return Ladder(kept.ladder, tuple(records)), records

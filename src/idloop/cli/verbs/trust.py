@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from idloop.cli._common import json_option, print_json, print_table
+from idloop.cli import _outputs
 from idloop.errors import InputError
 from idloop.spelling import listed
 
@@ -21,7 +21,7 @@ def effects_of(place: Path) -> Path:
 @click.argument("place", type=click.Path(path_type=Path), metavar="[FOLDER_OR_MODEL]", required=False)
 @click.option("--list", "show_list", is_flag=True, help="List the folders that are trusted.")
 @click.option("--revoke", is_flag=True, help="Trust the folder no longer.")
-@json_option
+@_outputs.json_option
 def command(place: Path | None, *, show_list: bool, revoke: bool, as_json: bool) -> None:
     """Let the Python files of a folder of effects run when a model is opened.
 
@@ -35,9 +35,9 @@ def command(place: Path | None, *, show_list: bool, revoke: bool, as_json: bool)
     if place is None:
         folders = trust.trusted_folders()
         if as_json:
-            print_json({"schema": "idloop/trust/1", "folders": [vars(one) for one in folders]})
+            _outputs.print_json({"schema": "idloop/trust/1", "folders": [vars(one) for one in folders]})
         elif folders:
-            print_table(["folder", "state"], [(str(one.folder), one.state) for one in folders])
+            _outputs.print_table(["folder", "state"], [(str(one.folder), one.state) for one in folders])
         else:
             click.echo("no folder is trusted")
         return
@@ -54,6 +54,6 @@ def command(place: Path | None, *, show_list: bool, revoke: bool, as_json: bool)
         document = {"schema": "idloop/trust/1", "folder": files.folder, "trusted": True, "files": sorted(files.sources)}
         line = f"{files.folder}: {listed(sorted(files.sources))} may run; whatever changes asks again"
     if as_json:
-        print_json(document)
+        _outputs.print_json(document)
     else:
         click.echo(line)

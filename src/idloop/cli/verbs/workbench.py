@@ -4,22 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from idloop.cli._common import (
-    BAG,
-    MODEL,
-    apply_options,
-    json_option,
-    log,
-    model_options,
-    print_json,
-    read_fitted_and_unseen,
-)
-from idloop.cli._diagnosis import DiagnosisCommand, diagnosis_options, limit_options, read_limits
-from idloop.cli._places import OUTPUT_FOLDER, force_option
+from idloop.cli import _inputs, _outputs
 from idloop.ending_signals import event_on_ending_signal
 from idloop.reporting.ladder_folder import Kept, check_target, write_ladder
 
@@ -37,20 +26,16 @@ On a live graph the page comes with it: idloop launch hidden workbench:=true
 """
 
 
-@click.command(cls=DiagnosisCommand, epilog=EXAMPLE)
-@click.argument("model", type=MODEL, metavar="[MODEL]", required=False)
-@click.argument("bags", nargs=-1, type=BAG, metavar="[BAG...]")
-@click.option("--validate", type=BAG, multiple=True, metavar="BAG...", help="Bags that the fits do not see.")
-@diagnosis_options
-@model_options
-@limit_options
-@click.option(
-    "--output",
-    type=OUTPUT_FOLDER,
-    metavar="DIR",
-    help="Write model.yaml and ladder.json after every step; idloop refine --resume goes on from there.",
+@click.command(cls=_inputs.lists("--validate", "--effects"), epilog=EXAMPLE)
+@click.argument("model", type=_inputs.MODEL, metavar="[MODEL]", required=False)
+@click.argument("bags", nargs=-1, type=_inputs.BAG, metavar="[BAG...]")
+@_inputs.validate_option
+@_inputs.diagnosis_options
+@_inputs.model_options
+@_inputs.limit_options
+@_outputs.output_folder_option(
+    "Write model.yaml and ladder.json after every step; idloop refine --resume goes on from there."
 )
-@force_option("Overwrite the files in the folder of --output.")
 @click.option(
     "--address",
     default="127.0.0.1",
@@ -59,29 +44,18 @@ On a live graph the page comes with it: idloop launch hidden workbench:=true
 )
 @click.option("--port", type=click.IntRange(0, 65535), default=0, help="Port to serve at.  [default: any that is free]")
 @click.option("--no-browser", is_flag=True, help="Do not open a browser.")
-@json_option
+@_outputs.json_option
 def command(
     model: Model | None,
     bags: tuple[Path, ...],
     *,
     validate: tuple[Path, ...],
-    level: float,
-    minimum_improvement: float,
-    only: tuple[str, ...],
-    criterion: str,
-    seed: int,
-    settings: tuple[str, ...],
-    effects: tuple[str, ...],
-    max_command: float | None,
-    position_range: tuple[float, float] | None,
-    max_velocity: float | None,
-    duration: float | None,
     output: Path | None,
-    force: bool,
     address: str,
     port: int,
     no_browser: bool,
     as_json: bool,
+    **options: Any,
 ) -> None:
     """Look at MODEL on BAGs in a browser: where it fails, what is missing, add it, take it back.
 
@@ -97,23 +71,25 @@ def command(
     if not bags:
         raise click.UsageError("Missing argument 'BAG...'.")
     if output is not None:
-        check_target(output, "--output", overwrite=force)
-    model = apply_options(model, settings, effects)
+        check_target(output, "--output", overwrite=_outputs.forced())
+    model = _inputs.with_options(model)
+    search, limits = _inputs.search_options(options), _inputs.limits_of(options)
+    only = search["effects"] or ()
     if only:
         from idloop.diagnosis.screening.proposals import proposals
 
         proposals(model, only)  # an unknown name is refused now, not at the first search
-    records, unseen = read_fitted_and_unseen(bags, validate, model)
+    records, unseen = _inputs.read_fitted_and_unseen(bags, validate, model)
 
     # Only now: bad input is refused before the page's libraries are loaded.
     from idloop.reporting.workbench.offline import OfflineSource
     from idloop.reporting.workbench.server import Place, Site
     from idloop.reporting.workbench.steps import Study
 
-    limits = read_limits(max_command, position_range, max_velocity)
     study = Study(
-        tuple(records), tuple(unseen), level, criterion, only, seed, limits, duration, 0.01 * minimum_improvement
-    )
+        tuple(records), tuple(unseen), search["level"], search["criterion"], only, search["seed"], limits,
+        options["duration"], search["minimum_improvement"],
+    )  # fmt: skip
     source = OfflineSource(model, study, keep=_keeper(output, bags, validate, model), paths=(bags, validate))
     try:
         site = Site(source, Place(address, port))
@@ -139,12 +115,12 @@ def _keeper(
 def _tell(address: str, *, no_browser: bool, as_json: bool) -> None:
     """Print the address, and open it."""
     if as_json:
-        print_json({"schema": "idloop/workbench/1", "address": address})
+        _outputs.print_json({"schema": "idloop/workbench/1", "address": address})
     else:
         click.echo(address)
-    log("Ctrl-C ends it")
+    _outputs.log("Ctrl-C ends it")
     if not no_browser:
         import webbrowser
 
         if not webbrowser.open(address):
-            log("no browser found: open the address yourself")
+            _outputs.log("no browser found: open the address yourself")
