@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from idloop.robots.inertia import (
-    is_consistent,
     nearest_consistent,
     parameters_at,
     parameters_of,
@@ -16,6 +15,11 @@ from idloop.robots.inertia import (
 CENTRE = np.array([0.1, 0.0, 0.2])
 ABOUT = np.diag([0.02, 0.03, 0.04]) + 2.0 * (CENTRE @ CENTRE * np.eye(3) - np.outer(CENTRE, CENTRE))
 LINK = np.array([2.0, *(2.0 * CENTRE), *ABOUT[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]])
+
+
+def is_consistent(parameters) -> bool:
+    """Whether a distribution of positive mass has the ten parameters."""
+    return bool(np.all(np.linalg.eigvalsh(pseudo_inertia(parameters)) > 0.0))
 
 
 def test_parameters_survive_the_way_to_the_pseudo_inertia_and_back():

@@ -59,17 +59,14 @@ def document(robot: Robot, payload: Payload | None, findings: Sequence[str]) -> 
         "joints": joints,
         "links": {name: _link(values) for name, values in zip(names, robot.fit.links, strict=True)},
         "base": [
-            {
-                "name": one.name, "value": one.value, "stderr": one.stderr, "interval": list(one.interval),
-                "others": one.others,
-            }
+            {**vars(one), "interval": list(one.interval)}
             for one in robot.fit.base
             if not one.name.endswith(f".{EFFECTS}")
         ],
         "condition": robot.fit.condition,
         "consistency": robot.fit.excess,
         "excite": _to_excite(robot),
-        "payload": None if payload is None else _payload(payload),
+        "payload": None if payload is None else {key: _plain(value) for key, value in vars(payload).items()},
     }  # fmt: skip
 
 
@@ -80,32 +77,22 @@ def _joint(ladder: Ladder, task: JointTask, model: Model) -> dict[str, Any]:
         "verdict": ladder.verdict,
         "conclusion": conclusion(ladder),
         "added": [
-            {
-                "effect": step.added.name,
-                "p_value": step.p_value,
-                "text": step.added.text,
-                "rivals": list(ladder.rivals(step)),
-                "explains": step.added.explains,
-            }
+            {"effect": step.added.name, "p_value": step.p_value, "text": step.added.text,
+             "rivals": list(ladder.rivals(step)), "explains": step.added.explains}
             for step in ladder.steps
             if step.added is not None
         ],
         "steps": [
-            {
-                "name": "start" if step.added is None else step.added.name,
-                "fitted": step.train.get("force"),
-                "unseen": step.validation.get("force"),
-            }
+            {"name": "start" if step.added is None else step.added.name, "fitted": step.train.get("force"),
+             "unseen": step.validation.get("force")}
             for step in ladder.steps
         ],
         "parameters": parameter_estimates(model),
-        "chosen": {
-            one.name: one.value for one in model.parameters if not one.free and one.name.startswith(ladder.added)
-        },
+        "chosen": {p.name: p.value for p in model.parameters if not p.free and p.name.startswith(ladder.added)},
         "model": model.to_yaml(),
         "not_shown": undetectable(ladder),
         "data": list(ladder.findings),
-    }
+    }  # fmt: skip
 
 
 def _where(ladder: Ladder, task: JointTask) -> str:
@@ -118,20 +105,13 @@ def _where(ladder: Ladder, task: JointTask) -> str:
     return ""
 
 
+def _plain(value: Any) -> Any:
+    return value.tolist() if isinstance(value, np.ndarray) else value
+
+
 def _link(values: Array) -> dict[str, Any]:
     mass = float(values[0])
     return {"mass": mass, "centre": (values[1:4] / mass).tolist(), "inertia": values[4:].tolist()}
-
-
-def _payload(payload: Payload) -> dict[str, Any]:
-    return {
-        "joint": payload.joint,
-        "mass": payload.mass,
-        "mass_stderr": payload.mass_stderr,
-        "centre": payload.centre.tolist(),
-        "centre_stderr": payload.centre_stderr.tolist(),
-        "parameters": payload.parameters.tolist(),
-    }
 
 
 def _to_excite(robot: Robot) -> list[str]:

@@ -18,7 +18,7 @@ from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.robots.balance import OF_JOINT
 from idloop.robots.collision import SelfCollision
-from idloop.robots.rigid_body import RigidBody
+from idloop.robots.rigid_body import PER_LINK, RigidBody
 from idloop.spelling import listed
 
 Report = Callable[[float, str], None]
@@ -31,6 +31,7 @@ _FREE_RANGE = np.pi  # of a joint without limits, to either side of 0 [rad]
 _FREE_VELOCITY = 1.0  # of a joint without a limit [rad/s]
 _STANDING = 0.1  # speed at which dry friction is taken as a half of its level, as a part of the limit
 _RANK = 1e-6
+_NO_TRAJECTORY = "no trajectory within the limits was found: widen the limits of the URDF or take a larger share"
 _TRIES = 20  # random middles for each start: some are not free
 
 
@@ -45,6 +46,16 @@ class Limits:
     acceleration: Array
     effort: Array
     distance: float  # least distance between links [m]
+
+    @property
+    def middle(self) -> Array:
+        """Middle of the ranges of positions."""
+        return np.asarray(0.5 * (self.lower + self.upper))
+
+    @property
+    def half(self) -> Array:
+        """Half of the ranges of positions."""
+        return np.asarray(0.5 * (self.upper - self.lower))
 
 
 def limits_of(robot: RigidBody, share: float, acceleration: float | None, distance: float) -> Limits:
@@ -140,7 +151,9 @@ def plan(
     """
     from scipy.optimize import minimize
 
-    _check(limits, robot.joints)
+    empty = [name for name, low, high in zip(robot.joints, limits.lower, limits.upper, strict=True) if not high > low]
+    if empty:
+        raise InputError(f"no range of positions for {listed(empty)}: correct the limits in the URDF")
     series = _Series(len(robot.joints), period, harmonics)
     collision = SelfCollision(robot)
     time = np.arange(_POINTS) * period / _POINTS
@@ -149,11 +162,8 @@ def plan(
     drawn = (design.fitted(design.draw(random), time) for _ in range(_TRIES * max(starts, 1)))
     points = list(islice((one for one in drawn if one is not None), max(starts, 1)))
     if not points:
-        raise InputError(
-            "no trajectory within the limits was found: widen the limits of the URDF or take a larger share"
-        )
-    values = [design.cost(one, time) for one in points]
-    best = points[int(np.argmin(values))]
+        raise InputError(_NO_TRAJECTORY)
+    best = min(points, key=lambda one: design.cost(one, time))
     before = design.condition(best, time)
     count = 0
 
@@ -170,9 +180,7 @@ def plan(
     point = design.fitted(found.x, dense)
     point = design.fitted(best, dense) if point is None else point
     if point is None:
-        raise InputError(
-            "no trajectory within the limits was found: widen the limits of the URDF or take a larger share"
-        )
+        raise InputError(_NO_TRAJECTORY)
     grid = np.arange(round(periods * period * rate) + 1) / rate
     position, velocity, acceleration = series.at(point, grid)
     notes = (collision.problem,) if collision.problem else ()
@@ -193,9 +201,8 @@ class _Design:
         random = np.random.default_rng(seed)
         joints = len(robot.joints)
         q, v, a = random.uniform(-1.0, 1.0, size=(3, 40 * joints, joints))
-        table = self._table(
-            0.5 * (limits.upper + limits.lower) + 0.5 * (limits.upper - limits.lower) * q, limits.velocity * v, a
-        ).reshape(-1, (10 + len(OF_JOINT)) * joints)
+        table = self._table(limits.middle + limits.half * q, limits.velocity * v, a)
+        table = table.reshape(-1, (PER_LINK + len(OF_JOINT)) * joints)
         length = np.linalg.norm(table, axis=0)
         shown = np.flatnonzero(length > 1e-9 * np.max(length))
         _, triangle, order = qr(table[:, shown] / length[shown], mode="economic", pivoting=True)
@@ -215,8 +222,7 @@ class _Design:
         """A random point about the middle of the ranges."""
         series, limits = self.series, self.limits
         own = random.normal(size=(series.joints, series.size)) * limits.velocity[:, None]
-        middle, half = 0.5 * (limits.upper + limits.lower), 0.5 * (limits.upper - limits.lower)
-        own[:, 0] = middle + 0.3 * half * random.uniform(-1.0, 1.0, series.joints)
+        own[:, 0] = limits.middle + 0.3 * limits.half * random.uniform(-1.0, 1.0, series.joints)
         return own.ravel()
 
     def fitted(self, point: Array, time: Array) -> Array | None:
@@ -234,8 +240,7 @@ class _Design:
         """How far each sample is beyond each limit, relative to the limit; negative: within."""
         q, v, a = self.series.at(point, time)
         limits = self.limits
-        half = 0.5 * (limits.upper - limits.lower)
-        parts = [np.abs(q - 0.5 * (limits.upper + limits.lower)) / half, np.abs(v) / limits.velocity]
+        parts = [np.abs(q - limits.middle) / limits.half, np.abs(v) / limits.velocity]
         if np.any(np.isfinite(limits.acceleration)):
             parts.append(np.abs(a) / limits.acceleration)
         if np.any(np.isfinite(limits.effort)):
@@ -265,22 +270,14 @@ class _Design:
         return float(np.linalg.cond(table / np.linalg.norm(table, axis=0)))
 
 
-def _check(limits: Limits, joints: tuple[str, ...]) -> None:
-    empty = [name for name, low, high in zip(joints, limits.lower, limits.upper, strict=True) if not high > low]
-    if empty:
-        raise InputError(f"no range of positions for {listed(empty)}: correct the limits in the URDF")
-
-
 def trajectory_text(found: Trajectory, form: str) -> str:
     """Write a trajectory as ``csv``, or as ``yaml`` in the form of trajectory_msgs/msg/JointTrajectory."""
     if form == "csv":
         names = [f"{joint}.{field}" for joint in found.joints for field in ("position", "velocity", "acceleration")]
         columns = np.stack([found.position, found.velocity, found.acceleration], axis=-1).reshape(len(found.time), -1)
         lines = [",".join(["time", *names])]
-        lines += [
-            ",".join(f"{value:.9g}" for value in (instant, *row))
-            for instant, row in zip(found.time, columns, strict=True)
-        ]
+        table = np.column_stack([found.time, columns])
+        lines += [",".join(f"{value:.9g}" for value in row) for row in table]
         return "\n".join(lines) + "\n"
     lines = ["# trajectory_msgs/msg/JointTrajectory", f"joint_names: [{', '.join(found.joints)}]", "points:"]
     for k, instant in enumerate(found.time):

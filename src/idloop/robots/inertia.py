@@ -45,11 +45,6 @@ def parameters_of(pseudo: Array) -> Array:
     )  # fmt: skip
 
 
-def is_consistent(parameters: Array) -> bool:
-    """Whether a distribution of positive mass has the ten parameters."""
-    return bool(np.all(np.linalg.eigvalsh(pseudo_inertia(parameters)) > 0.0))
-
-
 def nearest_consistent(parameters: Array) -> Array:
     """Ten parameters with positive mass and with an extent in every direction, near the given ones."""
     mass = float(parameters[0])

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
 
 PER_LINK = 10  # mass, first moments (x, y, z), and inertia (xx, xy, yy, xz, yz, zz) about the joint's frame
-MASS = 0
 
 
 def load_pinocchio() -> ModuleType:

@@ -17,6 +17,7 @@ import numpy as np
 from idloop.arrays import Array, Integers
 from idloop.errors import InputError
 from idloop.estimation.statistics.covariance import jackknife, sandwich, white_covariance, widest
+from idloop.physics.parameter import NORMAL_95
 from idloop.robots.balance import OF_JOINT, Balance, parameter_names
 from idloop.robots.inertia import nearest_consistent, parameters_at, root_of
 from idloop.robots.rigid_body import PER_LINK
@@ -31,7 +32,6 @@ _SEGMENTS = 40
 _PRIOR = 1.0  # standard deviation of a link's coordinates about its description, see `idloop.robots.inertia`
 _LEAST_ARMATURE = 1e-3  # at the start [kg·m²]
 _STEP, _MOST_STEPS = 1e-6, 300  # of the optimisation under consistency
-_Z95 = 1.959963984540054
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class BaseParameter:
     @property
     def interval(self) -> tuple[float, float]:
         """95 % confidence interval."""
-        return self.value - _Z95 * self.stderr, self.value + _Z95 * self.stderr
+        return self.value - NORMAL_95 * self.stderr, self.value + NORMAL_95 * self.stderr
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,9 @@ from typing import Any
 
 from idloop.estimation.statistics.interval_text import interval_text
 from idloop.p_values import p_value_text
+from idloop.physics.parameter import NORMAL_95
 from idloop.reporting.text.blocks import Block, Table, number
 from idloop.reporting.verdicts import VERDICTS
-
-_Z95 = 1.959963984540054
 
 
 def robot_blocks(document: Mapping[str, Any]) -> Iterator[Block]:
@@ -113,8 +112,8 @@ def link_table(document: Mapping[str, Any]) -> Table:
 
 def payload_lines(payload: Mapping[str, Any]) -> Iterator[str]:
     """Yield the payload's mass and centre of mass."""
-    mass, error = payload["mass"], _Z95 * payload["mass_stderr"]
+    mass, error = payload["mass"], NORMAL_95 * payload["mass_stderr"]
     yield f"payload at {payload['joint']}: mass {mass:.4g} kg ({interval_text(mass - error, mass + error)})"
     for axis, value, stderr in zip("xyz", payload["centre"], payload["centre_stderr"], strict=True):
-        low, high = value - _Z95 * stderr, value + _Z95 * stderr
+        low, high = value - NORMAL_95 * stderr, value + NORMAL_95 * stderr
         yield f"  centre of mass {axis} {value:.3g} m ({interval_text(low, high)})"

@@ -67,8 +67,7 @@ class Breakdown:
             # Differences of 1e-12 are rounding; of equals the narrowest part counts.
             if gain[stop] > best + 1e-12 or (gain[stop] > best - 1e-12 and stop < found[1] - found[0]):
                 best, found = float(gain[stop]), (start, start + stop)
-        bins = order[found[0] : found[1] + 1]
-        return self._part(bins)
+        return self._part(order[found[0] : found[1] + 1])
 
     @property
     def follows(self) -> float:
@@ -119,35 +118,19 @@ class Breakdown:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON."""
-        worst = self.worst
+        edges = [] if self.edges is None else self.edges.tolist()
+        share = "signal" if self.variable == "frequency" else "time"
+        columns = (self.names, self.error.tolist(), self.usual.tolist(), self.mean, self.rms)
         bins = []
-        for i, name in enumerate(self.names):
-            ranged = self.edges is not None and i + 1 < len(self.edges)
-            bins.append(
-                {
-                    "name": name,
-                    "from": float(self.edges[i]) if ranged and self.edges is not None else None,
-                    "to": float(self.edges[i + 1]) if ranged and self.edges is not None else None,
-                    "error": float(self.error[i]),
-                    "signal" if self.variable == "frequency" else "time": float(self.usual[i]),
-                    "mean": _plain(self.mean[i]),
-                    "rms": _plain(self.rms[i]),
-                }
-            )
+        for i, (name, error, usual, mean, rms) in enumerate(zip(*columns, strict=True)):
+            low, high = edges[i : i + 2] if i + 1 < len(edges) else (None, None)
+            bins.append({"name": name, "from": low, "to": high, "error": error, share: usual, **_sizes(mean, rms)})
         return {
             "label": self.label,
             "unit": self.unit,
             "follows": _plain(self.follows),
             "stands_out": bool(self.stands_out),
-            "worst": {
-                "first": worst.first,
-                "last": worst.last,
-                "error": worst.error,
-                "usual": worst.usual,
-                "mean": _plain(worst.mean),
-                "rms": _plain(worst.rms),
-                "text": worst.text,
-            },
+            "worst": {**vars(self.worst), **_sizes(self.worst.mean, self.worst.rms)},
             "bins": bins,
         }
 
@@ -211,6 +194,10 @@ def _information(error: Array, usual: Array) -> Array:
         return np.where(a > 0.0, a * np.log(np.maximum(a, 1e-300) / b), 0.0)
 
     return np.asarray(np.sign(e - u) * (term(e, u) + term(1.0 - e, 1.0 - u)))
+
+
+def _sizes(mean: float, rms: float) -> dict[str, float | None]:
+    return {"mean": _plain(mean), "rms": _plain(rms)}
 
 
 def _plain(value: float) -> float | None:

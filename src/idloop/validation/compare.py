@@ -19,7 +19,6 @@ from idloop.validation.operating_state import error_share, motion_regions, smoot
 from idloop.validation.residual import ResidualTest, residual_tests
 from idloop.validation.runs import Runs
 from idloop.validation.where import Where, where
-from idloop.validation.words import fit_text
 
 if TYPE_CHECKING:
     from idloop.physics import Model
@@ -56,11 +55,6 @@ class Comparison(Runs):
     def fit_ahead(self) -> dict[str, float]:
         """FIT of the prediction `steps` ahead in percent, by output."""
         return self._named(fit_percent(self.measured, self.ahead))
-
-    @property
-    def fit_predicted(self) -> dict[str, float]:
-        """FIT of the one-step prediction in percent, by output."""
-        return self._named(fit_percent(self.measured, self.predicted))
 
     @cached_property
     def share(self) -> dict[str, dict[str, dict[str, float]]]:
@@ -106,55 +100,22 @@ class Comparison(Runs):
 
     def to_dict(self) -> dict[str, Any]:
         """Return all measures as plain numbers for JSON."""
-        force = self.force
+        force, tested = self.force, len(self.time) >= 100
+        error = None if force is None else {
+            "relative_error": force.relative, "band_hz": force.band, "cutoff_hz": force.cutoff,
+            "noise_share": force.noise_share, "noise": force.noise,
+        }  # fmt: skip
         return {
             "model": self.model.name,
             "record": self.record.name,
             "free_run": measures(self.names, self.measured, self.simulated),
             "one_step": measures(self.names, self.measured, self.predicted),
             "ahead": {"steps": self.steps, **measures(self.names, self.measured, self.ahead)},
-            "force": None
-            if force is None
-            else {
-                "relative_error": force.relative,
-                "band_hz": force.band,
-                "cutoff_hz": force.cutoff,
-                "noise_share": force.noise_share,
-                "noise": force.noise,
-            },
+            "force": error,
             "share": self.share,
             "where": self.where.to_dict(),
-            "residual": [test.to_dict() for test in self.residual_tests()] if len(self.time) >= 100 else [],
+            "residual": [test.to_dict() for test in self.residual_tests()] if tested else [],
         }
-
-    def plot(self, axes: Any = None) -> Any:
-        """Draw measured, simulated and predicted outputs and the drive side; returns the axes."""
-        import matplotlib.pyplot as plt
-
-        rows = len(self.names) + (self.force is not None)
-        if axes is None:
-            _, axes = plt.subplots(
-                rows, 1, squeeze=False, sharex=True, layout="constrained", figsize=(9, 2.4 * rows + 0.6)
-            )
-            axes = axes[:, 0]
-        fit, ahead = self.fit, self.fit_ahead
-        for i, name in enumerate(self.names):
-            axis = axes[i]
-            axis.plot(self.time, self.measured[:, i], color="0.3", linewidth=1.0, label="measured")
-            axis.plot(
-                self.time, self.simulated[:, i], linewidth=0.9, label=f"free run, FIT {fit_text(fit[name], 3, ' %')}"
-            )
-            axis.plot(
-                self.time, self.ahead[:, i], linewidth=0.7, linestyle="--",
-                label=f"{self.steps} steps ahead, FIT {fit_text(ahead[name], 3, ' %')}",
-            )  # fmt: skip
-            axis.set_ylabel(f"{name} [{self.model.outputs[i].unit}]")
-            axis.legend(loc="upper right", frameon=False)
-        if self.force is not None:
-            self.force.plot(axes[rows - 1])
-        axes[0].set_title(f"{self.model.name} on {self.record.name}")
-        axes[rows - 1].set_xlabel("time [s]")
-        return axes
 
     def _named(self, values: Array) -> dict[str, float]:
         return dict(zip(self.names, (float(v) for v in values), strict=True))

@@ -9,7 +9,7 @@ measured.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,7 +18,6 @@ from idloop.errors import InputError
 from idloop.estimation.dataset import prepare
 from idloop.estimation.force_balance.force_error import record_balance, thin
 from idloop.estimation.force_balance.motion import bridged
-from idloop.validation.words import force_text
 
 if TYPE_CHECKING:
     from idloop.physics import Model
@@ -54,20 +53,6 @@ class ForceError:
     def trusted(self) -> bool:
         """Whether the error is that of the model rather than that of the sensors."""
         return self.noise < MOST_NOISE
-
-    def plot(self, axes: Any = None) -> Any:
-        """Draw both forces and their difference; returns the matplotlib axes."""
-        import matplotlib.pyplot as plt
-
-        if axes is None:
-            _, axes = plt.subplots(figsize=(9, 3), layout="constrained")
-        axes.plot(self.time, self.applied, linewidth=0.8, label="applied")
-        axes.plot(self.time, self.required, linewidth=0.8, label="required by the model")
-        axes.plot(self.time, self.required - self.applied, linewidth=0.6, color="0.4", label="difference")
-        axes.set(xlabel="time [s]", ylabel="drive force")
-        axes.set_title(f"relative force error {force_text(self.relative, 3, ' %')} up to {self.band:.3g} Hz")
-        axes.legend(loc="upper right", frameon=False)
-        return axes
 
 
 def force_error(model: Model, record: Record, cutoff: float | None = None) -> ForceError:

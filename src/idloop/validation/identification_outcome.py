@@ -83,15 +83,8 @@ class Outcome:
     def measures(self) -> dict[str, Any]:
         """States, stability and criteria."""
         known = self.information
-        return {
-            "states": self.states,
-            "stable": self.stable,
-            "largest_pole": self.largest_pole,
-            "loss": None if known is None else known.loss,
-            "fpe": None if known is None else known.fpe,
-            "aic": None if known is None else known.aic,
-            "bic": None if known is None else known.bic,
-        }
+        criteria = {key: getattr(known, key, None) for key in ("loss", "fpe", "aic", "bic")}
+        return {"states": self.states, "stable": self.stable, "largest_pole": self.largest_pole, **criteria}
 
 
 def on_the_same_samples(outcomes: Sequence[Outcome]) -> list[Outcome]:

@@ -92,27 +92,6 @@ class ResidualTest:
             "cross_correlation": self.cross_correlation.tolist(),
         }
 
-    def plot(self, axes: Any = None) -> Any:
-        """Draw both correlations with their bands; returns the two matplotlib axes."""
-        import matplotlib.pyplot as plt
-
-        if axes is None:
-            _, axes = plt.subplots(2, 1, figsize=(8, 5), layout="constrained")
-        top, bottom = axes
-        _stems(top, self.lag, self.autocorrelation, self.autocorrelation_band)
-        top.set(title=f"residual of {self.name}", xlabel="lag [samples]", ylabel="autocorrelation")
-        _stems(bottom, self.cross_lag, self.cross_correlation, self.cross_correlation_band)
-        bottom.set(xlabel="lag [samples]", ylabel=f"correlation with the {self.against}")
-        return axes
-
-
-def _stems(axes: Any, lag: Array, value: Array, band: Array) -> None:
-    axes.fill_between(lag, -band, band, color="0.85", step="mid", label="99 % band")
-    axes.vlines(lag, 0.0, value, color="C0")
-    axes.plot(lag, value, ".", color="C0", markersize=4)
-    axes.axhline(0.0, color="0.4", linewidth=0.6)
-    axes.legend(loc="upper right", frameon=False)
-
 
 def autocorrelation(values: ArrayLike, lags: int) -> Array:
     """Autocorrelation of a series with its mean removed, biased estimate.

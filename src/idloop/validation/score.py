@@ -41,14 +41,14 @@ class Score:
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers for JSON."""
         return {
-            "free_run": {"fit": _named(self.output_names, self.free_run), "mean_fit": float(np.mean(self.free_run))},
-            "ahead": {
-                "steps": self.steps,
-                "fit": _named(self.output_names, self.ahead),
-                "mean_fit": float(np.mean(self.ahead)),
-            },
+            "free_run": self._fit(self.free_run),
+            "ahead": {"steps": self.steps, **self._fit(self.ahead)},
             "residual": [test.to_dict() for test in self.tests],
         }
+
+    def _fit(self, values: Array) -> dict[str, Any]:
+        by_output = dict(zip(self.output_names, map(float, values), strict=True))
+        return {"fit": by_output, "mean_fit": float(np.mean(values))}
 
 
 def score(model: LinearModel | NarxModel, data: Sequence[SampledData], steps: int = 10) -> Score:
@@ -125,7 +125,3 @@ def pooled_fit(data: Sequence[SampledData], modelled: Sequence[Array], first: in
             deviations = deviations + np.sum((measured - np.mean(measured, axis=0)) ** 2, axis=0)
         fit = 100.0 * (1.0 - np.sqrt(errors / deviations))
     return np.asarray(np.where(np.isfinite(fit), fit, np.where(errors == 0.0, 100.0, -np.inf)), dtype=float)
-
-
-def _named(names: Sequence[str], values: Array) -> dict[str, float]:
-    return {name: float(value) for name, value in zip(names, values, strict=True)}

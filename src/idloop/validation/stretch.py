@@ -53,16 +53,8 @@ class Stretch:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON."""
-        return {
-            "start": self.start,
-            "stop": self.stop,
-            "start_stamp": stamp(self.start_ns),
-            "stop_stamp": stamp(self.stop_ns),
-            "error": self.error,
-            "time": self.time,
-            "rms": self.rms,
-            "text": self.text,
-        }
+        own = {key: getattr(self, key) for key in ("start", "stop", "error", "time", "rms", "text")}
+        return own | {"start_stamp": stamp(self.start_ns), "stop_stamp": stamp(self.stop_ns)}
 
 
 def stamp(nanoseconds: int) -> str:
@@ -101,18 +93,10 @@ def worst_stretches(error: Array, state: OperatingState, start_ns: int, most: in
         free[max(first - half, 0) : last + 1 + half] = False
         share = float(np.sum(square[first : last + 1])) / float(area[-1])
         start, stop = float(state.time[first]), float(state.time[last])
-        found.append(
-            Stretch(
-                start,
-                stop,
-                start_ns + round(start * 1e9),
-                start_ns + round(stop * 1e9),
-                share,
-                (last + 1 - first) / n,
-                size * float(np.sqrt(np.mean(square[first : last + 1]))),
-                describe(state, first, last),
-            )
-        )
+        stamps = start_ns + round(start * 1e9), start_ns + round(stop * 1e9)
+        rms = size * float(np.sqrt(np.mean(square[first : last + 1])))
+        text = describe(state, first, last)
+        found.append(Stretch(start, stop, *stamps, share, (last + 1 - first) / n, rms, text))
     return tuple(sorted(found, key=lambda s: -s.error))
 
 

@@ -96,13 +96,8 @@ class ErrorMap:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for JSON."""
-        return {
-            "unit": self.unit,
-            "basis": self.basis,
-            "kind": self.kind,
-            "why": self.why,
-            "mean": self.mean,
-            "rms": self.rms,
+        own = {key: getattr(self, key) for key in ("unit", "basis", "kind", "why", "mean", "rms")}
+        return own | {
             "relative": self.relative if np.isfinite(self.relative) else None,
             "share": {b.variable: b.to_dict() for b in self.breakdowns},
             "left_out": dict(self.left_out),
