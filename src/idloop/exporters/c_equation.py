@@ -17,22 +17,7 @@ _COMPARISONS: Mapping[type, str] = {
     ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!=",
 }  # fmt: skip
 _FUNCTIONS = {"abs": "fabs", "min": "fmin", "max": "fmax"}
-_OF_MATH = {
-    "sin",
-    "cos",
-    "tan",
-    "exp",
-    "log",
-    "sqrt",
-    "tanh",
-    "atan",
-    "atan2",
-    "floor",
-    "ceil",
-    "fabs",
-    "copysign",
-    "pow",
-}
+_MATH = ("sin", "cos", "tan", "exp", "log", "sqrt", "tanh", "atan", "atan2", "floor", "ceil", "fabs", "copysign", "pow")
 _POINTERS = ("state", "parameters")
 
 
@@ -146,6 +131,6 @@ class _Writer:
             for further in arguments[1:]:
                 found = f"{word}({found}, {further})"
             return found
-        if isinstance(function, ast.Attribute) and function.attr in _OF_MATH:
+        if isinstance(function, ast.Attribute) and function.attr in _MATH:
             return f"{function.attr}({', '.join(arguments)})"
         raise InputError(f"no translation to C: {ast.unparse(node)}")

@@ -6,15 +6,7 @@ import re
 
 from idloop.errors import InputError
 from idloop.exporters.c_equation import c_function
-from idloop.exporters.exported import (
-    Exported,
-    acts,
-    comment_lines,
-    controller_left_out,
-    effects_left_out,
-    file_name,
-    statistics_left_out,
-)
+from idloop.exporters.exported import Exported, acts, comment_lines, effects_left_out, file_name, rest_left_out
 from idloop.exporters.mechanics import scale_notes
 from idloop.physics.effect import BODY, INPUT
 from idloop.physics.hooks import Hook
@@ -92,7 +84,7 @@ def export(model: Model) -> Exported:
         gain=_number(model.values["drive.gain"]), forces="".join(lines["force"]),
         friction=_friction(lines["friction"]), inverses="".join(reversed(lines["undo"])),
     )  # fmt: skip
-    left_out = (*effects_left_out(model, carried, why), *controller_left_out(model), *statistics_left_out(model))
+    left_out = (*effects_left_out(model, carried, why), *rest_left_out(model))
     head = comment_lines(model, "C99 header", scale_notes(model), left_out)
     comments = "".join(f" * {line.replace('*/', '* /')}\n" for line in head)
     return Exported("c", file_name(model.name, ".h"), f"/*\n{comments} */\n{text}", left_out)

@@ -8,7 +8,7 @@ from dataclasses import replace
 from idloop.control.compensation import Compensation, plan_compensation
 from idloop.control.compensation_settings import choose_settings
 from idloop.errors import InputError
-from idloop.exporters.exported import Exported, comment_lines, file_name
+from idloop.exporters.exported import Exported, commented, file_name
 from idloop.physics.controller_section import check_controller
 from idloop.physics.model import Model
 
@@ -43,6 +43,5 @@ def export_compensation(compensation: Compensation) -> Exported:
     numbers = [f"compensation_{key}: {value:.6g}" for key, value in vars(settings).items() if 0.0 < value < math.inf]
     left_out = tuple(f"{name}: {reason}" for name, reason in plan.left.items())
     notes = (*NOTES, "Without other parameters the node works with:", *numbers)
-    head = comment_lines(model, "Compensator", notes, left_out)
-    text = "".join(f"# {line}\n" for line in head) + replace(kept, folder=None).to_yaml()
+    text = commented(model, "Compensator", notes, left_out) + replace(kept, folder=None).to_yaml()
     return Exported("compensator", file_name(model.name, ".compensator.yaml"), text, left_out)

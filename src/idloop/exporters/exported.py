@@ -73,41 +73,35 @@ def quantity(parameter: Parameter) -> str:
     return f"{parameter.value:.6g} {'' if parameter.unit == '-' else parameter.unit}".strip()
 
 
-def statistics_left_out(model: Model, *, intervals: bool = False) -> tuple[str, ...]:
-    """Lines for standard errors and the disturbance; with `intervals` the format has the standard errors."""
-    known = [] if intervals else [p.name for p in model.parameters if p.stderr is not None]
-    lines = [f"standard errors of {', '.join(known)}: format json has them"] if known else []
-    if model.disturbance is not None:
-        lines.append(f"disturbance force: random walk of intensity {model.disturbance:.6g} {model.units.force}²/s")
-    return tuple(lines)
+def disturbance_left_out(model: Model) -> list[str]:
+    """Line for the disturbance, which no format has."""
+    known = model.disturbance
+    return [] if known is None else [f"disturbance force: random walk of intensity {known:.6g} {model.units.force}²/s"]
 
 
-def controller_left_out(model: Model) -> tuple[str, ...]:
-    """Line for the controller, where a format has none."""
-    if model.controller is None:
-        return ()
-    return (f"controller of type {model.controller.get('type')}: --format ros2_control or json",)
-
-
-def loop_left_out(model: Model) -> tuple[str, ...]:
-    """Line for what a linear servo with a limit lacks of the loop in the drive."""
-    if model.loop is None:
-        return ()
-    beyond = ("integral", "dead_band", "profile_velocity", "profile_acceleration")
-    own = [p for p in model.parameters if p.name.startswith("drive.") and p.name.removeprefix("drive.") in beyond]
-    lost = ", ".join(f"{p.name} {quantity(p)}" for p in own)
-    return (f"of the loop in the drive: {lost}",) if lost else ()
+def rest_left_out(model: Model) -> list[str]:
+    """Lines for what the formats of a machine lack: controller, loop beyond a linear servo, statistics."""
+    lines = []
+    if model.controller is not None:
+        lines.append(f"controller of type {model.controller.get('type')}: --format ros2_control or json")
+    beyond = [f"drive.{name}" for name in ("integral", "dead_band", "profile_velocity", "profile_acceleration")]
+    if lost := ", ".join(f"{p.name} {quantity(p)}" for p in model.parameters if p.name in beyond):
+        lines.append(f"of the loop in the drive: {lost}")
+    if known := [p.name for p in model.parameters if p.stderr is not None]:
+        lines.append(f"standard errors of {', '.join(known)}: format json has them")
+    return [*lines, *disturbance_left_out(model)]
 
 
 def comment_lines(model: Model, what: str, notes: Collection[str], left_out: Collection[str]) -> list[str]:
     """Comments at the head of a file: content, notes, and the parts that are left out."""
     head = [f"{what} of the model {model.name}, written by idloop export.", *notes]
-    lost = (
-        ["Not represented in this format:", *(f"- {line}" for line in left_out)]
-        if left_out
-        else ["Nothing is left out."]
-    )
-    return [" ".join(line.split()) for line in (*head, *lost)]
+    lost = ["Not represented in this format:", *(f"- {line}" for line in left_out)] if left_out else []
+    return [" ".join(line.split()) for line in (*head, *(lost or ["Nothing is left out."]))]
+
+
+def commented(model: Model, what: str, notes: Collection[str], left_out: Collection[str]) -> str:
+    """Comments at the head of a YAML file."""
+    return "".join(f"# {line}\n" for line in comment_lines(model, what, notes, left_out))
 
 
 def xml_text(root: ET.Element, comments: Sequence[str]) -> str:
@@ -116,9 +110,6 @@ def xml_text(root: ET.Element, comments: Sequence[str]) -> str:
     `comments`: one comment each; two hyphens in a row, which XML forbids there, are set apart.
     """
     for place, line in enumerate(comments):
-        safe = line
-        while "--" in safe:
-            safe = safe.replace("--", "- -")
-        root.insert(place, ET.Comment(f" {safe} "))
+        root.insert(place, ET.Comment(f" {re.sub('-(?=-)', '- ', line)} "))
     ET.indent(root)
     return ET.tostring(root, encoding="unicode") + "\n"

@@ -8,10 +8,10 @@ import numpy as np
 
 from idloop.errors import InputError
 from idloop.exporters.exported import acts
-from idloop.physics.effect import Effect, parameter_as
+from idloop.physics.effect import parameter_as
 from idloop.physics.engine import Engine
 from idloop.physics.layout import Layout
-from idloop.physics.model import Model, values_of
+from idloop.physics.model import ActiveEffect, Model, values_of
 
 DRY = "coulomb_friction"
 
@@ -64,10 +64,8 @@ def mechanics(model: Model, form: str) -> Mechanics:
     electrical analogue).
     """
     if model.units.position not in ("rad", "m"):
-        raise InputError(
-            f"model {model.name}: its positions are in {model.units.position}, but {form} has joints in rad or m "
-            "only: choose --format control or json"
-        )
+        where = f"its positions are in {model.units.position}, but {form} has joints in rad or m only"
+        raise InputError(f"model {model.name}: {where}: choose --format control or json")
     layout = Engine(model).layout()
     axis = layout.axis
     names = body_names(model, layout)
@@ -86,14 +84,13 @@ def mechanics(model: Model, form: str) -> Mechanics:
         if active.at not in body_of or not acts(model, active):
             continue
         level = parameter_as(active.effect, lambda effect: effect.dry_level, *model.effect_folders)
-        _add(
-            found, found.bodies[body_of[active.at]], active.effect, active.name, values_of(active, model.values), level
-        )
+        _add(found, found.bodies[body_of[active.at]], active, values_of(active, model.values), level)
     return found
 
 
-def _add(found: Mechanics, body: Body, effect: Effect, name: str, values: dict[str, float], level: str) -> None:
+def _add(found: Mechanics, body: Body, active: ActiveEffect, values: dict[str, float], level: str) -> None:
     """Add an effect at a body, with or without a level of dry friction."""
+    effect, name = active.effect, active.name
     if level:
         body.dry += values[level]
         if effect.name == DRY:

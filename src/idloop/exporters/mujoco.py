@@ -13,11 +13,9 @@ from idloop.exporters.exported import (
     Exported,
     acts,
     comment_lines,
-    controller_left_out,
     effects_left_out,
     file_name,
-    loop_left_out,
-    statistics_left_out,
+    rest_left_out,
     xml_text,
 )
 from idloop.exporters.mechanics import Mechanics, digits, mechanics, scale_notes
@@ -67,13 +65,12 @@ def export(model: Model) -> Exported:
     for active in model.effects:
         if active.effect.name == "load_torque" and found.body_of[active.at] > 0:
             carried.discard(active.name)
-    left_out = (
-        *effects_left_out(model, carried, found.partly),
-        *_sensors_left_out(model),
-        *controller_left_out(model),
-        *loop_left_out(model),
-        *statistics_left_out(model),
-    )
+    scales = [
+        f"scale of {output.name} ({output.scale:.6g} {output.unit} per unit of motion): the sensor shows the motion"
+        for output in model.outputs
+        if output.scale != 1.0
+    ]
+    left_out = (*effects_left_out(model, carried, found.partly), *scales, *rest_left_out(model))
     units = model.units
     notes = [
         f"Units: {units.position}, {units.inertia}, {units.force}; ctrl in {units.input}.",
@@ -103,9 +100,8 @@ def _gaps(model: Model, found: Mechanics) -> dict[int, float]:
             if found.damping[found.coupling_of[active.at]] == 0.0:
                 found.whole.add(active.name)
             else:
-                found.partly[active.name] = (
-                    "exported as the dead band of a spring, but the damping also acts inside the gap"
-                )
+                what = "exported as the dead band of a spring, but the damping also acts inside the gap"
+                found.partly[active.name] = what
     return gaps
 
 
@@ -156,14 +152,9 @@ def _tendons(root: ET.Element, found: Mechanics, gaps: dict[int, float]) -> None
             ET.SubElement(fixed, "joint", joint=_joint(found, before), coef="1")
     for coupling, gap in gaps.items():
         half = digits(0.5 * gap)
-        fixed = ET.SubElement(
-            tendons,
-            "fixed",
-            name=f"backlash-{_joint(found, coupling + 1)}",
-            stiffness=digits(found.stiffness[coupling]),
-            springlength=f"-{half} {half}",
-        )
-        ET.SubElement(fixed, "joint", joint=_joint(found, coupling + 1), coef="1")
+        joint, stiffness = _joint(found, coupling + 1), digits(found.stiffness[coupling])
+        band = {"name": f"backlash-{joint}", "stiffness": stiffness, "springlength": f"-{half} {half}"}
+        ET.SubElement(ET.SubElement(tendons, "fixed", band), "joint", joint=joint, coef="1")
 
 
 def _actuator(parent: ET.Element, model: Model, found: Mechanics, carried: set[str]) -> None:
@@ -220,29 +211,18 @@ def _of_version_4(
             delay = values[effect.delay] + float(place.get("delay", "0"))
             place.set("delay", digits(delay))
             place.set("nsample", f"{math.ceil(delay / step) + 1}")
-        elif active.at == first and effect.name in WAVES and _is_whole(WAVES[effect.name](values)[1]):
+        elif active.at == first and effect.name in WAVES and WAVES[effect.name](values)[1].is_integer():
             amplitude, count, phase = WAVES[effect.name](values)
             # MuJoCo's cogging is +amplitude sin(count q + phase).
             wave = f"{digits(amplitude)} {digits(count)} {digits(phase + math.pi)}"
             # A motor without current that adds next to no damping: it is there for its cogging.
-            ET.SubElement(
-                actuators,
-                "dcmotor",
-                joint=_joint(found, 0),
-                motorconst="1e-6",
-                resistance="1",
-                input="none",
-                cogging=wave,
-            )
+            still = {"motorconst": "1e-6", "resistance": "1", "input": "none"}
+            ET.SubElement(actuators, "dcmotor", {"joint": _joint(found, 0), **still, "cogging": wave})
         elif active.at == first and effect.name == "quadratic_drag" and joint is not None:
             joint.set("damping", f"{joint.get('damping')} {digits(values['coefficient'])}")
         else:
             continue
         carried.add(active.name)
-
-
-def _is_whole(number: float) -> bool:
-    return number == round(number)
 
 
 def _sensors(parent: ET.Element, model: Model, found: Mechanics) -> dict[str, ET.Element]:
@@ -256,11 +236,3 @@ def _sensors(parent: ET.Element, model: Model, found: Mechanics) -> dict[str, ET
         noise = {} if output.noise is None else {"noise": digits(output.noise / abs(output.scale))}
         written[output.site] = ET.SubElement(parent, tag, {"name": output.name, kind: target} | noise)
     return written
-
-
-def _sensors_left_out(model: Model) -> list[str]:
-    return [
-        f"scale of {output.name} ({output.scale:.6g} {output.unit} per unit of motion): the sensor shows the motion"
-        for output in model.outputs
-        if output.scale != 1.0
-    ]

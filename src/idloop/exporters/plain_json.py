@@ -11,27 +11,20 @@ from idloop.physics.model import Model
 from idloop.physics.parameter import Parameter
 
 SCHEMA = "idloop/parameters/1"
+_OF_OUTPUT = ("joint", "field", "unit", "body", "scale", "noise")
 
 
 def export(model: Model) -> Exported:
     """Write every number of a model; infinite values and bounds become null."""
     own = {f"{active.name}.{name}" for active in model.effects for name in parameters_of(model, active)}
+    intensity = model.disturbance
+    disturbance = None if intensity is None else {"intensity": intensity, "unit": f"{model.units.force}²/s"}
     document = {
         "schema": SCHEMA,
         "name": model.name,
         "description": " ".join(model.description.split()),
         "input": {"joint": model.input.joint, "field": model.input.field, "unit": model.input.unit},
-        "outputs": [
-            {
-                "joint": output.joint,
-                "field": output.field,
-                "unit": output.unit,
-                "body": output.body,
-                "scale": output.scale,
-                "noise": output.noise,
-            }
-            for output in model.outputs
-        ],
+        "outputs": [{key: getattr(output, key) for key in _OF_OUTPUT} for output in model.outputs],
         "drive": {"kind": model.loop.effect.name if model.loop else "force", "unit": model.units.input},
         "bodies": list(model.bodies),
         "couplings": list(model.couplings),
@@ -45,9 +38,7 @@ def export(model: Model) -> Exported:
             }
             for active in model.effects
         ],
-        "disturbance": None
-        if model.disturbance is None
-        else {"intensity": model.disturbance, "unit": f"{model.units.force}²/s"},
+        "disturbance": disturbance,
         "controller": model.controller,
         "left_out": [],
     }

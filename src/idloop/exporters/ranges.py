@@ -6,7 +6,7 @@ from typing import Any
 
 import yaml
 
-from idloop.exporters.exported import Exported, comment_lines, effects_left_out, file_name, parameters_of
+from idloop.exporters.exported import Exported, commented, effects_left_out, file_name, parameters_of
 from idloop.exporters.mechanics import digits, mechanics, scale_notes
 from idloop.physics.effect import parameter_as
 from idloop.physics.model import Model
@@ -48,8 +48,8 @@ def export(model: Model) -> Exported:
     if not ranges:
         notes.append("No parameter has a standard error: export a model that fit or refine has written.")
     left_out = effects_left_out(model, {a.name for a in model.effects if _has_range(model, a.name, ranges)})
-    head = "".join(f"# {line}\n" for line in comment_lines(model, "Ranges for domain randomisation", notes, left_out))
-    text = head + yaml.safe_dump(document, sort_keys=False, allow_unicode=True, default_flow_style=None, width=120)
+    text = commented(model, "Ranges for domain randomisation", notes, left_out)
+    text += yaml.safe_dump(document, sort_keys=False, allow_unicode=True, default_flow_style=None, width=120)
     return Exported("ranges", file_name(model.name, ".ranges.yaml"), text, left_out)
 
 

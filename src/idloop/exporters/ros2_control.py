@@ -11,11 +11,11 @@ from idloop.errors import InputError
 from idloop.exporters.exported import (
     Exported,
     acts,
-    comment_lines,
+    commented,
+    disturbance_left_out,
     effects_left_out,
     file_name,
     quantity,
-    statistics_left_out,
 )
 from idloop.physics.model import Model, values_of
 
@@ -24,11 +24,7 @@ IDENTIFIED = "idloop_identified"
 # Laws that a PID on one joint can represent.
 AS_PID = ("p", "pd", "pid", "cascade")
 # Our names of anti-windup methods, and those of control_toolbox.
-ANTI_WINDUP = {
-    "back_calculation": "back_calculation",
-    "conditional": "conditional_integration",
-    "none": "none",
-}
+ANTI_WINDUP = {"back_calculation": "back_calculation", "conditional": "conditional_integration", "none": "none"}
 DEFAULT_RATE = 1000  # Hz, without a controller
 
 
@@ -61,7 +57,7 @@ def export(model: Model) -> Exported:
         lost = [f"controller of type {law['type']}: a PID on one joint has no fields for it"]
     elif _limit(model) is not None:
         lost = [f"limit {_limit(model):.6g} {model.units.input} of the command: {FORWARD} has no field for it"]
-    left_out = (*lost, *_plant_left_out(model, law), *statistics_left_out(model, intervals=True))
+    left_out = (*lost, *_plant_left_out(model, law), *disturbance_left_out(model))
     unit = model.units.input
     notes = [
         f"The effort interface takes the model's command, in {unit}"
@@ -78,18 +74,17 @@ def export(model: Model) -> Exported:
         "controller_manager": {"ros__parameters": managed},
         **{name: {"ros__parameters": section} for name, section in sections.items()},
     }
-    head = "".join(f"# {line}\n" for line in comment_lines(model, "ros2_control parameters", notes, left_out))
     # PyYAML, as rclpy reads parameter files with it: floats stay floats.
-    text = head + yaml.safe_dump(file, sort_keys=False, allow_unicode=True, width=120)
+    text = commented(model, "ros2_control parameters", notes, left_out)
+    text += yaml.safe_dump(file, sort_keys=False, allow_unicode=True, width=120)
     return Exported("ros2_control", file_name(model.name, ".ros2_control.yaml"), text, left_out)
 
 
 def _limit(model: Model) -> float | None:
     """Largest command that still has an effect: of the controller, or of the drive."""
-    limits = [
-        values_of(a, model.values)["limit"] for a in model.effects if a.effect.name == "saturation" and acts(model, a)
-    ]
+    saturations = (a for a in model.effects if a.effect.name == "saturation" and acts(model, a))
     own = (model.controller or {}).get("limit")
+    limits = [values_of(active, model.values)["limit"] for active in saturations]
     return min([*limits, *([] if own is None else [float(own)])], default=None)
 
 
@@ -114,10 +109,10 @@ def _pid(model: Model, law: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
             f"controller velocity_feedforward {forward:.6g}: ros2_control differentiates the error, "
             "so that the response to a moving reference differs"
         )
-    filters = {key: law.get(key, 0.0) for key in ("derivative_filter", "velocity_filter") if law.get(key, 0.0) > 0.0}
     lost += [
-        f"controller {key} {value:.6g} s: the derivative of ros2_control is unfiltered"
-        for key, value in filters.items()
+        f"controller {key} {law[key]:.6g} s: the derivative of ros2_control is unfiltered"
+        for key in ("derivative_filter", "velocity_filter")
+        if law.get(key, 0.0) > 0.0
     ]
     if law["linearisation.offset"] != 0.0:
         lost.append(f"controller linearisation.offset {law['linearisation.offset']:.6g}: no field for a constant")

@@ -7,15 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from idloop.errors import InputError
-from idloop.exporters.exported import (
-    Exported,
-    acts,
-    controller_left_out,
-    effects_left_out,
-    file_name,
-    loop_left_out,
-    statistics_left_out,
-)
+from idloop.exporters.exported import Exported, acts, effects_left_out, file_name, rest_left_out
 from idloop.exporters.mechanics import body_names
 from idloop.physics.effect import BODY
 from idloop.physics.engine import Engine
@@ -51,9 +43,8 @@ def from_document(document: Mapping[str, Any]) -> control.StateSpace:
     except KeyError as error:
         raise InputError(f"state space: {error} is missing: export it again") from error
     except (ValueError, TypeError, control.ControlDimension) as error:
-        raise InputError(
-            f"state space: the shapes of the matrices are inconsistent ({error}): export it again"
-        ) from error
+        what = f"state space: the shapes of the matrices are inconsistent ({error})"
+        raise InputError(f"{what}: export it again") from error
 
 
 def to_document(model: Model) -> dict[str, Any]:
@@ -92,13 +83,7 @@ def export(model: Model) -> Exported:
         for active in model.effects
         if active.name in carried and acts(model, active) and model.values.get(f"{active.name}.rest", 0.0) != 0.0
     ]
-    left_out = (
-        *effects_left_out(model, carried),
-        *shifted,
-        *controller_left_out(model),
-        *loop_left_out(model),
-        *statistics_left_out(model),
-    )
+    left_out = (*effects_left_out(model, carried), *shifted, *rest_left_out(model))
     document = {
         "comment": f"Linear part of the model {model.name}: dx/dt = A x + B u, y = C x + D u, in continuous time.",
         **to_document(model),

@@ -4,15 +4,7 @@ from __future__ import annotations
 
 from xml.etree import ElementTree as ET
 
-from idloop.exporters.exported import (
-    Exported,
-    comment_lines,
-    controller_left_out,
-    file_name,
-    quantity,
-    statistics_left_out,
-    xml_text,
-)
+from idloop.exporters.exported import Exported, comment_lines, file_name, quantity, rest_left_out, xml_text
 from idloop.exporters.mechanics import digits, mechanics, scale_notes
 from idloop.exporters.rigid_joint import rigid_joint
 from idloop.physics.model import Model
@@ -38,8 +30,7 @@ def export(model: Model) -> Exported:
         f"inertia {rigid.inertia:.6g} {model.units.inertia} referred to the joint: URDF keeps it in the links",
         f"drive gain {quantity(model.parameter('drive.gain'))}: URDF efforts are forces, not commands",
         *rigid.left_out,
-        *controller_left_out(model),
-        *statistics_left_out(model),
+        *rest_left_out(model),
     )
     units = model.units
     notes = [

@@ -5,16 +5,7 @@ from __future__ import annotations
 import math
 import re
 
-from idloop.exporters.exported import (
-    Exported,
-    acts,
-    comment_lines,
-    controller_left_out,
-    file_name,
-    loop_left_out,
-    quantity,
-    statistics_left_out,
-)
+from idloop.exporters.exported import Exported, acts, comment_lines, file_name, quantity, rest_left_out
 from idloop.exporters.mechanics import Mechanics, digits, mechanics, scale_notes
 from idloop.exporters.rigid_joint import RigidJoint, rigid_joint
 from idloop.physics.model import Model, values_of
@@ -22,6 +13,23 @@ from idloop.physics.model import Model, values_of
 # Type of the joint and instance of its schemas.
 JOINTS = {"rad": ("PhysicsRevoluteJoint", "angular"), "m": ("PhysicsPrismaticJoint", "linear")}
 STATIC = "stribeck_friction"  # has a level of its own at rest
+
+_FILE = """\
+#usda 1.0
+(
+    defaultPrim = "{name}"
+    kilogramsPerUnit = 1
+    metersPerUnit = 1
+)
+
+{head}
+def {kind} "{name}" (
+    prepend apiSchemas = [{schemas}]
+)
+{{
+{lines}
+}}
+"""
 
 
 def export(model: Model) -> Exported:
@@ -48,7 +56,7 @@ def export(model: Model) -> Exported:
     units = model.units
     if model.loop is None:
         lost = (f"drive gain {quantity(model.parameter('drive.gain'))}: efforts are forces, not commands", *lost)
-    left_out = (*lost, *rigid.left_out, *controller_left_out(model), *loop_left_out(model), *statistics_left_out(model))
+    left_out = (*lost, *rigid.left_out, *rest_left_out(model))
     notes = [
         f"Units: kg, m, s, {units.force}; angles in degrees.",
         "PhysX applies armature and friction to joints of an articulation only.",
@@ -57,25 +65,9 @@ def export(model: Model) -> Exported:
         *scale_notes(model),
     ]
     name = _identifier(model.input.joint)
-    text = "\n".join(
-        [
-            "#usda 1.0",
-            "(",
-            f'    defaultPrim = "{name}"',
-            "    kilogramsPerUnit = 1",
-            "    metersPerUnit = 1",
-            ")",
-            "",
-            *(f"# {line}" for line in comment_lines(model, "USD joint", notes, left_out)),
-            f'def {kind} "{name}" (',
-            f"    prepend apiSchemas = [{', '.join(f'{chr(34)}{one}{chr(34)}' for one in schemas)}]",
-            ")",
-            "{",
-            *lines,
-            "}",
-            "",
-        ]
-    )
+    named = ", ".join(f'"{one}"' for one in schemas)
+    head = "\n".join(f"# {line}" for line in comment_lines(model, "USD joint", notes, left_out))
+    text = _FILE.format(name=name, head=head, kind=kind, schemas=named, lines="\n".join(lines))
     return Exported("usd", file_name(model.name, ".usda"), text, left_out)
 
 
