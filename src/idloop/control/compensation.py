@@ -85,10 +85,8 @@ def plan_compensation(compensation: Compensation, values: Mapping[str, Any]) -> 
     if model.values["drive.gain"] == 0.0:
         raise InputError(f"compensation: the drive gain of model {model.name} is 0, so that no command moves it")
     if model.loop is not None:
-        raise InputError(
-            f"compensation: the drive of model {model.name} has a loop of its own: it takes no force that could cancel"
-            " an effect"
-        )
+        what = f"the drive of model {model.name} has a loop of its own"
+        raise InputError(f"compensation: {what}: it takes no force that could cancel an effect")
     followed = followed_output(model, values)
     wanted = _wanted(model, compensation.effects)
     cancelled: list[Cancelled] = []

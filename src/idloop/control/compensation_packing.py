@@ -9,14 +9,7 @@ from typing import Any
 import numpy as np
 
 from idloop.control import step
-from idloop.control.compensation import (
-    FORCE,
-    INVERSE,
-    SHIFT,
-    Cancelled,
-    Plan,
-    followed_output,
-)
+from idloop.control.compensation import FORCE, INVERSE, SHIFT, Plan, followed_output
 from idloop.control.compensation_settings import Settings, lost_way, moved
 from idloop.control.packing import Kernel
 from idloop.physics.model import Model
@@ -36,19 +29,25 @@ def add_compensation(kernel: Kernel, model: Model, plan: Plan, settings: Setting
     inverses, forces = plan.of(INVERSE), plan.of(FORCE)
     lost, before = lost_way(plan, model)
     inertia, viscous = moved(model, before)
-    head = [0.0] * step.COMPENSATOR_HEAD
-    head[step.MEMORY] = memory
-    head[step.MOST] = settings.limit
-    head[step.COMMAND_WIDTH] = settings.command_width
-    head[step.VELOCITY_WIDTH] = settings.velocity_width
-    head[step.PER_REFERENCE] = 1.0 if followed is None else 1.0 / (values.get("feedback_gain", 1.0) * followed.scale)
-    head[step.GIVES_VELOCITY] = float(followed is not None and followed.field == "velocity")
-    head[step.DRIVE_GAIN] = model.values["drive.gain"]
-    head[step.GAP] = lost
-    head[step.GAP_SHIFTS] = float(bool(plan.of(SHIFT)))
-    head[step.GAP_INERTIA], head[step.GAP_VISCOUS] = inertia, viscous
-    head[step.CROSSING_TIME] = settings.crossing_time
-    next_number = start + len(head) + step.ROW * (len(inverses) + len(forces) + sum(map(_has_both, forces)))
+    # Force and friction of an effect have a row each.
+    equations = [one for effect in forces for one in (effect.active.effect.force, effect.active.effect.friction) if one]
+    head = {
+        step.MEMORY: memory,
+        step.MOST: settings.limit,
+        step.COMMAND_WIDTH: settings.command_width,
+        step.VELOCITY_WIDTH: settings.velocity_width,
+        step.PER_REFERENCE: 1.0 if followed is None else 1.0 / (values.get("feedback_gain", 1.0) * followed.scale),
+        step.GIVES_VELOCITY: followed is not None and followed.field == "velocity",
+        step.DRIVE_GAIN: model.values["drive.gain"],
+        step.GAP: lost,
+        step.GAP_SHIFTS: bool(plan.of(SHIFT)),
+        step.GAP_INERTIA: inertia,
+        step.GAP_VISCOUS: viscous,
+        step.CROSSING_TIME: settings.crossing_time,
+        step.INVERSES: len(inverses),
+        step.FORCES: len(equations),
+    }
+    next_number = start + len(head) + step.ROW * (len(inverses) + len(equations))
     next_state = memory + step.COMPENSATOR_STATE
     rows: list[list[float]] = []
     numbers: list[float] = []
@@ -67,18 +66,10 @@ def add_compensation(kernel: Kernel, model: Model, plan: Plan, settings: Setting
                     rows.append([float(equation.address), float(settle), *shared, mass, moves, dry])
         numbers += [one.values[spec.name] for spec in effect.parameters]
         next_state += effect.states
-    # Dry friction last, since that of a loaded contact depends on all other forces of the drive.
-    inverse_rows, force_rows = (
-        rows[: len(inverses)],
-        sorted(rows[len(inverses) :], key=lambda row: row[step.IS_FRICTION]),
-    )
-    head[step.INVERSES], head[step.FORCES] = float(len(inverse_rows)), float(len(force_rows))
-    flat = [number for row in [*inverse_rows, *force_rows] for number in row]
-    parameters = np.array([*kernel.parameters, *head, *flat, *numbers, 0.0])
+    # Dry friction last, since that of a loaded contact depends on all other forces of the drive; inverses have 0.
+    rows.sort(key=lambda row: row[step.IS_FRICTION])
+    flat = [number for row in rows for number in row]
+    parameters = np.array([*kernel.parameters, *(float(head[at]) for at in sorted(head)), *flat, *numbers, 0.0])
     parameters[step.COMPENSATION] = start
     state = np.concatenate([kernel.state, np.zeros(next_state - memory + 1)])
     return replace(kernel, parameters=parameters, state=state)
-
-
-def _has_both(one: Cancelled) -> bool:
-    return one.active.effect.force is not None and one.active.effect.friction is not None

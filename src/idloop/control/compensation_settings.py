@@ -132,8 +132,8 @@ def largest_jump(plan: Plan) -> float:
         numbers = [one.values[spec.name] for spec in one.active.effect.parameters]
         undo = one.active.effect.undo
         if undo is not None:
-            found = max(found, *(abs(undo(0.0, 0.0, s, 0.0, [], numbers) - undo(0.0, 0.0, 0.0, 0.0, [], numbers))
-                                 for s in (1.0, -1.0)))  # fmt: skip
+            low, middle, high = (undo(0.0, 0.0, side, 0.0, [], numbers) for side in (-1.0, 0.0, 1.0))
+            found = max(found, abs(high - middle), abs(low - middle))
     return found
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from idloop.control.build import build_controller
+from idloop.control import build_controller
 from idloop.errors import InputError
 
 if TYPE_CHECKING:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from idloop.arrays import Array
 from idloop.control import step
-from idloop.control.linear_quadratic import linear_quadratic_gains
+from idloop.errors import InputError
 from idloop.physics.controller_section import controller_inputs, joint_and_field
 
 _WINDUP = {
@@ -54,39 +55,19 @@ def pack(values: Mapping[str, Any], where: str = "controller") -> Kernel:
     head[step.FEEDBACK_GAIN] = values.get("feedback_gain", 1.0)
     head[step.LINEARISATION_GAIN] = values["linearisation.gain"]
     head[step.LINEARISATION_OFFSET] = values["linearisation.offset"]
-    return Kernel(
-        kind,
-        np.array(head + tail, dtype=np.float64),
-        np.zeros(step.STATE_TAIL + states),
-        controller_inputs(values),
-    )
+    parameters = np.array(head + tail, dtype=np.float64)
+    return Kernel(kind, parameters, np.zeros(step.STATE_TAIL + states), controller_inputs(values))
 
 
 _Tail = tuple[int, list[float], int]
-
-
-def _none(values: Mapping[str, Any], where: str) -> _Tail:
-    del values, where
-    return step.NONE, [], 0
 
 
 def _pid(values: Mapping[str, Any], where: str) -> _Tail:
     kp, ki, kd = values["kp"], values.get("ki", 0.0), values.get("kd", 0.0)
     # Åström and Hägglund: between the integral and the derivative time.
     suggestion = math.sqrt(abs(kd / ki)) if ki and kd else abs(kp / ki) if ki else 0.0
-    return (
-        step.PID,
-        [
-            kp,
-            ki,
-            kd,
-            values.get("derivative_filter", 0.0),
-            values["velocity_feedforward"],
-            _follows_velocity(values, where),
-            *_anti_windup(values, suggestion),
-        ],
-        3,
-    )
+    gains = [kp, ki, kd, values.get("derivative_filter", 0.0), values["velocity_feedforward"]]
+    return step.PID, [*gains, _follows_velocity(values, where), *_anti_windup(values, suggestion)], 3
 
 
 def _lead(values: Mapping[str, Any], where: str) -> _Tail:
@@ -108,17 +89,9 @@ def _cascade(values: Mapping[str, Any], where: str) -> _Tail:
     if values["velocity_output"] is not None:
         source = step.MEASURED
     suggestion = abs(values["kv"] / values["ki"]) if values["ki"] else 0.0
-    tail = [
-        values["kp"],
-        values["kv"],
-        values["ki"],
-        values["velocity_feedforward"],
-        math.inf if limit is None else limit,
-        source,
-        values["velocity_filter"],
-        *_anti_windup(values, suggestion),
-    ]
-    return step.CASCADE, tail, 4
+    gains = [values[key] for key in ("kp", "kv", "ki", "velocity_feedforward")]
+    most = math.inf if limit is None else limit
+    return step.CASCADE, [*gains, most, source, values["velocity_filter"], *_anti_windup(values, suggestion)], 4
 
 
 def _state_feedback(values: Mapping[str, Any], where: str) -> _Tail:
@@ -150,7 +123,7 @@ def _anti_windup(values: Mapping[str, Any], suggestion: float) -> list[float]:
 
 
 _TAILS: dict[str, Callable[[Mapping[str, Any], str], _Tail]] = {
-    "none": _none,
+    "none": lambda values, where: (step.NONE, [], 0),
     "p": _pid,
     "pd": _pid,
     "pid": _pid,
@@ -158,3 +131,45 @@ _TAILS: dict[str, Callable[[Mapping[str, Any], str], _Tail]] = {
     "cascade": _cascade,
     "state_feedback": _state_feedback,
 }
+
+
+def linear_quadratic_gains(
+    a: ArrayLike,
+    b: Sequence[float],
+    q: Sequence[float],
+    r: float,
+    sample_time: float | None,
+    where: str = "controller",
+) -> Array:
+    """Gains K of law = -K x that minimise the sum of x' diag(q) x + r law².
+
+    `a` (n, n): state matrix of the continuous model. `b`: input matrix of the continuous model. `q`: state weights.
+    `r`: command weight. `sample_time`: seconds: design for the model sampled with the command held; None: continuous
+    design. `where`: place named at the start of the error line. Returns shape (n,). Raises InputError: no stabilising
+    solution exists.
+    """
+    from scipy.signal import cont2discrete
+
+    import control
+
+    A = np.asarray(a, dtype=np.float64)
+    B = np.asarray(b, dtype=np.float64).reshape(-1, 1)
+    Q, R = np.diag(q), np.array([[r]])
+    try:
+        if sample_time is None:
+            gains, _, poles = control.lqr(A, B, Q, R)
+            stable = bool(np.all(np.real(poles) < 0.0))
+        else:
+            F, G, *_ = cont2discrete((A, B, np.eye(A.shape[0]), np.zeros_like(B)), sample_time)
+            gains, _, poles = control.dlqr(F, G, Q, R)
+            stable = bool(np.all(np.abs(poles) < 1.0))
+        if stable and np.all(np.isfinite(gains)):
+            return np.asarray(gains, dtype=np.float64).ravel()
+        cause = None
+    # python-control raises whatever its back end does: ControlException, LinAlgError or ValueError.
+    except Exception as error:  # noqa: BLE001
+        cause = error
+    raise InputError(
+        f"{where}: the linear-quadratic design has no stabilising solution; check that model.b reaches every unstable"
+        " state of model.a and that q weighs it"
+    ) from cause

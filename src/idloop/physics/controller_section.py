@@ -23,178 +23,148 @@ class ControllerKind:
     parameters: tuple[ParameterSpec, ...]  # every key that its section of a model file may hold, besides ``type``
 
 
-_SAMPLE_TIME = positive("sample_time", REQUIRED, "Period of the controller.", "s")
+def _number(name: str, default: Any, description: str, unit: str = "", **limits: Any) -> ParameterSpec:
+    return ParameterSpec(name, "float", default, description, unit, **limits)
+
+
+def _text(name: str, default: Any, description: str, *choices: str) -> ParameterSpec:
+    return ParameterSpec(name, "str", default, description, choices=choices)
+
+
 _OUTPUT_STAGE = (
     positive("limit", None, "Largest absolute command; left out, none.", "u"),
-    ParameterSpec(
-        "linearisation.gain",
-        "float",
-        1.0,
-        "Gain of the input model that is inverted: u = (law - offset) / gain.",
-        nonzero=True,
+    _number(
+        "linearisation.gain", 1.0, "Gain of the input model that is inverted: u = (law - offset) / gain.", nonzero=True
     ),
-    ParameterSpec("linearisation.offset", "float", 0.0, "Offset of the input model that is inverted."),
+    _number("linearisation.offset", 0.0, "Offset of the input model that is inverted."),
 )
-_FEEDBACK_GAIN = ParameterSpec("feedback_gain", "float", 1.0, "Factor on every measured output before it is compared.")
-_COMMON = (_SAMPLE_TIME, *_OUTPUT_STAGE, _FEEDBACK_GAIN)
-_OUTPUT = ParameterSpec(
-    "output", "str", REQUIRED, "Measured output to control, as joint.field, such as motor.position."
+_FEEDBACK_GAIN = _number("feedback_gain", 1.0, "Factor on every measured output before it is compared.")
+_COMMON = (positive("sample_time", REQUIRED, "Period of the controller.", "s"), *_OUTPUT_STAGE, _FEEDBACK_GAIN)
+_OUTPUT = _text("output", REQUIRED, "Measured output to control, as joint.field, such as motor.position.")
+_POSITION = _text("output", REQUIRED, "Measured position to control, as joint.field, such as load.position.")
+_KP = _number("kp", REQUIRED, "Proportional gain.", "u/y")
+_DERIVATIVE_FILTER = _number(
+    "derivative_filter", 0.0, "Time constant of the low-pass on the derivative; 0 for none.", "s", minimum=0.0
 )
-_POSITION = ParameterSpec(
-    "output", "str", REQUIRED, "Measured position to control, as joint.field, such as load.position."
-)
-_KP = ParameterSpec("kp", "float", REQUIRED, "Proportional gain.", unit="u/y")
-_KD = ParameterSpec("kd", "float", REQUIRED, "Derivative gain, on the output only.", unit="u s/y")
-_DERIVATIVE_FILTER = ParameterSpec(
-    "derivative_filter",
-    "float",
-    0.0,
-    "Time constant of the low-pass on the derivative; 0 for none.",
-    unit="s",
-    minimum=0.0,
-)
-_VELOCITY_FEEDFORWARD = ParameterSpec(
-    "velocity_feedforward",
-    "float",
-    0.0,
-    "Gain on the reference velocity; equal to kd it puts the derivative on the error.",
-    unit="u s/y",
-)
+_VELOCITY_FEEDFORWARD = _number(
+    "velocity_feedforward", 0.0, "Gain on the reference velocity; equal to kd it puts the derivative on the error.",
+    "u s/y",
+)  # fmt: skip
 _ANTI_WINDUP = (
-    ParameterSpec(
-        "anti_windup",
-        "str",
-        "back_calculation",
-        "What keeps the integral from growing while the command is limited.",
-        choices=("back_calculation", "conditional", "none"),
+    _text(
+        "anti_windup", "back_calculation", "What keeps the integral from growing while the command is limited.",
+        "back_calculation", "conditional", "none",
     ),
     positive("tracking_time", None, "Time constant of back calculation; left out, chosen from the gains.", "s"),
-)
+)  # fmt: skip
+_DERIVATIVE = "Derivative gain, on the output only."
 
-CONTROLLERS: dict[str, ControllerKind] = {
-    kind.name: kind
-    for kind in (
-        ControllerKind(
-            "none",
-            "No feedback: the excitation alone, linearised and limited.",
-            "law = feedforward",
-            (
-                positive("sample_time", 0.001, "Period of the controller.", "s"),
-                *_OUTPUT_STAGE,
+_KINDS = (
+    ControllerKind(
+        "none",
+        "No feedback: the excitation alone, linearised and limited.",
+        "law = feedforward",
+        (positive("sample_time", 0.001, "Period of the controller.", "s"), *_OUTPUT_STAGE),
+    ),
+    ControllerKind(
+        "p",
+        "Proportional controller.",
+        "law = kp (r - y)",
+        (_OUTPUT, _KP, _VELOCITY_FEEDFORWARD, *_COMMON),
+    ),
+    ControllerKind(
+        "pd",
+        "Proportional controller with the derivative on the output only.",
+        "law = kp (r - y) - kd dy/dt",
+        (
+            _OUTPUT,
+            _KP,
+            _number("kd", REQUIRED, _DERIVATIVE, "u s/y"),
+            _DERIVATIVE_FILTER,
+            _VELOCITY_FEEDFORWARD,
+            *_COMMON,
+        ),
+    ),
+    ControllerKind(
+        "pid",
+        "PID controller with the derivative on the output only.",
+        "law = kp (r - y) + ki ∫(r - y) dt - kd dy/dt",
+        (
+            _OUTPUT,
+            _KP,
+            _number("ki", REQUIRED, "Integral gain.", "u/(y s)"),
+            _number("kd", 0.0, _DERIVATIVE, "u s/y"),
+            _DERIVATIVE_FILTER,
+            _VELOCITY_FEEDFORWARD,
+            *_ANTI_WINDUP,
+            *_COMMON,
+        ),
+    ),
+    ControllerKind(
+        "lead",
+        "Lead (zero below pole) or lag compensator on the error, discretised by Tustin.",
+        "law = gain (s + zero) / (s + pole) (r - y)",
+        (
+            _OUTPUT,
+            _number("gain", REQUIRED, "Gain at high frequency.", "u/y"),
+            _number("zero", REQUIRED, "Zero at s = -zero.", "rad/s", minimum=0.0),
+            positive("pole", REQUIRED, "Pole at s = -pole.", "rad/s"),
+            *_COMMON,
+        ),
+    ),
+    ControllerKind(
+        "cascade",
+        "Position P around velocity P or PI.",
+        "law = kv e + ki ∫e dt, e = kp (r - y) + velocity_feedforward dr/dt - v",
+        (
+            _POSITION,
+            _text("velocity_output", None, "Measured velocity, as joint.field; left out, estimated from the position."),
+            _number("kp", REQUIRED, "Gain of the position loop.", "1/s"),
+            _number("kv", REQUIRED, "Gain of the velocity loop.", "u s/y"),
+            _number("ki", 0.0, "Integral gain of the velocity loop.", "u/y"),
+            _number("velocity_feedforward", 0.0, "Share of the reference velocity in the velocity loop's reference."),
+            positive("velocity_limit", None, "Largest absolute reference of the velocity loop; left out, none.", "y/s"),
+            _text(
+                "velocity_estimate",
+                "backward",
+                "Velocity from positions: backward difference of samples, or of means of two.",
+                "backward",
+                "mean",
             ),
-        ),
-        ControllerKind(
-            "p",
-            "Proportional controller.",
-            "law = kp (r - y)",
-            (_OUTPUT, _KP, _VELOCITY_FEEDFORWARD, *_COMMON),
-        ),
-        ControllerKind(
-            "pd",
-            "Proportional controller with the derivative on the output only.",
-            "law = kp (r - y) - kd dy/dt",
-            (_OUTPUT, _KP, _KD, _DERIVATIVE_FILTER, _VELOCITY_FEEDFORWARD, *_COMMON),
-        ),
-        ControllerKind(
-            "pid",
-            "PID controller with the derivative on the output only.",
-            "law = kp (r - y) + ki ∫(r - y) dt - kd dy/dt",
-            (
-                _OUTPUT,
-                _KP,
-                ParameterSpec("ki", "float", REQUIRED, "Integral gain.", unit="u/(y s)"),
-                ParameterSpec("kd", "float", 0.0, "Derivative gain, on the output only.", unit="u s/y"),
-                _DERIVATIVE_FILTER,
-                _VELOCITY_FEEDFORWARD,
-                *_ANTI_WINDUP,
-                *_COMMON,
+            _number(
+                "velocity_filter", 0.0, "Time constant of the low-pass on the velocity; 0 for none.", "s", minimum=0.0
             ),
+            *_ANTI_WINDUP,
+            *_COMMON,
         ),
-        ControllerKind(
-            "lead",
-            "Lead (zero below pole) or lag compensator on the error, discretised by Tustin.",
-            "law = gain (s + zero) / (s + pole) (r - y)",
-            (
-                _OUTPUT,
-                ParameterSpec("gain", "float", REQUIRED, "Gain at high frequency.", unit="u/y"),
-                ParameterSpec("zero", "float", REQUIRED, "Zero at s = -zero.", unit="rad/s", minimum=0.0),
-                positive("pole", REQUIRED, "Pole at s = -pole.", "rad/s"),
-                *_COMMON,
+    ),
+    ControllerKind(
+        "state_feedback",
+        "State feedback with given gains, or with those of a linear-quadratic design.",
+        "law = Σ gain_i (reference_i - x_i); positions follow r, velocities dr/dt, others 0",
+        (
+            ParameterSpec("states", "strs", REQUIRED, "States in order, each as joint.field."),
+            ParameterSpec(
+                "differentiate", "strs", (), "Velocity states that are differentiated from the same joint's position."
             ),
-        ),
-        ControllerKind(
-            "cascade",
-            "Position P around velocity P or PI.",
-            "law = kv e + ki ∫e dt, e = kp (r - y) + velocity_feedforward dr/dt - v",
-            (
-                _POSITION,
-                ParameterSpec(
-                    "velocity_output",
-                    "str",
-                    None,
-                    "Measured velocity, as joint.field; left out, estimated from the position.",
-                ),
-                ParameterSpec("kp", "float", REQUIRED, "Gain of the position loop.", unit="1/s"),
-                ParameterSpec("kv", "float", REQUIRED, "Gain of the velocity loop.", unit="u s/y"),
-                ParameterSpec("ki", "float", 0.0, "Integral gain of the velocity loop.", unit="u/y"),
-                ParameterSpec(
-                    "velocity_feedforward",
-                    "float",
-                    0.0,
-                    "Share of the reference velocity in the velocity loop's reference.",
-                ),
-                positive(
-                    "velocity_limit", None, "Largest absolute reference of the velocity loop; left out, none.", "y/s"
-                ),
-                ParameterSpec(
-                    "velocity_estimate",
-                    "str",
-                    "backward",
-                    "Velocity from positions: backward difference of samples, or of means of two.",
-                    choices=("backward", "mean"),
-                ),
-                ParameterSpec(
-                    "velocity_filter",
-                    "float",
-                    0.0,
-                    "Time constant of the low-pass on the velocity; 0 for none.",
-                    unit="s",
-                    minimum=0.0,
-                ),
-                *_ANTI_WINDUP,
-                *_COMMON,
+            _DERIVATIVE_FILTER,
+            ParameterSpec("gains", "floats", None, "One gain per state; or give q, r and model."),
+            ParameterSpec("q", "floats", None, "Weight of each state squared.", minimum=0.0),
+            positive("r", None, "Weight of the command squared."),
+            ParameterSpec("model.a", "matrix", None, "A of dx/dt = A x + B law, states in the same order."),
+            ParameterSpec("model.b", "floats", None, "B, one number per state."),
+            _text(
+                "design",
+                "discrete",
+                "Design for the model sampled at sample_time, or for the continuous one.",
+                "discrete",
+                "continuous",
             ),
+            *_COMMON,
         ),
-        ControllerKind(
-            "state_feedback",
-            "State feedback with given gains, or with those of a linear-quadratic design.",
-            "law = Σ gain_i (reference_i - x_i); positions follow r, velocities dr/dt, others 0",
-            (
-                ParameterSpec("states", "strs", REQUIRED, "States in order, each as joint.field."),
-                ParameterSpec(
-                    "differentiate",
-                    "strs",
-                    (),
-                    "Velocity states that are differentiated from the same joint's position.",
-                ),
-                _DERIVATIVE_FILTER,
-                ParameterSpec("gains", "floats", None, "One gain per state; or give q, r and model."),
-                ParameterSpec("q", "floats", None, "Weight of each state squared.", minimum=0.0),
-                positive("r", None, "Weight of the command squared."),
-                ParameterSpec("model.a", "matrix", None, "A of dx/dt = A x + B law, states in the same order."),
-                ParameterSpec("model.b", "floats", None, "B, one number per state."),
-                ParameterSpec(
-                    "design",
-                    "str",
-                    "discrete",
-                    "Design for the model sampled at sample_time, or for the continuous one.",
-                    choices=("discrete", "continuous"),
-                ),
-                *_COMMON,
-            ),
-        ),
-    )
-}
+    ),
+)
+CONTROLLERS: dict[str, ControllerKind] = {kind.name: kind for kind in _KINDS}
 
 
 def check_controller(spec: Mapping[str, Any] | None, where: str = "controller") -> dict[str, Any]:

@@ -105,8 +105,7 @@ def command_misfit(spec: Mapping[str, Any], data: Sequence[SampledData]) -> Comm
 
 def _answer(spec: Mapping[str, Any], data: SampledData) -> Array:
     """Command (n,) of the controller, started at rest on the first sample."""
-    from idloop.control import step
-    from idloop.control.build import build_controller
+    from idloop.control import build_controller, step
 
     kernel = build_controller({**spec, "sample_time": data.sample_time}).kernel
     reference = np.zeros(len(data)) if data.reference is None else data.reference

@@ -9,7 +9,7 @@ import pytest
 from scipy.linalg import expm
 
 from idloop.control import build_controller
-from idloop.control.linear_quadratic import linear_quadratic_gains
+from idloop.control.packing import linear_quadratic_gains
 
 DOUBLE_INTEGRATOR = ([[0.0, 1.0], [0.0, 0.0]], [0.0, 1.0])
 
