@@ -20,6 +20,8 @@ from idloop.physics.model import ActiveEffect, Model, values_of
 STEP_ANGLE = 0.2
 # Most integration steps per second, whatever the parameter values.
 MOST_STEPS = 2e5
+# Of equations of the effects, in the order of `Effect`.
+_TABLES = (INPUT, BODY, "friction", COUPLING, OUTPUT)
 # A memory that relaxes so much faster than the effect's other motion is in its new state within a step of that.
 _RELAXING = 2.0
 
@@ -165,7 +167,7 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None, *, final: b
     body_of = dict(zip(model.bodies, chain.body_of, strict=True))
     output_of = {output.site: index for index, output in enumerate(model.outputs)}
     output_delay = np.zeros(len(model.outputs))
-    tables: dict[str, list[list[int]]] = {kind: [] for kind in (INPUT, BODY, "friction", COUPLING, OUTPUT)}
+    tables: dict[str, list[list[int]]] = {kind: [] for kind in _TABLES}
     has_friction = np.zeros(n, dtype=np.int64)
     spatial = np.zeros((n, 3))
     conditioned: list[list[int]] = []
@@ -274,11 +276,5 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None, *, final: b
 def _equations(active: ActiveEffect) -> list[tuple[str, Hook]]:
     """Equations of an effect with the table of each."""
     effect = active.effect
-    places = [
-        (INPUT, effect.command),
-        (BODY, effect.force),
-        ("friction", effect.friction),
-        (COUPLING, effect.coupling),
-        (OUTPUT, effect.reading),
-    ]
-    return [(kind, equation) for kind, equation in places if equation is not None]
+    hooks = (effect.command, effect.force, effect.friction, effect.coupling, effect.reading)
+    return [(kind, hook) for kind, hook in zip(_TABLES, hooks, strict=True) if hook is not None]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from io import StringIO
@@ -25,7 +26,6 @@ from idloop.physics.schema import (
     COUPLING_PARAMETERS,
     SCHEMA,
     Drive,
-    EffectEntry,
     ModelFile,
     Value,
     read_model_file,
@@ -62,14 +62,8 @@ def to_mapping(model: Model) -> dict[str, Any]:
         file["input"]["kind"] = model.input.kind
     file["outputs"] = []
     for output in model.outputs:
-        entry = {key: getattr(output, key) for key in ("topic", "joint", "field", "unit")}
-        if output.body != output.joint:
-            entry["body"] = output.body
-        if output.scale != 1.0:
-            entry["scale"] = output.scale
-        if output.noise is not None:
-            entry["noise"] = output.noise
-        file["outputs"].append(entry)
+        usual = {"body": output.joint, "scale": 1.0, "noise": None}
+        file["outputs"].append({key: value for key, value in vars(output).items() if usual.get(key, ...) != value})
     file["bodies"] = [
         {"name": body, **{own: number(f"{body}.{own}") for own in BODY_PARAMETERS}} for body in model.bodies
     ]
@@ -79,12 +73,9 @@ def to_mapping(model: Model) -> dict[str, Any]:
     ]
     file["drive"] = {"gain": number("drive.gain")}
     if model.loop is not None:
-        loop = {
-            spec.name: number(f"drive.{spec.name}")
-            for spec in model.loop.effect.parameters
-            if f"drive.{spec.name}" in by_name
-        }
-        file["drive"] = {"kind": model.loop.effect.name, "unit": model.units.input, **file["drive"], **loop}
+        file["drive"] = {"kind": model.loop.effect.name, "unit": model.units.input, **file["drive"]}
+        named = [spec.name for spec in model.loop.effect.parameters if f"drive.{spec.name}" in by_name]
+        file["drive"] |= {name: number(f"drive.{name}") for name in named}
     if model.conditions:
         blank = ConditionSource("", "", "", "", "")
         file["conditions"] = [
@@ -174,13 +165,8 @@ def build_model(file: ModelFile, where: str, folder: Path | None = None) -> Mode
     for name in bodies:
         if bodies.count(name) > 1 or not re.fullmatch(r"\w+", name) or name in ("input", "drive"):
             raise InputError(f"{where}: bodies: '{name}' is not a usable name: letters, digits and _, each name once")
-    command = InputSignal(
-        file.input.topic,
-        file.input.joint,
-        file.input.field,
-        input_unit(file.input.unit, f"{where}: input.unit"),
-        file.input.kind,
-    )
+    unit = input_unit(file.input.unit, f"{where}: input.unit")
+    command = InputSignal(**{**file.input.model_dump(), "unit": unit})
     outputs = []
     for index, output in enumerate(file.outputs):
         at = f"{where}: outputs[{index}]"
@@ -188,16 +174,11 @@ def build_model(file: ModelFile, where: str, folder: Path | None = None) -> Mode
         body = output.body or output.joint
         if body not in bodies:
             raise InputError(f"{at}: there is no body '{body}'{did_you_mean_or_known(body, bodies)}")
-        outputs.append(
-            OutputSignal(output.topic, output.joint, output.field, output.unit, body, float(output.scale), output.noise)
-        )
-    for key, names in (
-        ("outputs", [output.name for output in outputs]),
-        ("conditions", [one.name for one in file.conditions]),
-    ):
-        for name in names:
-            if names.count(name) > 1:
-                raise InputError(f"{where}: {key}: '{name}' is there twice: remove one")
+        outputs.append(OutputSignal(**{**output.model_dump(), "body": body}))
+    for key, several in (("outputs", outputs), ("conditions", file.conditions)):
+        twice = next((name for name, count in Counter(one.name for one in several).items() if count > 1), None)
+        if twice is not None:
+            raise InputError(f"{where}: {key}: '{twice}' is there twice: remove one")
     # a scaled output shows the motion in another unit than that of the bodies
     plain = [output for output in outputs if output.scale == 1.0] or outputs
     kinds = sorted({position_unit(output.unit, output.field, where) for output in plain})
@@ -208,16 +189,13 @@ def build_model(file: ModelFile, where: str, folder: Path | None = None) -> Mode
     units = Units(input_unit(file.drive.unit, f"{where}: drive.unit") if loop else command.unit, kinds[0], force)
 
     parameters = []
-    for body_file in file.bodies:
-        name = body_file.name
-        parameters.append(
-            _base_parameter(f"{name}.inertia", body_file.inertia, units.inertia, 0.0, where, positive=True)
-        )
-        parameters.append(
-            _base_parameter(
-                f"{name}.viscous_friction", body_file.viscous_friction, units.fill("{force}·s/{position}"), 0.0, where
-            )
-        )
+
+    def add(name: str, value: Value, unit: str, low: float = 0.0, *, positive: bool = False) -> None:
+        parameters.append(_base_parameter(name, value, units.fill(unit), low, where, positive=positive))
+
+    for part in file.bodies:
+        add(f"{part.name}.inertia", part.inertia, units.inertia, positive=True)
+        add(f"{part.name}.viscous_friction", part.viscous_friction, "{force}·s/{position}")
     chain = list(pairwise(bodies))
     given = {(c.source, c.target): c for c in file.couplings}
     for pair in given:
@@ -230,15 +208,12 @@ def build_model(file: ModelFile, where: str, folder: Path | None = None) -> Mode
             raise InputError(f"{where}: couplings: nothing joins {pair[0]} and {pair[1]}: add from, to and stiffness")
         coupling = given[pair]
         name = f"{pair[0]}-{pair[1]}"
-        stiffness_unit = units.fill("{force}/{position}")
-        parameters.append(_base_parameter(f"{name}.stiffness", coupling.stiffness, stiffness_unit, 0.0, where))
-        damping_unit = units.fill("{force}·s/{position}")
-        parameters.append(_base_parameter(f"{name}.damping", coupling.damping, damping_unit, 0.0, where))
-    gain_unit = "-" if force == units.input else units.fill("{force}/{input}")
-    parameters.append(_base_parameter("drive.gain", file.drive.gain, gain_unit, -np.inf, where))
+        add(f"{name}.stiffness", coupling.stiffness, "{force}/{position}")
+        add(f"{name}.damping", coupling.damping, "{force}·s/{position}")
+    add("drive.gain", file.drive.gain, "-" if force == units.input else "{force}/{input}", -np.inf)
     for name, value in file.drive.loop_parameters.items():
         spec = LOOPS[file.drive.kind].spec(name)
-        parameters.append(_base_parameter(f"drive.{name}", value, units.fill(spec.unit), spec.min, where))
+        add(f"drive.{name}", value, spec.unit, spec.min)
 
     if file.controller is not None:
         check_controller(file.controller, f"{where}: controller")
@@ -258,12 +233,15 @@ def build_model(file: ModelFile, where: str, folder: Path | None = None) -> Mode
         folder=folder,
         loop=loop,
     )
-    for index, entry in enumerate(file.effects):
-        model = _add_entry(model, entry, f"{where}: effects[{index}]")
+    at = where
     try:
+        for index, entry in enumerate(file.effects):
+            at = f"{where}: effects[{index}]"
+            model = model.with_entry(entry.effect, entry.at, entry.model_extra or {}, entry.number)
+        at = where
         return model.checked()
     except InputError as error:
-        raise InputError(f"{where}: {error}") from error
+        raise InputError(f"{at}: {error}") from error
 
 
 def _loop(drive: Drive, command: InputSignal, position: str, where: str) -> DriveLoop | None:
@@ -278,13 +256,6 @@ def _loop(drive: Drive, command: InputSignal, position: str, where: str) -> Driv
         )
     memory = any(name in drive.loop_parameters for name in MEMORY)
     return DriveLoop(loop_effect(drive.kind, memory=memory))
-
-
-def _add_entry(model: Model, entry: EffectEntry, where: str) -> Model:
-    try:
-        return model.with_entry(entry.effect, entry.at, entry.model_extra or {}, entry.number)
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from error
 
 
 def preset_names() -> tuple[str, ...]:

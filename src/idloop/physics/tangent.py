@@ -39,10 +39,7 @@ class Legs(NamedTuple):
 
     def at(self, rows: Integers) -> Legs:
         """Some of the legs."""
-        return Legs(
-            self.time[rows], self.duration[rows], self.held[rows], self.position[rows], self.velocity[rows],
-            self.mode[rows], self.turned[rows], self.sample[rows],
-        )  # fmt: skip
+        return Legs(*(part[rows] for part in self))
 
 
 def slopes(
@@ -141,16 +138,8 @@ def _legs(axis: Axis, grid: Array, held: Array, motion: Array, sample: Integers,
     whole[at] = until
     kept = sample.copy()
     kept[at] = -1
-    second = Legs(
-        time[at] + until,
-        duration[at] - until,
-        held[at],
-        amid[at],
-        0.5 * after[at],
-        np.sign(after[at]),
-        np.ones(len(at), bool),
-        sample[at],
-    )
+    later, kind, yes = duration[at] - until, np.sign(after[at]), np.ones(len(at), bool)
+    second = Legs(time[at] + until, later, held[at], amid[at], 0.5 * after[at], kind, yes, sample[at])
     first = first._replace(duration=whole, sample=kept)
     return Legs(*(np.insert(a, at + 1, b) for a, b in zip(first, second, strict=True)))
 
