@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -87,6 +88,8 @@ bags_argument = click.argument("bags", type=BAG, nargs=-1, required=True, metava
 
 # ---------------------------------------------------------------- options
 
+option = partial(click.option, show_default=True)
+
 
 def together(*options: Callable[[Function], Function]) -> Callable[[Function], Function]:
     """Add several options, in this order."""
@@ -102,17 +105,14 @@ def together(*options: Callable[[Function], Function]) -> Callable[[Function], F
 validate_option = click.option(
     "--validate", type=BAG, multiple=True, metavar="BAG...", help="Bags that the fits do not see."
 )
-seed_option = click.option(
-    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Equal seeds give equal answers."
-)
+seed_option = option("--seed", type=click.IntRange(min=0), default=0, help="Equal seeds give equal answers.")
 domain_option = click.option(
     "--domain", type=click.IntRange(0, 232), help="ROS domain of this graph alone (ROS_DOMAIN_ID)."
 )
-criterion_option = click.option(
+criterion_option = option(
     "--criterion",
     type=click.Choice(CRITERIA),
     default="auto",
-    show_default=True,
     help="What models are measured by: one-step errors, free-run errors or the unexplained drive force.",
 )
 # Eager: read before any model, whatever its place.
@@ -156,11 +156,10 @@ model_options = together(
 )
 # For `search_options`.
 diagnosis_options = together(
-    click.option(
+    option(
         "--level",
         type=click.FloatRange(0.0, 0.5, min_open=True, max_open=True),
         default=0.01,
-        show_default=True,
         help="How often an effect may be named where none is missing, over the whole catalogue.",
     ),
     click.option(
@@ -171,11 +170,10 @@ diagnosis_options = together(
         help="Choose from these effects only; the whole catalogue when left out.",
     ),
     criterion_option,
-    click.option(
+    option(
         "--minimum-improvement",
         type=click.FloatRange(0.0, 100.0, max_open=True),
         default=1.0,
-        show_default=True,
         metavar="PERCENT",
         help="An effect that makes the errors on unseen samples smaller by less is listed, not added.",
     ),

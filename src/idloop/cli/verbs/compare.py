@@ -26,9 +26,7 @@ def label_models(sources: Sequence[str], models: Sequence[Model]) -> list[str]:
 @click.argument("models", nargs=-1, required=True, metavar="MODEL...")
 @click.argument("bag", type=_inputs.BAG)
 @_inputs.model_options
-@click.option(
-    "--steps", type=click.IntRange(min=1), default=10, show_default=True, help="Samples that a prediction looks ahead."
-)
+@_inputs.option("--steps", type=click.IntRange(min=1), default=10, help="Samples that a prediction looks ahead.")
 @_outputs.plot_option
 @click.option("--plot-where", type=_outputs.PLOT, metavar="FILE", help="Write the figure of where the models fail.")
 @click.option("--all", "everything", is_flag=True, help="Print everything: all tests, regions, variables, stretches.")

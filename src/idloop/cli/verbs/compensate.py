@@ -53,14 +53,10 @@ RUNS = ("without", "with")
 @click.option("--velocity-width", type=_inputs.POSITIVE, help="Speed below which dry friction is cancelled in part.")
 @click.option("--command-width", type=_inputs.POSITIVE, help="Command below which a dead zone is crossed in part.")
 @click.option("--crossing-time", type=_inputs.POSITIVE, help="Time in which a gap is crossed, in seconds.")
-@click.option(
-    "--settle",
-    type=click.FloatRange(min=0.0),
-    default=1.0,
-    show_default=True,
-    help="Seconds at the beginning that do not count.",
+@_inputs.option(
+    "--settle", type=click.FloatRange(min=0.0), default=1.0, help="Seconds at the beginning that do not count."
 )
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the measurement noise.")
+@_inputs.option("--seed", type=click.IntRange(min=0), default=0, help="Of the measurement noise.")
 @click.option("--no-noise", is_flag=True, help="Sensors without noise.")
 @click.option("--graph", is_flag=True, help="Run the nodes, once without and once with, and read their bags.")
 @click.option("--bags", type=_outputs.NEW_FOLDER, metavar="FOLDER", help="Keep the bags of --graph in a new folder.")

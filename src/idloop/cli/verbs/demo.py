@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from idloop.cli import _outputs
+from idloop.cli import _inputs, _outputs
 from idloop.cli._demo_loop import GRAPHS, check_loop, narrated, run_from_away
 from idloop.cli._progress import quiet_option
 from idloop.errors import IdloopError
@@ -257,14 +257,10 @@ def to_document(outcome: Outcome, failures: list[str]) -> Mapping[str, Any]:
 @click.option(
     "--hide", metavar="EFFECT", help="Hide this effect, as in 'dead_zone@input(width=0.3)' (default: by --seed)."
 )
-@click.option(
-    "--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the hidden effect and the noise."
-)
+@_inputs.option("--seed", type=click.IntRange(0), default=0, help="Of the hidden effect and the noise.")
 @click.option("--loop", is_flag=True, help="Check instead that live, offline and replayed estimates agree.")
 @click.option("--graph", "graphs", type=click.Choice(GRAPHS), multiple=True, help="With --loop: only this graph.")
-@click.option(
-    "--seconds", type=click.FloatRange(6.0), default=60.0, show_default=True, help="With --loop: signal of a graph [s]."
-)
+@_inputs.option("--seconds", type=click.FloatRange(6.0), default=60.0, help="With --loop: signal of a graph [s].")
 @click.option("--directory", type=_outputs.NEW_FOLDER, help="New folder for all results (default: in bags/).")
 @click.option("--domain", type=click.IntRange(0, 232), help="ROS domain of the graphs (ROS_DOMAIN_ID).")
 @quiet_option

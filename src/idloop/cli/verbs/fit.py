@@ -26,11 +26,10 @@ Example:
 @_inputs.model_argument
 @_inputs.bags_argument
 @_inputs.validate_option
-@click.option(
+@_inputs.option(
     "--criterion",
     type=click.Choice(_inputs.CRITERIA),
     default="auto",
-    show_default=True,
     help="What is made small: one-step errors, free-run errors or the unexplained drive force.",
 )
 @_inputs.model_options

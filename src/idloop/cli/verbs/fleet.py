@@ -37,28 +37,23 @@ Examples:
     help="Model of a kind of joints, a file or a preset; KIND is a name of the table or a pattern of joint names.",
 )
 @click.option(
-    "--output",
-    type=_outputs.OutputFolder(parents=True),
-    required=True,
-    metavar="DIR",
-    help="Folder of the results.",
+    "--output", type=_outputs.OutputFolder(parents=True), required=True, metavar="DIR", help="Folder of the results."
 )
 @click.option("--since", metavar="DATE", help="Compare the recordings from this date on with those before.")
 @click.option("--against", metavar="DATE", help="First date of the earlier period [the first one that there is].")
-@click.option("--level", type=float, default=0.05, show_default=True, help="Rate of false discoveries.")
-@click.option(
+@_inputs.option("--level", type=float, default=0.05, help="Rate of false discoveries.")
+@_inputs.option(
     "--diagnose",
     default="5",
-    show_default=True,
     metavar="NUMBER|all",
     help="So many of the worst joints go through the catalogue of effects, each at a level of 1 %, and get a report.",
 )
 @click.option("--watch", is_flag=True, help="Follow the place in which recordings land, until Ctrl-C.")
-@click.option("--period", type=click.FloatRange(0.1), default=10.0, show_default=True, help="Of --watch [s].")
+@_inputs.option("--period", type=click.FloatRange(0.1), default=10.0, help="Of --watch [s].")
 @click.option("--workers", type=click.IntRange(min=0), help="Processes on this machine (default: one for each core).")
-@click.option("--memory", default="2GB", show_default=True, metavar="SIZE", help="Limit of each process.")
+@_inputs.option("--memory", default="2GB", metavar="SIZE", help="Limit of each process.")
 @click.option("--cluster", metavar="ADDRESS", help="Scheduler of Dask, in place of processes here.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Equal seeds give equal answers.")
+@_inputs.option("--seed", type=int, default=0, help="Equal seeds give equal answers.")
 @_inputs.trust_option
 @_outputs.plot_option
 @quiet_option

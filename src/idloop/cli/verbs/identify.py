@@ -92,44 +92,40 @@ class ControllerArgument(click.ParamType["dict[str, Any]"]):
 @click.option("--joint", metavar="NAME", help="Commanded joint, where joint_command holds several.")
 @click.option("--output", "outputs", multiple=True, metavar="JOINT.FIELD", help="Only this output. May be repeated.")
 @click.option("--sample-time", type=float, metavar="SECONDS", help="Even grid to identify on; the record's own.")
-@click.option(
+@_inputs.option(
     "--detrend",
     type=click.Choice(["none", "mean", "linear"]),
     default="none",
-    show_default=True,
     help="What is taken off command and outputs of each record. An axis at rest without command needs none.",
 )
 @click.option(
     "--drop", type=click.FloatRange(min=0.0), default=0.0, metavar="SECONDS", help="Left out at both ends of a record."
 )
-@click.option(
+@_inputs.option(
     "--order",
     type=NumbersArgument(1),
     metavar="N|A:B|auto",
     default="auto",
-    show_default=True,
     help="States, or degree of every polynomial; of several the one with the least BIC.",
 )
 @click.option(
     "--structure", metavar="na=2,nb=1,...", help="Degrees of polynomials that differ from --order (na nb nc nd nf)."
 )
-@click.option(
+@_inputs.option(
     "--delay",
     type=NumbersArgument(0),
     metavar="N|A:B|auto",
     default="1",
-    show_default=True,
     help="Samples from a command to its first effect; 1 is none beyond that of sampling.",
 )
 @click.option("--horizon", type=click.IntRange(min=2), help="Samples that subspace methods look back and ahead.")
 @click.option("--window", type=click.IntRange(min=2), help="Samples of lag window (spa), segment (welch), lags (cra).")
 @click.option("--period", type=_inputs.POSITIVE, help="Of a periodic excitation (bla) [s].")
 @click.option("--units", type=click.IntRange(min=1), help="Units of a network.")
-@click.option(
+@_inputs.option(
     "--focus",
     type=click.Choice(["prediction", "simulation"]),
     default="prediction",
-    show_default=True,
     help="What is made small: errors one step ahead, or those of the free run.",
 )
 @click.option(
@@ -151,12 +147,11 @@ class ControllerArgument(click.ParamType["dict[str, Any]"]):
     metavar="FILE",
     help="Controller that ran (vodma): a model file, or a file with its section `controller` alone; that of --model.",
 )
-@click.option(
+@_inputs.option(
     "--criterion-steps",
     "steps",
     type=click.IntRange(min=1),
     default=10,
-    show_default=True,
     metavar="K",
     help="Samples that the second score predicts ahead.",
 )
@@ -165,7 +160,7 @@ class ControllerArgument(click.ParamType["dict[str, Any]"]):
     metavar="NAME=VALUES",
     help=f"Table and figure over one of {', '.join(SWEPT)}; {' or '.join(MEASURED)} alone: each BAG by itself.",
 )
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of networks.")
+@_inputs.option("--seed", type=click.IntRange(min=0), default=0, help="Of networks.")
 @click.option(
     "--save", type=_outputs.OUTPUT_FILE, metavar="FILE", help="Write the model (.json; linear ones also .npz)."
 )

@@ -42,10 +42,9 @@ Example:
     metavar="SECONDS",
     help=f"Without --reference: so much of the first bag is healthy [{LEARN:g} s, at most half of it].",
 )
-@click.option(
+@_inputs.option(
     "--false-alarms",
     default="per 1000 h",
-    show_default=True,
     metavar="'per TIME'",
     help="One false alarm of all that is watched in so much time of running (s, min, h, days, weeks, years).",
 )
@@ -55,13 +54,8 @@ Example:
     metavar="PARAMETER",
     help="A parameter that may change without being wear, beside viscous friction. May be repeated.",
 )
-@click.option(
-    "--block",
-    type=_inputs.POSITIVE,
-    default=2.0,
-    show_default=True,
-    metavar="SECONDS",
-    help="Length of the blocks that are judged.",
+@_inputs.option(
+    "--block", type=_inputs.POSITIVE, default=2.0, metavar="SECONDS", help="Length of the blocks that are judged."
 )
 @_inputs.model_options
 @_outputs.plot_option

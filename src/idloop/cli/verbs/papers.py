@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 import idloop
-from idloop.cli import _outputs
+from idloop.cli import _inputs, _outputs
 from idloop.cli._progress import progress, quiet_option
 from idloop.cli.main import COULD_NOT, DONE
 from idloop.errors import InputError
@@ -81,7 +81,7 @@ Example:
 
 @click.command(epilog=EXAMPLE)
 @click.argument("row", required=False)
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the measurement noise.")
+@_inputs.option("--seed", type=click.IntRange(min=0), default=0, help="Of the measurement noise.")
 @click.option("--part", "parts", multiple=True, metavar="PART", help="One case of a long row; repeat for several.")
 @_outputs.plot_option
 @quiet_option

@@ -42,7 +42,7 @@ Examples:
 @_inputs.validate_option
 @_inputs.diagnosis_options
 @_inputs.model_options
-@click.option("--most", type=click.IntRange(min=0), default=8, show_default=True, help="Most effects in the ladder.")
+@_inputs.option("--most", type=click.IntRange(min=0), default=8, help="Most effects in the ladder.")
 @click.option(
     "--resume",
     type=click.Path(path_type=Path),

@@ -13,11 +13,11 @@ from idloop.reporting.text.blocks import number
 
 @click.command("replay", short_help="Play a bag into the live graph.")
 @click.argument("bag", type=_inputs.BAG, metavar="BAG")
-@click.option("--model", "model_name", default="dc_motor", show_default=True, metavar="MODEL", help="Model to fit.")
+@_inputs.option("--model", "model_name", default="dc_motor", metavar="MODEL", help="Model to fit.")
 @click.option("--effect", "effects", multiple=True, metavar="NAME@SITE(...)", help="Effect added to the model.")
-@click.option("--window", type=float, default=20.0, show_default=True, help="Seconds of data a fit uses.")
-@click.option("--validation", type=float, default=10.0, show_default=True, help="Seconds after it that judge the fit.")
-@click.option("--fit-period", type=float, default=10.0, show_default=True, help="Seconds between fits.")
+@_inputs.option("--window", type=float, default=20.0, help="Seconds of data a fit uses.")
+@_inputs.option("--validation", type=float, default=10.0, help="Seconds after it that judge the fit.")
+@_inputs.option("--fit-period", type=float, default=10.0, help="Seconds between fits.")
 @click.option("--rate", type=float, default=0.0, help="Times real time; 0: as fast as the nodes acknowledge.")
 @click.option("--output", type=_outputs.NEW_FOLDER, help="Keep what the estimator said in this new bag.")
 @_inputs.domain_option

@@ -41,15 +41,15 @@ class RobotCommand(_inputs.ListOptionCommand):
 
 @click.command(EXCITE, epilog=EXCITE_EXAMPLE)
 @click.argument("urdf", type=click.Path(path_type=Path), metavar="URDF")
-@click.option("--period", type=_inputs.POSITIVE, default=10.0, show_default=True, metavar="SECONDS")
-@click.option("--periods", type=click.IntRange(min=1), default=2, show_default=True, help="How often it is repeated.")
-@click.option("--harmonics", type=click.IntRange(min=2), default=5, show_default=True, help="Sines of each joint.")
-@click.option("--share", type=float, default=0.8, show_default=True, help="Part of every limit of the URDF to use.")
+@_inputs.option("--period", type=_inputs.POSITIVE, default=10.0, metavar="SECONDS")
+@_inputs.option("--periods", type=click.IntRange(min=1), default=2, help="How often it is repeated.")
+@_inputs.option("--harmonics", type=click.IntRange(min=2), default=5, help="Sines of each joint.")
+@_inputs.option("--share", type=float, default=0.8, help="Part of every limit of the URDF to use.")
 @click.option("--max-acceleration", type=_inputs.POSITIVE, help="Of every joint [rad/s² or m/s²].")
-@click.option("--distance", type=float, default=0.03, show_default=True, help="Least distance between links [m].")
-@click.option("--rate", type=click.FloatRange(1.0), default=50.0, show_default=True, help="Points per second.")
-@click.option("--steps", type=click.IntRange(min=0), default=20, show_default=True, help="Of the optimiser.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Equal seeds give equal answers.")
+@_inputs.option("--distance", type=float, default=0.03, help="Least distance between links [m].")
+@_inputs.option("--rate", type=click.FloatRange(1.0), default=50.0, help="Points per second.")
+@_inputs.option("--steps", type=click.IntRange(min=0), default=20, help="Of the optimiser.")
+@_inputs.option("--seed", type=int, default=0, help="Equal seeds give equal answers.")
 @_outputs.output_option(
     "FILE",
     "Write the points (.yaml: trajectory_msgs/msg/JointTrajectory; .csv).",
@@ -81,16 +81,12 @@ def excite(urdf: Path, *, output: Path | None, plot: Path | None, as_json: bool,
 @_inputs.bags_argument
 @_inputs.validate_option
 @click.option("--payload", type=_inputs.BAG, multiple=True, metavar="BAG...", help="Bags with a body at the last link.")
-@click.option("--topic", default="joint_states", show_default=True, help="Topic of the JointState messages.")
-@click.option(
-    "--level",
-    type=float,
-    default=0.01,
-    show_default=True,
-    help="Probability of naming an effect at any joint where none is missing.",
+@_inputs.option("--topic", default="joint_states", help="Topic of the JointState messages.")
+@_inputs.option(
+    "--level", type=float, default=0.01, help="Probability of naming an effect at any joint where none is missing."
 )
-@click.option("--rounds", type=click.IntRange(min=1), default=2, show_default=True, help="Fits of links and joints.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Equal seeds give equal answers.")
+@_inputs.option("--rounds", type=click.IntRange(min=1), default=2, help="Fits of links and joints.")
+@_inputs.option("--seed", type=int, default=0, help="Equal seeds give equal answers.")
 @click.option("--workers", type=click.IntRange(min=0), help="Processes for the joints (default: one for each core).")
 @_outputs.output_folder_option("Write robot.json, robot.urdf, report.html, and the model of each joint.")
 @_outputs.plot_option

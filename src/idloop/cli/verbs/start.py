@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from idloop.cli import _outputs
+from idloop.cli import _inputs, _outputs
 from idloop.cli._progress import progress, quiet_option
 from idloop.errors import InputError
 
@@ -48,7 +48,7 @@ _PROMPT = "Enter to go on, SIGNAL=COLUMN[=UNIT] to change one (rate=HZ where the
 @click.option("--output", type=_outputs.NEW_FOLDER, metavar="DIR", help="Folder to write.")
 @click.option("--rate", type=click.FloatRange(0, min_open=True), metavar="HZ", help="Rows per second without a time.")
 @click.option("--period", type=click.FloatRange(0, min_open=True), metavar="S", help="Seconds per row without a time.")
-@click.option("--joint", default="axis", show_default=True, metavar="NAME", help="Name to write for the joint.")
+@_inputs.option("--joint", default="axis", metavar="NAME", help="Name to write for the joint.")
 @click.option(
     "--delimiter",
     metavar="C",

@@ -36,10 +36,9 @@ On a live graph the page comes with it: idloop launch hidden workbench:=true
 @_outputs.output_folder_option(
     "Write model.yaml and ladder.json after every step; idloop refine --resume goes on from there."
 )
-@click.option(
+@_inputs.option(
     "--address",
     default="127.0.0.1",
-    show_default=True,
     help="Address to serve at; outside this machine the printed address holds a random token.",
 )
 @click.option("--port", type=click.IntRange(0, 65535), default=0, help="Port to serve at.  [default: any that is free]")
