@@ -159,10 +159,7 @@ def even_grids(
 
 
 def identify_one(name: str, data: Grids, choices: Choices, steps: int, progress: Progress) -> Outcome:
-    """Identify by one method and judge the model.
-
-    Raises IdloopError: the method cannot use the data.
-    """
+    """Identify by one method and judge the model. Raises IdloopError: the method cannot use the data."""
     from idloop.estimation.black_box.identification import identify as identify_by
     from idloop.estimation.black_box.identification import information
     from idloop.estimation.black_box.methods import find_method

@@ -259,10 +259,7 @@ def _cut_apart(found: Recognition, rows: Sequence[slice]) -> Recognition:
 
 
 def _edges(rows: Sequence[slice], count: int) -> tuple[int, ...]:
-    """Rows at which a record, or what lies between two, begins.
-
-    Raises InputError: a piece is empty.
-    """
+    """Rows at which a record, or what lies between two, begins. Raises InputError: a piece is empty."""
     pieces = _cut(rows, count)
     for one, said in zip(pieces, rows, strict=True):
         if one.stop <= one.start:
@@ -271,10 +268,7 @@ def _edges(rows: Sequence[slice], count: int) -> tuple[int, ...]:
 
 
 def check_signals(given: Iterable[str]) -> None:
-    """Refuse names that are no signals.
-
-    Raises InputError: one is none.
-    """
+    """Refuse names that are no signals. Raises InputError: one is none."""
     from idloop.records.recognition.guess import ROLES
 
     unknown = next((role for role in given if role not in ("time", *ROLES)), None)

@@ -348,10 +348,7 @@ def begin(
 
 
 def free_folder(log: Log, output: str | Path | None = None) -> Path:
-    """Return the folder that will be written.
-
-    Raises InputError: it is there already, or cannot be written.
-    """
+    """Return the folder that will be written. Raises InputError: it is there already, or cannot be written."""
     from idloop.output_files import probe_folder
 
     return probe_folder(Path(output) if output is not None else Path(log.name), "--output", new=True, parents=True)

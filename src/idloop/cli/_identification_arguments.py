@@ -30,10 +30,7 @@ class Sweep:
     values: tuple[float, ...] = ()  # whole numbers but for the sample time; none of what each bag has of itself
 
     def unit(self, command: str) -> str | None:
-        """Unit of the values; None of a number of states.
-
-        `command`: unit of the command.
-        """
+        """Unit of the values; None of a number of states. `command`: unit of the command."""
         return {"amplitude": command, "bandwidth": "Hz", **SWEPT}[self.name]
 
 
@@ -114,10 +111,7 @@ def parse_sweep(text: str) -> Sweep:
 
 
 def parse_structure(text: str | None) -> dict[str, int]:
-    """Degrees of "na=2,nb=1".
-
-    Raises InputError: another name than of a polynomial, or no whole number.
-    """
+    """Degrees of "na=2,nb=1". Raises InputError: another name than of a polynomial, or no whole number."""
     degrees: dict[str, int] = {}
     for part in (text or "").split(",") if text else ():
         name, _, value = part.partition("=")

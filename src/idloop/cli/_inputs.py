@@ -283,10 +283,7 @@ def existing_bag(path: str | Path) -> Path:
 def read_fitted_and_unseen(
     bags: Sequence[Path], unseen: Sequence[Path], model: ModelSignals
 ) -> tuple[list[Record], list[Record]]:
-    """Read what is fitted, and what is to judge it.
-
-    Raises InputError: as `read_records`; a bag that is both.
-    """
+    """Read what is fitted, and what is to judge it. Raises InputError: as `read_records`; a bag that is both."""
     fitted = {bag.resolve() for bag in bags}
     for bag in unseen:
         if bag.resolve() in fitted:

@@ -40,10 +40,7 @@ class Tracking:
         return tuple(name for name, column in zip(self.names, self.wanted.T, strict=True) if np.isfinite(column[0]))
 
     def error_of(self, name: str, settle: float = 0.0) -> TrackingError:
-        """Sizes of the error of an output.
-
-        `settle`: time at the beginning to leave out [s].
-        """
+        """Sizes of the error of an output. `settle`: time at the beginning to leave out [s]."""
         late = self.time >= self.time[0] + settle
         error = self.error[late, self.names.index(name)]
         return TrackingError(float(np.sqrt(np.mean(error**2))), float(np.max(np.abs(error))), float(np.mean(error)))

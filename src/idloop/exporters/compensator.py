@@ -29,10 +29,7 @@ def export(model: Model) -> Exported:
 
 
 def export_compensation(compensation: Compensation) -> Exported:
-    """Write a compensation whose model has a controller.
-
-    Raises InputError: an effect cannot be cancelled.
-    """
+    """Write a compensation whose model has a controller. Raises InputError: an effect cannot be cancelled."""
     model = compensation.model
     values = check_controller(model.controller)
     plan = plan_compensation(compensation, values)

@@ -26,10 +26,7 @@ class RigidJoint:
 
 
 def rigid_joint(model: Model, found: Mechanics) -> RigidJoint:
-    """Return the chain moving as one body.
-
-    `found`: rigid-body part of the model.
-    """
+    """Return the chain moving as one body. `found`: rigid-body part of the model."""
     carried = {name for name in found.whole if name.split("@")[0] not in _NOT_OF_A_JOINT}
     efforts, speeds = [], []
     if model.loop is not None:

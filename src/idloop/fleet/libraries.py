@@ -18,10 +18,7 @@ NEEDED = {
 
 
 def library(name: str) -> Any:
-    """Import a module of `NEEDED`.
-
-    Raises InputError: it is not installed.
-    """
+    """Import a module of `NEEDED`. Raises InputError: it is not installed."""
     try:
         return import_module(name)
     except ImportError as error:

@@ -60,10 +60,7 @@ def condition_name(wanted: Wanted, names: Collection[str]) -> str:
 
 
 class Conditions:
-    """The conditions of one experiment, as the compiled simulator reads them.
-
-    Raises InputError: two of one name.
-    """
+    """The conditions of one experiment, as the compiled simulator reads them. Raises InputError: two of one name."""
 
     def __init__(self, conditions: Iterable[Condition]) -> None:
         several = list(conditions)
@@ -85,10 +82,7 @@ class Conditions:
         return {name: one.unit for name, one in self._by_name.items()}
 
     def __getitem__(self, name: str) -> Condition:
-        """One condition by name.
-
-        Raises InputError: there is none of this name.
-        """
+        """One condition by name. Raises InputError: there is none of this name."""
         if name not in self._by_name:
             raise InputError(f"no condition {name!r}; there are {listed(self.names)}{did_you_mean(name, self.names)}")
         return self._by_name[name]
@@ -99,10 +93,7 @@ class Conditions:
         return min((float(np.median(np.diff(t))) * _ONE_INTERVAL for t in times if t.size > 1), default=np.inf)
 
     def table(self, wanted: Sequence[Wanted]) -> Array:
-        """Values at `time`, one column for each wanted condition.
-
-        Raises InputError: a condition is missing.
-        """
+        """Values at `time`, one column for each wanted condition. Raises InputError: a condition is missing."""
         key = tuple(wanted)
         if key not in self._tables:
             columns = [self[condition_name(one, self._by_name)].at(self.time) for one in key]

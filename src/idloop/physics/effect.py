@@ -222,10 +222,7 @@ class Effect:
         return first.name if not first.integer and math.isfinite(first.neutral) else ""
 
     def spec(self, name: str) -> EffectParameter:
-        """Return a parameter's specification.
-
-        Raises InputError: the effect has no such parameter.
-        """
+        """Return a parameter's specification. Raises InputError: the effect has no such parameter."""
         for spec in self.parameters:
             if spec.name == name:
                 return spec

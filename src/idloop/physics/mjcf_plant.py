@@ -103,10 +103,7 @@ class MjcfPlant:
         self._waiting.append((stamp, command))
 
     def advance(self, until: float) -> None:
-        """Run to a time [s].
-
-        Raises InputError: MuJoCo's simulation has become unstable.
-        """
+        """Run to a time [s]. Raises InputError: MuJoCo's simulation has become unstable."""
         length = self.step_time
         end = round(until / length)
         while self._steps < end:

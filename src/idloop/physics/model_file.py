@@ -157,10 +157,7 @@ def _base_parameter(name: str, value: Value, unit: str, low: float, where: str, 
 
 
 def build_model(file: ModelFile, where: str, folder: Path | None = None) -> Model:
-    """Make a model of a checked file.
-
-    Raises InputError: inconsistent units, bodies, couplings or effects.
-    """
+    """Make a model of a checked file. Raises InputError: inconsistent units, bodies, couplings or effects."""
     bodies = tuple(body.name for body in file.bodies)
     for name in bodies:
         if bodies.count(name) > 1 or not re.fullmatch(r"\w+", name) or name in ("input", "drive"):

@@ -253,10 +253,7 @@ def _one_line(error: ValidationError, where: str) -> str:
 
 
 def read_mapping(text: str, where: str) -> dict[str, Any]:
-    """Read YAML 1.2 text whose top is a mapping.
-
-    Raises InputError: not YAML, or not a mapping.
-    """
+    """Read YAML 1.2 text whose top is a mapping. Raises InputError: not YAML, or not a mapping."""
     raw = read_yaml(text, where)
     if not isinstance(raw, dict):
         raise InputError(f"{where}: not a model file: the top must be a mapping with 'schema: {SCHEMA}'")

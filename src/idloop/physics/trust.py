@@ -91,18 +91,12 @@ def check_trusted(files: EffectFiles) -> None:
 
 
 def trust(files: EffectFiles) -> None:
-    """Trust these files.
-
-    Raises InputError: the record cannot be written.
-    """
+    """Trust these files. Raises InputError: the record cannot be written."""
     _write(_record(files.folder), f"{files.checksum}\n".encode() + os.fsencode(files.folder))
 
 
 def revoke(folder: Path) -> None:
-    """Revoke the trust in a folder.
-
-    Raises InputError: it is not trusted.
-    """
+    """Revoke the trust in a folder. Raises InputError: it is not trusted."""
     path = _record(folder.resolve())
     known = _read(path)
     if known is None:
@@ -112,10 +106,7 @@ def revoke(folder: Path) -> None:
 
 
 def trusted_folders() -> list[TrustedFolder]:
-    """List the trusted folders.
-
-    Raises InputError: a record cannot be read.
-    """
+    """List the trusted folders. Raises InputError: a record cannot be read."""
     found = []
     for path in sorted((_ours() / "trusted").glob("*")):
         if (known := _read(path)) is not None:

@@ -37,10 +37,7 @@ class Units:
 
 
 def input_unit(unit: str, where: str) -> str:
-    """Check the unit of a command.
-
-    Raises InputError: not a unit of a command.
-    """
+    """Check the unit of a command. Raises InputError: not a unit of a command."""
     unit = ALIASES.get(unit, unit)
     if unit not in INPUT_UNITS:
         raise InputError(f"{where}: unknown unit '{unit}'{did_you_mean_or_known(unit, INPUT_UNITS)}")
@@ -48,10 +45,7 @@ def input_unit(unit: str, where: str) -> str:
 
 
 def position_unit(unit: str, field: str, where: str) -> str:
-    """Position unit that belongs to the unit of an output.
-
-    Raises InputError: not a unit of a position or velocity.
-    """
+    """Position unit that belongs to the unit of an output. Raises InputError: not a unit of a position or velocity."""
     known = [name if field == "position" else f"{name}/s" for name in FORCES]
     if unit not in known:
         raise InputError(f"{where}: unknown unit '{unit}' of a {field}{did_you_mean_or_known(unit, known)}")

@@ -59,10 +59,7 @@ class Limits:
 
 
 def limits_of(robot: RigidBody, share: float, acceleration: float | None, distance: float) -> Limits:
-    """Limits of the description, each reduced to a share of it.
-
-    Raises InputError: a share that is none.
-    """
+    """Limits of the description, each reduced to a share of it. Raises InputError: a share that is none."""
     if not 0.0 < share <= 1.0:
         raise InputError(f"share {share:g} of the limits: give a number above 0, 1 at most")
     given = robot.limits

@@ -57,10 +57,7 @@ class TorqueError:
 
 @dataclass(frozen=True)
 class Robot:
-    """An identified robot.
-
-    Its torque is that of `fit` plus that of the effects of the ladders.
-    """
+    """An identified robot. Its torque is that of `fit` plus that of the effects of the ladders."""
 
     rigid_body: RigidBody
     fit: RigidFit  # links and joints, with the torque of the effects subtracted

@@ -118,10 +118,7 @@ def _reach(density: Array, free: Mask, joined: Mask, peak: int, longest: int) ->
 
 
 def describe(state: OperatingState, first: int, last: int) -> str:
-    """Describe the operating state between two samples.
-
-    `first`, `last`: samples, the last included.
-    """
+    """Describe the operating state between two samples. `first`, `last`: samples, the last included."""
     part = slice(first, last + 1)
     words = []
     if state.direction is not None and state.velocity is not None and state.since is not None:
