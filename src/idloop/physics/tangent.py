@@ -39,7 +39,7 @@ class Legs(NamedTuple):
 
     def at(self, rows: Integers) -> Legs:
         """Some of the legs."""
-        return Legs(*(part[rows] for part in self))
+        return Legs._make(part[rows] for part in self)
 
 
 def slopes(
