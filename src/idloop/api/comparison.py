@@ -9,14 +9,18 @@ from typing import TYPE_CHECKING, Any
 from idloop.api.result import Progress, Result, ignore_progress, names_of
 from idloop.api.single_thread import single_threaded
 from idloop.errors import InputError
+from idloop.records import Record
+from idloop.reporting.plots.comparison import make_panel, plot_panels
+from idloop.reporting.plots.where import plot_where
 from idloop.reporting.text.blocks import Block
 from idloop.reporting.text.comparison import details, in_brief, measures_of, where_it_fails
+from idloop.validation import compare as compare_record
+from idloop.validation import share_measures
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from idloop.physics import Model
-    from idloop.records import Record
     from idloop.validation import Comparison as RecordComparison
 
 
@@ -55,16 +59,12 @@ class Comparison(Result):
 
     def plot(self) -> Figure:
         """Draw the measurement with the free run of each model, what it misses, and the command."""
-        from idloop.reporting.plots.comparison import make_panel, plot_panels
-
         record = self.rows[0][1].record
         names = short_names([label for label, _ in self.rows])
         return plot_panels([make_panel(record.name, [(names[k], one) for k, (_, one) in enumerate(self.rows)])], record)
 
     def plot_where(self) -> Figure:
         """Draw where the models fail: along time, frequency, velocity, position, command, ..."""
-        from idloop.reporting.plots.where import plot_where
-
         return plot_where([(label, one.where) for label, one in self.rows])
 
     def to_dict(self) -> dict[str, Any]:
@@ -131,10 +131,6 @@ def compare(
     >>> round(idloop.compare(model, record).fit["dc_motor"]["motor.position"]) > 90
     True
     """
-    from idloop.records import Record
-    from idloop.validation import compare as compare_record
-    from idloop.validation import share_measures
-
     several = [models] if not isinstance(models, Sequence) else list(models)
     if any(model.output_names != several[0].output_names for model in several):
         raise InputError("the models have different outputs: compare them one by one")

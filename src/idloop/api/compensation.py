@@ -10,7 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 from idloop.api import tracking_runs as runs
 from idloop.api.result import Progress, Result, ignore_progress
+from idloop.control import build_controller
+from idloop.control.compensation import Compensation as NewSettings
 from idloop.errors import InputError
+from idloop.exporters.compensator import export_compensation
+from idloop.output_files import write_text
+from idloop.reporting.plots.tracking import plot_tracking
 from idloop.reporting.text.blocks import Block
 from idloop.reporting.text.tracking import command_sizes, ratio, tracking_blocks
 
@@ -72,8 +77,6 @@ class Compensation(Result):
 
     def plot(self) -> Figure:
         """Draw motion, error and command without and with compensation."""
-        from idloop.reporting.plots.tracking import plot_tracking
-
         names = self.model.input.name, self.model.input.unit
         return plot_tracking(self.loops.without, self.loops.compensated, self.followed, *names, self.settle)
 
@@ -112,9 +115,6 @@ class Compensation(Result):
 
     def save(self, path: str | Path) -> Path:
         """Write the compensator that the controller node takes as its parameter `compensation`."""
-        from idloop.exporters.compensator import export_compensation
-        from idloop.output_files import write_text
-
         write_text(Path(path), export_compensation(self.settings).text)
         return Path(path)
 
@@ -185,9 +185,6 @@ def compensate(
     >>> idloop.compensate(axis).ratio["axis.position"] < 0.5
     True
     """
-    from idloop.control import build_controller
-    from idloop.control.compensation import Compensation as NewSettings
-
     if controller is None or isinstance(controller, str):
         section: Mapping[str, Any] = runs.controller_section(model, controller)
     else:

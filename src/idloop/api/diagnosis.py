@@ -8,7 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 from idloop.api.result import Progress, Result, as_records, ignore_progress, part
 from idloop.api.single_thread import single_threaded
+from idloop.diagnosis import diagnose as find_missing
+from idloop.diagnosis.model_errors import model_errors
 from idloop.diagnosis.worsened import Worsened, worsened
+from idloop.reporting.plots.diagnosis import plot_diagnosis
 from idloop.reporting.residual_findings import ResidualFinding, findings_on_records
 from idloop.reporting.text.blocks import Block
 from idloop.reporting.text.diagnosis import diagnosis_blocks
@@ -79,8 +82,6 @@ class Diagnosis(Result):
 
     def plot(self) -> Figure:
         """Draw the missing effect on the data that ask for it; the share that each effect explains where none is."""
-        from idloop.reporting.plots.diagnosis import plot_diagnosis
-
         return plot_diagnosis(self.found, self.records)
 
     def to_dict(self) -> dict[str, Any]:
@@ -142,9 +143,6 @@ def diagnose(
     >>> idloop.diagnose(model, record, effects=["dead_zone", "coulomb_friction"]).missing
     ('dead_zone@input',)
     """
-    from idloop.diagnosis import diagnose as find_missing
-    from idloop.diagnosis.model_errors import model_errors
-
     known = as_records(records)
     found = find_missing(
         model, known, level=level, criterion=criterion, minimum_improvement=minimum_improvement, effects=effects,

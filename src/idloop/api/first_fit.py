@@ -9,9 +9,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from idloop.api.data import read_bags
+from idloop.api.fit import fit
 from idloop.api.result import Progress
+from idloop.diagnosis.screening.command_response import CommandResponse
 from idloop.errors import InputError
+from idloop.estimation.dataset import FEWEST_SAMPLES
+from idloop.estimation.direction import OPPOSITE_DIRECTION, opposite_direction_warning
+from idloop.physics.effect import built_in
 from idloop.records.gaps import LEFT_OUT
+from idloop.records.recognition.model_start import start_model
 from idloop.spelling import joined_names
 from idloop.validation.measures import HALF_OF_POWER
 from idloop.validation.words import force_text
@@ -45,8 +52,6 @@ class FirstModel:
 
     def model(self, records: Sequence[Record] = ()) -> Model:
         """The model, with rough values from records where there are some."""
-        from idloop.records.recognition.model_start import start_model
-
         options = {"load": self.load, "measured": self.measured, "records": records}
         return start_model(self.name, self.joint, self.command_unit, self.outputs, **options)  # type: ignore[arg-type]
 
@@ -78,9 +83,6 @@ def first_fit(
     `fitted`: else only rough values are found.
     `refused`: why these bags are of no use for a fit; empty where they are.
     """
-    from idloop.api.data import read_bags
-    from idloop.api.fit import fit
-
     model = kind.model()
     try:
         long, notes = _long_enough(bags, model)
@@ -105,10 +107,6 @@ def first_fit(
 
 def beside_weight(done: FirstFit, *, progress: Progress) -> FirstFit:
     """The fit beside the weight that describes most, where inertia and viscous friction alone describe nothing."""
-    from idloop.api.data import read_bags
-    from idloop.api.fit import fit
-    from idloop.physics.effect import built_in
-
     if done.fit is not None or not (done.incomplete or done.reversed or done.unmoved):
         return done
     joint = done.model.bodies[0]
@@ -149,7 +147,6 @@ def left_out(bags: Sequence[Path], sound: Sequence[Path]) -> str:
 
 def _sound(bags: Sequence[Path], model: Model) -> tuple[Path, ...]:
     """The bags that can be fitted together without those that are refused alone; none where there are no such bags."""
-    from idloop.api.data import read_bags
 
     def refused(some: Sequence[Path], *, excited: bool = True) -> bool:
         try:
@@ -165,9 +162,6 @@ def _sound(bags: Sequence[Path], model: Model) -> tuple[Path, ...]:
 
 def _long_enough(bags: Sequence[Path], model: Model) -> tuple[tuple[Path, ...], tuple[str, ...]]:
     """The bags that a fit can use beside each other, all of them where it can use none; and what there is to say."""
-    from idloop.api.data import read_bags
-    from idloop.estimation.dataset import FEWEST_SAMPLES
-
     read = {bag: read_bags([bag], model, fitted=False) for bag in bags}
     longest = {bag: max(record.time.size for record in records) for bag, records in read.items()}
     long = tuple(bag for bag, count in longest.items() if count >= FEWEST_SAMPLES) or tuple(bags)
@@ -181,9 +175,6 @@ def _long_enough(bags: Sequence[Path], model: Model) -> tuple[tuple[Path, ...], 
 
 def judged(done: FirstFit) -> FirstFit:
     """Take back a fit whose values describe nothing."""
-    from idloop.diagnosis.screening.command_response import CommandResponse
-    from idloop.estimation.direction import OPPOSITE_DIRECTION, opposite_direction_warning
-
     found = done.fit
     if found is None:
         return done

@@ -9,9 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 from idloop.api.result import Progress, Result, as_records, ignore_progress, part
 from idloop.api.single_thread import single_threaded
+from idloop.diagnosis.screening.command_response import command_response
+from idloop.diagnosis.search.non_local_search import from_trial_values
+from idloop.estimation import fit as fit_model
+from idloop.reporting.plots.comparison import make_panel, plot_panels
 from idloop.reporting.terms import FITTED, UNSEEN
 from idloop.reporting.text.blocks import Block
 from idloop.reporting.text.comparison import hint, measures_of, misses_every_output
+from idloop.validation import compare
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -79,8 +84,6 @@ class Fit(Result):
 
     def plot(self) -> Figure:
         """Draw measurement and free run of every record, with what is left over."""
-        from idloop.reporting.plots.comparison import make_panel, plot_panels
-
         panels = [make_panel(f"{label}: {one.record.name}", [(self.model.name, one)]) for label, one in self.rows]
         return plot_panels(panels, self.train[0].record)
 
@@ -135,13 +138,8 @@ def fit(
     >>> low < fitted.values["drive.gain"] < high
     True
     """
-    from idloop.estimation import fit as fit_model
-    from idloop.validation import compare
-
     train, validation = as_records(records), as_records(validate)
     if not all(map(math.isfinite, model.theta)):
-        from idloop.diagnosis.search.non_local_search import from_trial_values
-
         progress(0.0, "finding values to start from")
         model = from_trial_values(model, train)
     result = fit_model(model, train, criterion=criterion, progress=part(progress, 0.0, 0.9))
@@ -149,8 +147,6 @@ def fit(
     seen, unseen = ([compare(result.model, record) for record in part_] for part_ in (train, validation))
     found = Fit(result, tuple(seen), tuple(unseen))
     if misses_every_output(seen) or found.determines_nothing:
-        from idloop.diagnosis.screening.command_response import command_response
-
         progress(0.95, "testing whether the motion follows the command")
         if unrelated := command_response(model, train).text:
             warned = replace(result, warnings=(*result.warnings, unrelated))

@@ -10,10 +10,14 @@ from typing import TYPE_CHECKING, Any
 from idloop.api.result import Progress, Result, as_records, ignore_progress
 from idloop.api.single_thread import single_threaded
 from idloop.diagnosis import Ladder as Steps
+from idloop.diagnosis import add_effect
+from idloop.diagnosis import refine as climb
 from idloop.diagnosis.equivalence.equivalent_effects import equivalent_effects_of_ladder
 from idloop.diagnosis.options import MINIMUM_IMPROVEMENT
 from idloop.reporting.detectability import undetectable
 from idloop.reporting.estimates import parameter_estimates
+from idloop.reporting.ladder_folder import Kept, check_target, write_all, write_report
+from idloop.reporting.plots.ladder import plot_ladder
 from idloop.reporting.residual_findings import ResidualFinding, findings_on_records
 from idloop.reporting.text.blocks import Block
 from idloop.reporting.text.ladder import ladder_blocks, parameter_blocks
@@ -73,8 +77,6 @@ class Ladder(Result):
 
     def plot(self) -> Figure:
         """Draw the error of every step, on fitted and on unseen records."""
-        from idloop.reporting.plots.ladder import plot_ladder
-
         return plot_ladder(self.climbed)
 
     def to_dict(self) -> dict[str, Any]:
@@ -106,8 +108,6 @@ class Ladder(Result):
         InputError
             Unknown effect, or one at a site that it does not fit.
         """
-        from idloop.diagnosis import add_effect
-
         longer = add_effect(self.climbed, effect, self.records, self.validation, seed=seed, progress=progress)
         return _judged(longer, self.records, self.validation)
 
@@ -123,7 +123,6 @@ class Ladder(Result):
         -------
         Path
         """
-        from idloop.reporting.ladder_folder import write_report
         from idloop.reporting.page.contents import gather
 
         contents = gather(self.climbed, self.records, self.validation, progress=progress)
@@ -138,8 +137,6 @@ class Ladder(Result):
         InputError
             The folder holds a ladder already, or cannot be written.
         """
-        from idloop.reporting.ladder_folder import Kept, check_target, write_all
-
         target = Path(folder)
         check_target(target, "folder", overwrite=False)
         write_all(target, Kept(self.climbed), self.records, self.validation)
@@ -212,8 +209,6 @@ def refine(
     >>> idloop.refine(model, record, effects=["dead_zone", "coulomb_friction"]).added
     ('dead_zone@input',)
     """
-    from idloop.diagnosis import refine as climb
-
     train, validation = as_records(records), as_records(validate)
     climbed = climb(
         model, train, validation, level=level, criterion=criterion, minimum_improvement=minimum_improvement,

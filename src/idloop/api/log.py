@@ -16,11 +16,24 @@ import numpy as np
 
 from idloop.called_as import program
 from idloop.errors import InputError
+from idloop.records.bags.storage.storage_files import bag_name, is_bag
+from idloop.records.recognition.bag_table import bag_table
+from idloop.records.recognition.column_name import parse_column_name
+from idloop.records.recognition.guess import MOTION, ROLES, Given, quoted
+from idloop.records.recognition.recognise import recognise_table, shown_together
+from idloop.records.recognition.role_units import base_field
+from idloop.records.recognition.roles import is_named_as_signal, role_by_name
+from idloop.records.recognition.table_column import numbers_of
+from idloop.records.recognition.time_base import doubt_of_unit, find_time_base
+from idloop.records.tables.base_units import SECONDS, base_unit, known_unit
+from idloop.records.tables.joined import joined_tables
+from idloop.records.tables.mapping import Time
+from idloop.records.tables.table_files import read_table
 from idloop.reporting.text.blocks import Block, Table
 from idloop.spelling import joined_names, listed
 
 if TYPE_CHECKING:
-    from idloop.records.recognition.guess import Given, Guess
+    from idloop.records.recognition.guess import Guess
     from idloop.records.recognition.recognise import Recognition
     from idloop.records.recognition.time_base import TimeBase
     from idloop.records.tables.table import Table as Columns
@@ -97,8 +110,6 @@ class Log:
     @property
     def unused(self) -> list[str]:
         """Lines with the columns that are no signal, and why where it shows; those named as a signal of text first."""
-        from idloop.records.recognition.roles import is_named_as_signal
-
         table, empty = self.recognition.table, self.empty
         why = {name: _why_unused(table, name) for name in self.recognition.other if name not in empty}
         named = [name for name in why if why[name] == _TEXT and is_named_as_signal(name)]
@@ -137,8 +148,6 @@ class Log:
     @property
     def command_with_sign_of_error(self) -> str:
         """The option that gives the command the sign of the control error; empty where no set-point was recorded."""
-        from idloop.records.recognition.guess import quoted
-
         for wanted, measured in (("reference", "position"), ("reference velocity", "velocity")):
             one, other = self.recognition.of(wanted), self.recognition.of(measured)
             if one is None or other is None or (one.unit, one.options) != (other.unit, other.options):
@@ -208,10 +217,6 @@ def recognise(
     `files`, `given`, `period`, `csv`, `rows`, `late`: as in `idloop.start`.
     Raises InputError: a file cannot be read, or has no time, no command or no motion.
     """
-    from idloop.records.bags.storage.storage_files import is_bag
-    from idloop.records.recognition.recognise import recognise_table, shown_together
-    from idloop.records.tables.table_files import read_table
-
     if hasattr(files, "columns"):
         raise InputError(
             "a data frame is no file: write it to one by frame.to_csv('log.csv', index=False), or make a record of it"
@@ -269,16 +274,12 @@ def _edges(rows: Sequence[slice], count: int) -> tuple[int, ...]:
 
 def check_signals(given: Iterable[str]) -> None:
     """Refuse names that are no signals. Raises InputError: one is none."""
-    from idloop.records.recognition.guess import ROLES
-
     unknown = next((role for role in given if role not in ("time", *ROLES)), None)
     if unknown is not None:
         raise InputError(f"no signal {unknown!r}; known are time, {', '.join(ROLES)}")
 
 
 def _given(given: Mapping[str, str], columns: list[str]) -> dict[str, Given]:
-    from idloop.records.recognition.guess import Given
-
     check_signals(given)
     said = {role: Given.parse(text, columns) for role, text in given.items()}
     named: dict[str, str] = {}
@@ -291,9 +292,6 @@ def _given(given: Mapping[str, str], columns: list[str]) -> dict[str, Given]:
 
 def _check_unit(role: str, unit: str) -> None:
     """Refuse the unit of another quantity; what is no known unit is read elsewhere, such as counts per turn."""
-    from idloop.records.recognition.role_units import base_field
-    from idloop.records.tables.base_units import SECONDS, base_unit, known_unit
-
     if role != "time" and known_unit(unit) not in ("", "counts", *SECONDS):
         base_unit(known_unit(unit), base_field(role), f"{role}={unit}")
 
@@ -366,11 +364,6 @@ def _described(found: Recognition, role: str) -> str:
 
 def _joined(paths: tuple[Path, ...], tables: list[Columns], said: dict[str, Given], period: float | None) -> Log:
     """Recognise several files as one record."""
-    from idloop.records.recognition.recognise import recognise_table
-    from idloop.records.recognition.table_column import numbers_of
-    from idloop.records.recognition.time_base import doubt_of_unit, find_time_base
-    from idloop.records.tables.joined import joined_tables
-
     if len({path.parent.resolve() for path in paths}) > 1:
         raise InputError(
             "the files have different columns and lie in different folders; put what belongs together into one"
@@ -399,10 +392,6 @@ def _are_signals(tables: list[Columns]) -> bool:
     The names of the files must be those of a command and a motion, as in ``torque.t`` and ``position.t``, and differ by
     more than a number.
     """
-    from idloop.records.recognition.column_name import parse_column_name
-    from idloop.records.recognition.guess import MOTION
-    from idloop.records.recognition.roles import role_by_name
-
     if len(tables) < 2 or any(len(table.columns) != 2 for table in tables):
         return False
     inside = {role_by_name(parse_column_name(name)).role for name in tables[0].columns}
@@ -425,10 +414,6 @@ def _complete(tables: list[Columns]) -> list[str]:
 
 
 def _is_record(table: Columns) -> bool:
-    from idloop.records.recognition.column_name import parse_column_name
-    from idloop.records.recognition.guess import MOTION
-    from idloop.records.recognition.roles import role_by_name
-
     roles = {role_by_name(parse_column_name(name, table.units.get(name, ""))).role for name in table.columns}
     return bool(roles & {"command", "effort"} and roles & set(MOTION))
 
@@ -451,9 +436,6 @@ def _of_bags(paths: tuple[Path, ...], given: Mapping[str, str], rows: Sequence[s
 
 
 def _of_bag(path: Path, given: Mapping[str, str]) -> Recognition:
-    from idloop.records.recognition.bag_table import bag_table
-    from idloop.records.recognition.recognise import recognise_table
-
     read = bag_table(path)
     said = _given(given, list(read.table.columns))
     one = recognise_table(read.table, said, sources=read.sources, joints=read.joints)
@@ -463,8 +445,6 @@ def _of_bag(path: Path, given: Mapping[str, str]) -> Recognition:
 
 def _by_receipt(found: Recognition) -> Recognition:
     """Take the times of receipt as stamps, and say so."""
-    from idloop.records.tables.mapping import Time
-
     reason = "the stamps of the topics have no clock in common: the times of receipt are taken"
     doubt = f"{reason}; set `use_sim_time` alike for all nodes before the next recording"
     return replace(found, base=replace(found.base, time=Time(stamps="receive"), reason=reason, doubt=doubt))
@@ -499,8 +479,6 @@ def _records_in(found: Recognition) -> Iterator[str]:
 
 def _why_again(found: Recognition) -> str:
     """Whether the time starts again, or its counter is full: then what was counted on fits to it."""
-    from idloop.records.tables.base_units import SECONDS
-
     count = found.base.seconds / SECONDS.get(found.base.time.unit, 1.0)
     usual = float(np.median(np.diff(count)))
     falls = [float(count[one.start] - count[one.start - 1]) for one in found.rows[1:] if one.start]
@@ -532,8 +510,6 @@ def _why_unused(table: Columns, name: str) -> str:
 
 def _plain_name(path: Path) -> str:
     """Name of a file without its suffix, of characters that every file system and ROS takes."""
-    from idloop.records.bags.storage.storage_files import bag_name, is_bag
-
     return _plain(bag_name(path) if is_bag(path) else path.stem or path.name) or "log"
 
 

@@ -11,8 +11,21 @@ from typing import TYPE_CHECKING, Any
 from idloop.api.ladder import Ladder
 from idloop.api.result import Progress, Result, ignore_progress
 from idloop.api.single_thread import single_threaded
+from idloop.diagnosis.options import Options
 from idloop.errors import InputError
+from idloop.json_values import to_json
+from idloop.output_files import write_text
 from idloop.reporting.text.blocks import Block
+from idloop.robots.balance import balance_of, robot_motions
+from idloop.robots.document import document
+from idloop.robots.figures import plot_robot
+from idloop.robots.identified_urdf import identified_urdf
+from idloop.robots.identify import identify
+from idloop.robots.joint_records import read_joints
+from idloop.robots.rigid_body import RigidBody, read_urdf
+from idloop.robots.rigid_fit import fit_payload
+from idloop.robots.words import robot_blocks
+from idloop.spelling import did_you_mean, listed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -63,8 +76,6 @@ class RobotIdentification(Result):
         InputError
             No such joint.
         """
-        from idloop.spelling import did_you_mean, listed
-
         if joint not in self.joints:
             raise InputError(f"no joint {joint!r}; there are {listed(self.joints)}{did_you_mean(joint, self.joints)}")
         place = self.joints.index(joint)
@@ -73,33 +84,23 @@ class RobotIdentification(Result):
 
     def blocks(self) -> Iterator[Block]:
         """Yield the table of joints, what each lacks, the rigid bodies and the payload."""
-        from idloop.robots.words import robot_blocks
-
         yield from robot_blocks(self.to_dict())
 
     def plot(self) -> Figure:
         """Draw measured and modelled torque of every joint, on the last record."""
-        from idloop.robots.figures import plot_robot
-
         return plot_robot(self.robot)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the document of schema ``idloop/robot/1``."""
-        from idloop.robots.document import document
-
         return document(self.robot, self.payload, self.findings)
 
     def urdf(self) -> str:
         """Return the URDF with the identified inertias, damping and friction."""
-        from idloop.robots.identified_urdf import identified_urdf
-        from idloop.robots.rigid_body import read_urdf
-
         links = dict(zip(self.joints, self.robot.fit.links, strict=True))
         return identified_urdf(read_urdf(self.robot.rigid_body.path), links, self.models)
 
     def report(self, path: str | Path) -> Path:
         """Write the report: one HTML page that loads nothing from elsewhere."""
-        from idloop.output_files import write_text
         from idloop.robots.page import render_robot
 
         write_text(Path(path), render_robot(self.robot, self.to_dict()))
@@ -108,9 +109,6 @@ class RobotIdentification(Result):
     def save(self, folder: str | Path) -> Path:
         """Write robot.json, robot.urdf, report.html, and the model of every joint in the folder ``joints``."""
         import json
-
-        from idloop.json_values import to_json
-        from idloop.output_files import write_text
 
         target = Path(folder)
         (target / "joints").mkdir(parents=True, exist_ok=True)
@@ -171,13 +169,6 @@ def identify_robot(
     InputError
         Pinocchio is not installed, files that cannot be read or do not belong together, motions that are too short.
     """
-    from idloop.diagnosis.options import Options
-    from idloop.robots.balance import balance_of, robot_motions
-    from idloop.robots.identify import identify
-    from idloop.robots.joint_records import read_joints
-    from idloop.robots.rigid_body import RigidBody
-    from idloop.robots.rigid_fit import fit_payload
-
     Options(level)
     if rounds < 1:
         raise InputError(f"rounds is {rounds}: one at least")

@@ -9,10 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from idloop import drawing
 from idloop.api.result import Progress, Result, ignore_progress
 from idloop.api.single_thread import single_threaded
 from idloop.errors import InputError
+from idloop.output_files import write_text
 from idloop.reporting.text.blocks import Block, Table, number
+from idloop.robots.excitation import limits_of, plan, trajectory_text
+from idloop.robots.rigid_body import RigidBody
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -64,8 +68,6 @@ class RobotExcitation(Result):
 
     def plot(self) -> Figure:
         """Draw position and velocity of every joint."""
-        from idloop import drawing
-
         found = self.trajectory
         with drawing.styled():
             figure, axes = drawing.new_figure(2)
@@ -104,9 +106,6 @@ class RobotExcitation(Result):
         InputError
             Another suffix.
         """
-        from idloop.output_files import write_text
-        from idloop.robots.excitation import trajectory_text
-
         target = Path(path)
         if target.suffix.lower() not in FORMS:
             raise InputError(f"{target}: the suffix must be one of {', '.join(FORMS)}")
@@ -168,9 +167,6 @@ def excite_robot(
     InputError
         Pinocchio is not installed, a file that is no URDF, limits that leave no trajectory.
     """
-    from idloop.robots.excitation import limits_of, plan
-    from idloop.robots.rigid_body import RigidBody
-
     if not (period > 0.0 and periods >= 1 and harmonics >= 2 and rate > 0.0):
         raise InputError("period and rate must be above 0, periods 1 at least, harmonics 2 at least")
     robot = RigidBody(urdf)

@@ -10,13 +10,34 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from idloop import drawing
+from idloop.api.data import read_bags
 from idloop.api.first_fit import FirstFit, FirstModel, beside_weight, first_fit, left_out
 from idloop.api.inspection import inspect_bag, without_modelled_faults
 from idloop.api.log import Log, recognise
 from idloop.api.next_commands import commands, diagnosing, held_out, with_purpose
 from idloop.api.result import Progress, Result, ignore_progress, part
 from idloop.errors import InputError
+from idloop.output_files import probe_folder, write_text
+from idloop.records import compare_inspections
+from idloop.records.inspection.faults import jumps, loops, outside_force, readings
+from idloop.records.inspection.faults.command_sign import BACKWARD_TRAVEL, is_forwards
+from idloop.records.inspection.faults.excitation import SMALL
+from idloop.records.inspection.faults.fault import LATE
+from idloop.records.inspection.faults.late import VELOCITY as LATE_VELOCITY
+from idloop.records.inspection.faults.loops import SET_POINT, unit_of_set_point
+from idloop.records.inspection.grade import EVERYTHING, NOT_USABLE, what
+from idloop.records.inspection.measured_input import KIND as MEASURED
+from idloop.records.inspection.response import visible_response
+from idloop.records.inspection.together import judged_together
+from idloop.records.inspection.velocity_check import KIND as WRONG_VELOCITY
+from idloop.records.recognition.guess import LOAD
+from idloop.records.recognition.mapping_file import load_of, mapping_of, motion_of, text_of
+from idloop.records.recognition.role_units import base_unit_of
+from idloop.records.tables.importing import import_bag
+from idloop.reporting.plots.recognition import plot_recognition
 from idloop.reporting.text.blocks import Block
+from idloop.reporting.text.comparison import measures_of
 from idloop.reporting.text.first_fit import held_inertia, referred_load, verdict
 from idloop.reporting.text.inspection import between_lines, recording_lines
 from idloop.spelling import listed
@@ -90,8 +111,6 @@ class Start(Result):
     @property
     def set_point_unit(self) -> str:
         """Unit in which the command is a set-point that the motion follows, where the log says none; else empty."""
-        from idloop.records.inspection.faults.loops import unit_of_set_point
-
         return next(
             (unit for one in self.inspections for fault in one.faults if (unit := unit_of_set_point(fault))), ""
         )
@@ -99,8 +118,6 @@ class Start(Result):
     @property
     def records(self) -> list[Record]:
         """The records that were fitted, as the model reads them."""
-        from idloop.api.data import read_bags
-
         return read_bags(self.done.bags, self.model)
 
     @property
@@ -131,13 +148,9 @@ class Start(Result):
 
     def outcome(self) -> Iterator[Block]:
         """Yield what came of the guesses: verdicts, fit, and what to run next."""
-        from idloop.records.inspection.faults.command_sign import BACKWARD_TRAVEL
-
         said = [*self.said(), *self.done.notes]
         yield from [*said, ""] if said else []
         if self.fit is not None:
-            from idloop.reporting.text.comparison import measures_of
-
             yield self.fit.result.summary()
             yield from referred_load(self.fit.model)
             yield from held_inertia(self.fit.model)
@@ -178,10 +191,6 @@ class Start(Result):
 
     def _again(self) -> Iterator[str]:
         """Yield the options that mend what the inspection found."""
-        from idloop.records.inspection.faults import jumps, loops, outside_force, readings
-        from idloop.records.inspection.faults.fault import LATE
-        from idloop.records.inspection.velocity_check import KIND as WRONG_VELOCITY
-
         every = [fault for one in self.inspections for fault in one.faults]
         faults = {fault.kind: fault for fault in every}
         options = []
@@ -218,8 +227,6 @@ class Start(Result):
 
     def plot(self) -> Figure:
         """Draw the signals as they were recognised."""
-        from idloop.reporting.plots.recognition import plot_recognition
-
         return plot_recognition(self.log.recognition)
 
     def to_dict(self) -> dict[str, Any]:
@@ -349,8 +356,6 @@ def begin(
 
 def free_folder(log: Log, output: str | Path | None = None) -> Path:
     """Return the folder that will be written. Raises InputError: it is there already, or cannot be written."""
-    from idloop.output_files import probe_folder
-
     return probe_folder(Path(output) if output is not None else Path(log.name), "--output", new=True, parents=True)
 
 
@@ -367,8 +372,6 @@ def _check_finite(log: Log) -> None:
 
 
 def _mapping(log: Log, joint: str, csv: Mapping[str, Any] | None) -> Any:
-    from idloop.records.recognition.mapping_file import mapping_of
-
     names = tuple(one.name for one in log.files) if log.joined else ()
     mapping = mapping_of(log.recognition, log.name, joint, files=names)
     if any(window for _, window in log.runs.values()):
@@ -384,19 +387,6 @@ def _mapping(log: Log, joint: str, csv: Mapping[str, Any] | None) -> Any:
 
 def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, progress: Progress) -> Start:
     """Write, inspect and fit into a folder that is there."""
-    from idloop import drawing
-    from idloop.output_files import write_text
-    from idloop.records import compare_inspections
-    from idloop.records.inspection.faults.late import VELOCITY as LATE
-    from idloop.records.inspection.grade import what
-    from idloop.records.inspection.measured_input import KIND as MEASURED
-    from idloop.records.inspection.together import judged_together
-    from idloop.records.recognition.guess import LOAD
-    from idloop.records.recognition.mapping_file import load_of, motion_of, text_of
-    from idloop.records.recognition.role_units import base_unit_of
-    from idloop.records.tables.importing import import_bag
-    from idloop.reporting.plots.recognition import plot_recognition
-
     write_text(folder / MAPPING, text_of(mapping))
     drawing.save(plot_recognition(log.recognition), folder / PICTURE)
     bags = tuple(folder / BAGS / run for run in log.runs)
@@ -410,7 +400,7 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
     command = log.recognition.of("command")
     outputs = {one.role: base_unit_of(one) for one in motion_of(log.recognition)}
     driven = log.recognition.of(LOAD)
-    late = any(fault.kind == LATE for one in inspections for fault in one.faults)
+    late = any(fault.kind == LATE_VELOCITY for one in inspections for fault in one.faults)
     if late:
         # The position says the same, and a model without the filter would take the delay for something else.
         outputs.pop("velocity")
@@ -478,8 +468,6 @@ def forwards_beside_position(done: FirstFit, inspections: Sequence[Inspection]) 
 
     `done`: reversed.
     """
-    from idloop.records.inspection.faults.command_sign import is_forwards
-
     driven = [axis for one in inspections for axis in one.axes if axis.command_name]
     if not driven or not all(map(is_forwards, driven)):
         return done
@@ -499,8 +487,6 @@ def more_than_one_axis(done: FirstFit, inspections: Sequence[Inspection], joints
     `done`: refused, as the model predicts no better with the command.
     `joints`: joints of the log with a motion and a command each.
     """
-    from idloop.records.inspection.response import visible_response
-
     driven = [axis for one in inspections for axis in one.axes if axis.command_name]
     shown = [found for axis in driven if (found := visible_response(axis)) is not None]
     arm = "of an arm, gravity and the other joints move it as well: `idloop robot` identifies all joints together"
@@ -523,8 +509,6 @@ def more_than_one_axis(done: FirstFit, inspections: Sequence[Inspection], joints
 
 def with_causes(done: FirstFit, inspections: Sequence[Inspection], note: str) -> FirstFit:
     """Add what was left out; and where one body describes nothing, the faults that may be why."""
-    from idloop.records.inspection.grade import what
-
     notes = (*done.notes, note) if note else done.notes
     # What makes something impossible is the cause before what lowers the accuracy.
     faults = [what(one) for one in sorted((one for some in inspections for one in some.faults), key=_spoils_nothing)]
@@ -539,9 +523,6 @@ def _spoils_nothing(fault: Finding) -> bool:
 
 def _excited(inspections: tuple[Inspection, ...]) -> tuple[tuple[Inspection, ...], str]:
     """Return the records whose motion a fit can use, all of them where there is none; and what is left out, and why."""
-    from idloop.records.inspection.faults.excitation import SMALL
-    from idloop.records.inspection.grade import what
-
     small = {one.path: fault for one in inspections for fault in one.faults if fault.kind == SMALL}
     used = tuple(one for one in inspections if one.path not in small)
     if not small or not used:
@@ -551,8 +532,6 @@ def _excited(inspections: tuple[Inspection, ...]) -> tuple[tuple[Inspection, ...
 
 def _is_useless(inspections: Sequence[Inspection]) -> bool:
     """Whether there is one record only, and that of no use for a fit; beside others it may serve."""
-    from idloop.records.inspection.grade import EVERYTHING, NOT_USABLE
-
     return len(inspections) == 1 and inspections[0].grade == f"{NOT_USABLE} {EVERYTHING}"
 
 
@@ -567,10 +546,6 @@ class _Apart:
 
 def _apart(bags: Sequence[Path], inspections: Sequence[Inspection], between: Sequence[Finding]) -> _Apart | None:
     """Return why a fit of all records together would mean nothing; None where it may mean something."""
-    from idloop.records.inspection.faults.command_sign import is_forwards
-    from idloop.records.inspection.faults.loops import SET_POINT
-    from idloop.records.inspection.grade import EVERYTHING, what
-
     # A record whose fault spoils every fit would spoil the others' as well; one of no use may serve beside others.
     # A set-point makes a motion that no force explains.
     spoiling = {

@@ -11,9 +11,16 @@ from idloop.api.diagnosis import Diagnosis
 from idloop.api.ladder import Ladder
 from idloop.api.result import Progress, Result, as_records, ignore_progress, part
 from idloop.api.single_thread import single_threaded
+from idloop.diagnosis import diagnose
+from idloop.diagnosis.design.effect_question import find_proposal, suggest_effect
 from idloop.diagnosis.design.limits import Limits
+from idloop.diagnosis.design.suggest import prepare_setup
 from idloop.errors import InputError
+from idloop.estimation import fit
+from idloop.output_files import write_text
 from idloop.reporting.next_experiment import Next, next_of_diagnosis, next_of_ladder, next_of_models
+from idloop.reporting.next_file import experiment_text
+from idloop.reporting.plots.suggestion import plot_suggestion
 from idloop.reporting.text.blocks import Block
 
 if TYPE_CHECKING:
@@ -53,8 +60,6 @@ class Suggestion(Result):
         InputError
             There is no experiment that is worth running.
         """
-        from idloop.reporting.plots.suggestion import plot_suggestion
-
         return plot_suggestion(self._worth_running())
 
     def to_dict(self) -> dict[str, Any]:
@@ -70,9 +75,6 @@ class Suggestion(Result):
         InputError
             There is no experiment that is worth running.
         """
-        from idloop.output_files import write_text
-        from idloop.reporting.next_file import experiment_text
-
         write_text(Path(path), experiment_text(self._worth_running().to_dict()))
         return Path(path)
 
@@ -154,16 +156,12 @@ def suggest(
     models = list(subject) if isinstance(subject, Sequence) else [subject]
     _refuse(models, known, limits, options, show)
     if len(models) == 1 and show is None:
-        from idloop.diagnosis import diagnose
-
         first = diagnose(models[0], known, criterion=criterion, seed=seed, progress=part(progress, 0.0, 0.4))
         return Suggestion(next_of_diagnosis(first, known, limits, {**options, "progress": part(progress, 0.4, 1.0)}))
     if not fitted:
         models = _fitted(models, known, criterion, part(progress, 0.0, 0.3))
     options["progress"] = part(progress, 0.3, 1.0)
     if show is not None:
-        from idloop.diagnosis.design.effect_question import suggest_effect
-
         if len(models) > 1:
             raise InputError("show takes one model: the rivals are that model with and without the effect")
         return Suggestion(Next(suggest_effect(models[0], show, known, limits, **options)))
@@ -171,8 +169,6 @@ def suggest(
 
 
 def _fitted(models: Sequence[Model], records: Sequence[Record], criterion: str, progress: Progress) -> list[Model]:
-    from idloop.estimation import fit
-
     return [
         fit(model, records, criterion=criterion, progress=part(progress, i / len(models), (i + 1) / len(models))).model
         if model.free
@@ -189,9 +185,6 @@ def _refuse(
     show: str | None = None,
 ) -> None:
     """Raise now what would be raised after long work."""
-    from idloop.diagnosis.design.effect_question import find_proposal
-    from idloop.diagnosis.design.suggest import prepare_setup
-
     prepare_setup(models, records, limits, **{key: options[key] for key in ("duration", "seed", "start")})
     if show is not None:
         find_proposal(models[0], show)

@@ -7,8 +7,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from idloop.api.data import read_bag
+from idloop.control import build_controller
+from idloop.control.controller_file import load_controller
+from idloop.control.tracking import track
 from idloop.errors import InputError
 from idloop.parameter_table import read_mapping
+from idloop.physics import Plant, preset_names
+from idloop.signals import build_signal
 
 if TYPE_CHECKING:
     import numpy as np
@@ -62,9 +68,6 @@ def controller_section(model: Model, text: str | None) -> dict[str, Any]:
     InputError
         There is none, or the text is neither a file with a controller nor a YAML mapping.
     """
-    from idloop.control.controller_file import load_controller
-    from idloop.physics import preset_names
-
     if text is None:
         section = model.controller
     elif text in preset_names() or Path(text).is_file():
@@ -94,8 +97,6 @@ def built(signal: Mapping[str, Any], section: Mapping[str, Any]) -> Reference:
     """Reference of a signal, as the excitation node publishes it."""
     import numpy as np
 
-    from idloop.signals import build_signal
-
     given = dict(signal)
     name = given.pop("name", None)
     if not isinstance(name, str):
@@ -111,8 +112,6 @@ def built(signal: Mapping[str, Any], section: Mapping[str, Any]) -> Reference:
 def _recorded(bag: Path, model: Model, period: float) -> Reference:
     import numpy as np
 
-    from idloop.api.data import read_bag
-
     record = read_bag(bag, model)
     if record.reference is None or record.reference_time is None:
         raise InputError(f"{bag}: holds no reference: give a signal instead, as in {{name: sine, frequency: 0.2}}")
@@ -125,10 +124,6 @@ def _recorded(bag: Path, model: Model, period: float) -> Reference:
 def _within_limit(model: Model, section: Mapping[str, Any]) -> Reference:
     """Default reference, made smaller where the linear part of the model would need more than half of the limit."""
     import numpy as np
-
-    from idloop.control import build_controller
-    from idloop.control.tracking import track
-    from idloop.physics import Plant
 
     first = built(DEFAULT_REFERENCE, section)
     controller = build_controller({**section, "limit": None})
@@ -189,9 +184,6 @@ def simulate_loops(
     `seed`: of the measurement noise, the same in every run.
     `progress`: receives the share done and what is done.
     """
-    from idloop.control import build_controller
-    from idloop.control.tracking import track
-
     period = float(section["sample_time"])
     compensated = build_controller(section, compensation=compensation)
     assert compensated.plan is not None  # noqa: S101 - it was given a compensation
@@ -213,8 +205,6 @@ def simulate_loops(
 
 
 def _build(machine: Model | Path, model: Model, period: float, seed: int, noise: bool) -> Machine:
-    from idloop.physics import Plant
-
     if isinstance(machine, Path):
         from idloop.physics.mjcf_plant import MjcfPlant
 
