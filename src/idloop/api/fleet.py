@@ -115,25 +115,18 @@ class Fleet(Result):
 
         return {
             "schema": "idloop/fleet/1",
-            "source": self.source,
+            **{key: getattr(self, key) for key in ("source", "bags", "new", "joint_days", "level", "tests")},
             "folder": str(self.folder),
             "version": __version__,
             "settings": self.settings.digests,
             "seed": self.settings.seed,
-            "bags": self.bags,
-            "new": self.new,
-            "joint_days": self.joint_days,
             "failed": [{**one, "time": one["time"] and one["time"].isoformat()} for one in self.failed],
             "kinds": (kinds := [component_row(one) for one in self.components]),
             "misfits": list(misfit_rows(self.components)),
             "untested": untested_words({"kinds": kinds}),
-            "level": self.level,
-            "tests": self.tests,
-            "findings": [finding_row(one) for one in self.findings],
             "since": self.since,
             "against": self.against,
-            "periods": [finding_row(one) for one in self.periods],
-            "alarms": [finding_row(one) for one in self.alarms],
+            **{key: list(map(finding_row, getattr(self, key))) for key in ("findings", "periods", "alarms")},
             "unwatched": list(self.unwatched),
             "recordings_per_false_alarm": FALSE_ALARMS,
             "diagnosis_level": DIAGNOSIS_LEVEL,
@@ -156,12 +149,9 @@ class Fleet(Result):
             make_folder(self.folder / one, parents=True)
         document = to_json({**self.to_dict(), "plot": plot})
         write_text(self.folder / "fleet.json", json.dumps(document, indent=2, ensure_ascii=False) + "\n")
-        tables = {
-            "units": (unit_rows(self.components), UNIT_COLUMNS),
-            "findings": (document["findings"], FINDING_COLUMNS),
-        }
         made_by = {key: document[key] for key in ("version", "seed")}
-        for name, (rows, columns) in tables.items():
+        units, findings = (unit_rows(self.components), UNIT_COLUMNS), (document["findings"], FINDING_COLUMNS)
+        for name, (rows, columns) in {"units": units, "findings": findings}.items():
             several = [{**one, **made_by, "settings": self.settings.digests[one["kind"]]} for one in rows]
             write_table(self.folder / f"{name}.parquet", several, columns)
         models, store = dict(self.settings.kinds), Store(self.folder)
@@ -511,15 +501,8 @@ def _found_and_left(added: Mapping[str, float | None], conclusion: str) -> str:
 
 def undiagnosed(task: dict[str, Any], reason: str = LOST) -> tuple[dict[str, Any], str]:
     """What there is of a joint that could not be diagnosed."""
-    return {
-        **task,
-        "added": [],
-        "p_values": {},
-        "verdict": None,
-        "conclusion": reason,
-        "parameters": {},
-        "report": None,
-    }, ""
+    nothing: dict[str, Any] = {"added": [], "p_values": {}, "verdict": None, "parameters": {}, "report": None}
+    return {**task, **nothing, "conclusion": reason}, ""
 
 
 def _day(text: str) -> float:

@@ -46,17 +46,10 @@ class RobotExcitation(Result):
         rows = []
         for place, joint in enumerate(found.joints):
             q, v, a = (one[:, place] for one in (found.position, found.velocity, found.acceleration))
-            rows.append(
-                (
-                    joint,
-                    number(float(q.min()), 3),
-                    number(float(q.max()), 3),
-                    f"{number(float(limits.lower[place]), 3)} .. {number(float(limits.upper[place]), 3)}",
-                    number(float(np.max(np.abs(v))), 3),
-                    number(float(limits.velocity[place]), 3),
-                    number(float(np.max(np.abs(a))), 3),
-                )
-            )
+            sizes = (q.min(), q.max(), limits.lower[place], limits.upper[place])
+            least, most, lower, upper = (number(float(one), 3) for one in sizes)
+            fastest = (np.max(np.abs(v)), limits.velocity[place], np.max(np.abs(a)))
+            rows.append((joint, least, most, f"{lower} .. {upper}", *(number(float(one), 3) for one in fastest)))
         yield Table.of(("joint", "from", "to", "within", "speed", "limit", "acceleration"), rows)
         yield (
             f"{found.time[-1]:g} s, {len(found.time)} points; condition number of the base parameters"
@@ -71,10 +64,8 @@ class RobotExcitation(Result):
         found = self.trajectory
         with drawing.styled():
             figure, axes = drawing.new_figure(2)
-            for axis, values, label in (
-                (axes[0, 0], found.position, "position"),
-                (axes[1, 0], found.velocity, "speed"),
-            ):
+            curves = ((axes[0, 0], found.position, "position"), (axes[1, 0], found.velocity, "speed"))
+            for axis, values, label in curves:
                 for place, joint in enumerate(found.joints):
                     drawing.line(axis, found.time, values[:, place], label=joint)
                 axis.set_ylabel(label)
@@ -88,10 +79,7 @@ class RobotExcitation(Result):
         return {
             "schema": "idloop/robot-excitation/1",
             "joints": list(found.joints),
-            "time": found.time.tolist(),
-            "position": found.position.tolist(),
-            "velocity": found.velocity.tolist(),
-            "acceleration": found.acceleration.tolist(),
+            **{key: getattr(found, key).tolist() for key in ("time", "position", "velocity", "acceleration")},
             "condition": found.condition,
             "condition_of_best_random": found.before,
             "distance": found.distance if np.isfinite(found.distance) else None,

@@ -250,7 +250,7 @@ class Start(Result):
             "fitted": None if self.fitted_file is None else str(self.fitted_file),
             "inspections": [one.to_dict() for one in self.inspections],
             "between": [one.to_dict() for one in self.between],
-            "fit": self.fit.to_dict() if self.fit is not None else None,
+            "fit": None if self.fit is None else self.fit.to_dict(),
             "not_fitted": self.not_fitted,
             "verdict": self.verdict,
             "turn": self.log.turned_command if self.done.reversed else "",

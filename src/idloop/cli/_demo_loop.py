@@ -119,14 +119,8 @@ def run_live(graph: str, folder: Path, seconds: float, seed: int, domain: int | 
 
     machine, bag = load_model(graph), folder / graph
     windows = windows_of(graph, seconds)
-    values = {
-        "duration": repr(seconds),
-        "seed": str(seed),
-        "bag": str(bag),
-        "window": repr(windows.window),
-        "validation": repr(windows.validation),
-        "fit_period": repr(windows.period),
-    }
+    values = {"seed": str(seed), "bag": str(bag), "duration": repr(seconds), "window": repr(windows.window)}
+    values |= {"validation": repr(windows.validation), "fit_period": repr(windows.period)}
     with narrated(f"{graph}: live graph", 60.0) as say:
         run_from_away(graph, machine, folder / f"{graph}_start.yaml", values, say, domain)
     live = read_results(bag)

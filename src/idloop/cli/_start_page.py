@@ -37,16 +37,8 @@ def document_of(files: list[Path], given: Mapping[str, str]) -> dict[str, Any]:
         if not columns:
             raise
         signals = [_signal(role, given.get(role, ""), columns) for role in ("time", *ROLES)]
-        return {
-            "signals": signals,
-            "columns": columns,
-            "turned": "",
-            "doubts": [],
-            "notes": [],
-            "pictures": [],
-            "folder": "",
-            "missing": _refusal(error, files),
-        }
+        empty: dict[str, Any] = {"turned": "", "doubts": [], "notes": [], "pictures": [], "folder": ""}
+        return {"signals": signals, "columns": columns, **empty, "missing": _refusal(error, files)}
     found = log.recognition
     by_role = {one.role: one for one in found.guesses}
     time = found.base.time
@@ -54,11 +46,7 @@ def document_of(files: list[Path], given: Mapping[str, str]) -> dict[str, Any]:
     signals = [{"role": "time", "column": str(time.source or ""), "unit": unit, "reason": reason}]
     for role in ROLES:
         one = by_role.get(role)
-        signals.append(
-            {"role": role, "column": one.column, "unit": one.unit, "reason": one.reason}
-            if one is not None
-            else {"role": role, "column": "", "unit": "", "reason": ""}
-        )
+        signals.append({"role": role} | {key: getattr(one, key, "") for key in ("column", "unit", "reason")})
     return {
         "signals": signals,
         "columns": list(found.table.columns),

@@ -124,16 +124,9 @@ def run_live(hidden: str, folder: Path, seed: int, domain: int | None, tell: Cal
     """Run the graph to its end and return the bag."""
     from idloop.physics import load_model
 
-    values = {
-        "effects": json.dumps([hidden]),
-        "duration": repr(SECONDS),
-        "seed": str(seed),
-        "bag": str(folder / "bag"),
-        "window": repr(WINDOW),
-        "validation": repr(VALIDATION),
-        "fit_period": repr(PERIOD),
-        "diagnose_window": repr(DIAGNOSED),
-    }
+    values = {"effects": json.dumps([hidden]), "seed": str(seed), "bag": str(folder / "bag"), "duration": repr(SECONDS)}
+    times = {"window": WINDOW, "validation": VALIDATION, "fit_period": PERIOD, "diagnose_window": DIAGNOSED}
+    values |= {name: repr(seconds) for name, seconds in times.items()}
 
     with narrated("live graph", 120.0) as update:
 
@@ -239,18 +232,10 @@ def tell_outcome(outcome: Outcome) -> None:
 
 def to_document(outcome: Outcome, failures: list[str]) -> Mapping[str, Any]:
     """Everything for `--json`."""
-    return {
-        "schema": "idloop/demo/2",
-        "hidden": outcome.hidden,
-        "found": outcome.found,
-        "diagnoses": outcome.findings.diagnoses,
-        "experiments": outcome.findings.experiments,
-        "refine": outcome.findings.ladder,
-        "noise_floor": outcome.floor,
-        "above_floor": outcome.above_floor,
-        "files": outcome.files,
-        "failures": failures,
-    }
+    own = {key: getattr(outcome, key) for key in ("hidden", "found", "above_floor", "files")}
+    findings = outcome.findings
+    found = {"diagnoses": findings.diagnoses, "experiments": findings.experiments, "refine": findings.ladder}
+    return {"schema": "idloop/demo/2", **own, **found, "noise_floor": outcome.floor, "failures": failures}
 
 
 @click.command("demo", short_help="The whole story on the live graph with a hidden effect.")
