@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from idloop.arrays import Array
 from idloop.control.compensation import followed_output
-
-if TYPE_CHECKING:
-    from idloop.control.controller import Controller
-    from idloop.physics.machine import Machine
-    from idloop.physics.model import Model
+from idloop.control.controller import Controller
+from idloop.physics.machine import Machine
+from idloop.physics.model import Model
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING
 
 from idloop.errors import InputError
 from idloop.exporters.exported import Exported
+from idloop.physics.model import Model
 from idloop.spelling import did_you_mean_or_known
-
-if TYPE_CHECKING:
-    from idloop.physics.model import Model
 
 # Format: the module with its function `export`.
 FORMATS = {

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 from idloop.arrays import Array
-
-if TYPE_CHECKING:
-    from idloop.physics.model import Model
+from idloop.physics.model import Model
 
 
 class Machine(Protocol):

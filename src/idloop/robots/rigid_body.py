@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 
 from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.spelling import did_you_mean, listed
-
-if TYPE_CHECKING:
-    from types import ModuleType
-
 
 PER_LINK = 10  # mass, first moments (x, y, z), and inertia (xx, xy, yy, xz, yz, zz) about the joint's frame
 

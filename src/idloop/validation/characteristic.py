@@ -7,8 +7,9 @@ so that a user's own effect has a characteristic as well.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,19 +18,13 @@ from idloop.errors import IdloopError
 from idloop.estimation.dataset import prepare
 from idloop.estimation.force_balance.force_error import record_balance, thin
 from idloop.estimation.optimisation.caching_engine import CachingEngine
-from idloop.physics.effect import BODY, COUPLING, INPUT, OUTPUT
+from idloop.physics import Model
+from idloop.physics.effect import BODY, COUPLING, INPUT, OUTPUT, Effect
 from idloop.physics.kernel import GAIN
+from idloop.physics.model import ActiveEffect
+from idloop.records import Record
 from idloop.validation.breakdown import sums
 from idloop.validation.free_run import free_runs
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from idloop.physics import Model
-    from idloop.physics.effect import Effect
-    from idloop.physics.model import ActiveEffect
-    from idloop.records import Record
-
 
 # Bins of the mean, points of the curve.
 _BINS, _CURVE = 24, 401

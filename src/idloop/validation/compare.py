@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,16 +13,14 @@ from idloop.arrays import Array
 from idloop.errors import IdloopError, InputError
 from idloop.estimation.feedback import exogenous_signals, feedback_possible
 from idloop.estimation.sensors import body_sensors
+from idloop.physics import Model
+from idloop.records import Record
 from idloop.validation.error_choice import MEASURES, choose_basis
 from idloop.validation.measures import fit_percent, measures, nrmse, rmse
 from idloop.validation.operating_state import error_share, motion_regions, smooth_velocity
 from idloop.validation.residual import ResidualTest, residual_tests
 from idloop.validation.runs import Runs
 from idloop.validation.where import Where, where
-
-if TYPE_CHECKING:
-    from idloop.physics import Model
-    from idloop.records import Record
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ measured.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,11 +17,8 @@ from idloop.errors import InputError
 from idloop.estimation.dataset import prepare
 from idloop.estimation.force_balance.force_error import record_balance, thin
 from idloop.estimation.force_balance.motion import bridged
-
-if TYPE_CHECKING:
-    from idloop.physics import Model
-    from idloop.records import Record
-
+from idloop.physics import Model
+from idloop.records import Record
 
 # Filter transients at a gap in the measurements last this many periods of the band.
 _MARGIN = 2.0

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from idloop.arrays import Array
 from idloop.validation.measures import nrmse
+from idloop.validation.runs import Runs
 from idloop.validation.spectrum import line_powers, on_even_steps
 from idloop.validation.words import percent, short
-
-if TYPE_CHECKING:
-    from idloop.validation.runs import Runs
-
 
 # Drift is slower than this many periods in a record. A free run drifts when this share of the error's power about its
 # mean is so slow,

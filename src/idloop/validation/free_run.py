@@ -7,20 +7,16 @@ position of -80 rad, a speed that the record never has), because a wrong start m
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from idloop.arrays import Array
 from idloop.errors import IdloopError
+from idloop.estimation.dataset import Data
 from idloop.estimation.optimisation.levenberg import minimise
 from idloop.estimation.sensors import body_sensors
 from idloop.estimation.simulation import SimulationCriterion
-
-if TYPE_CHECKING:
-    from idloop.estimation.dataset import Data
-    from idloop.physics import Engine, Model
-
+from idloop.physics import Engine, Model
 
 # Difference steps of the search, as a share of each state's typical size.
 _STEP = 1e-5

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from idloop.arrays import Array, Integers, Mask
+from idloop.estimation.dataset import Data
 from idloop.estimation.force_balance.motion import differentiate, excitation_band, low_pass
 from idloop.estimation.observer.sensor_noise import noise_std
 from idloop.estimation.sensors import body_sensors
-
-if TYPE_CHECKING:
-    from idloop.estimation.dataset import Data
-    from idloop.physics import Model
-
+from idloop.physics import Model
 
 # Cut-off of the smoothing filter over the excited band: errors are sorted by a smooth state.
 _FILTER_RATIO = 5.0

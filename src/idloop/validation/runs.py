@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,13 +13,10 @@ from idloop.estimation.dataset import Data, force_scale, output_noise, prepare
 from idloop.estimation.likelihood.disturbance import SUBSET_SAMPLES, fit_random_walk
 from idloop.estimation.observer.innovations import WALK, InnovationCriterion
 from idloop.estimation.optimisation.caching_engine import CachingEngine
+from idloop.physics import Model
+from idloop.records import Record
 from idloop.validation.drive import ForceError, force_error
 from idloop.validation.free_run import free_run
-
-if TYPE_CHECKING:
-    from idloop.physics import Model
-    from idloop.records import Record
-
 
 # An observer that takes more of a record than this to settle is used from the first sample on.
 _SETTLING_SHARE = 0.05

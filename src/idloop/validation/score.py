@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from idloop.arrays import Array
 from idloop.errors import InputError
+from idloop.estimation.black_box.sampled import SampledData
 from idloop.estimation.feedback import detect_feedback
+from idloop.estimation.linear import LinearModel
+from idloop.estimation.networks import NarxModel
 from idloop.validation.residual import ResidualTest, residual_tests
-
-if TYPE_CHECKING:
-    from idloop.estimation.black_box.sampled import SampledData
-    from idloop.estimation.linear import LinearModel
-    from idloop.estimation.networks import NarxModel
-
 
 _LAGS = 25  # of the residual tests; four times as many samples are needed
 _OVERFLOW = 1e100

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,13 +12,10 @@ from idloop.arrays import Array
 from idloop.validation.breakdown import Breakdown
 from idloop.validation.error_choice import MEASURES, choose_basis
 from idloop.validation.operating_state import OperatingState, operating_state
+from idloop.validation.runs import Runs
 from idloop.validation.stretch import Stretch, worst_stretches
 from idloop.validation.variables import TITLES, break_down_all
 from idloop.validation.words import beside, force_text, percent, short
-
-if TYPE_CHECKING:
-    from idloop.validation.runs import Runs
-
 
 DRIVE_FORCE = "drive force"
 NOISE_ALONE = "sensor noise may be all of it"
