@@ -71,16 +71,13 @@ A saved model in Python, with idloop or without it:
 """
 
 
-class ControllerArgument(click.ParamType["dict[str, Any]"]):
-    """FILE: a preset, a model file, or a controller's section by itself."""
+def _load_controller(_context: click.Context, _option: click.Parameter, text: str | None) -> dict[str, Any] | None:
+    """Controller of a preset, of a model file, or of a file with its section alone."""
+    if text is None:
+        return None
+    from idloop.control.controller_file import load_controller
 
-    name = "FILE"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> dict[str, Any]:
-        """Load it; an InputError says in one line what is wrong with it."""
-        from idloop.control.controller_file import load_controller
-
-        return load_controller(value)
+    return load_controller(text)
 
 
 @click.command(cls=_inputs.lists("--validate"), epilog=EXAMPLE)
@@ -143,7 +140,7 @@ class ControllerArgument(click.ParamType["dict[str, Any]"]):
 @click.option("--closed-loop", is_flag=True, help="Go by way of the recorded reference (iv4, bla).")
 @click.option(
     "--controller",
-    type=ControllerArgument(),
+    callback=_load_controller,
     metavar="FILE",
     help="Controller that ran (vodma): a model file, or a file with its section `controller` alone; that of --model.",
 )
@@ -218,7 +215,7 @@ def command(
     law = controller if controller is not None or model is None else model.controller
     choices = Choices(structure=parse_structure(structure), controller=law, **options)
     check_structure(choices.structure, list(chosen.values()))
-    note_unused(list(chosen), choices, Choices())
+    note_unused(list(chosen), choices)
     signals = named_signals(bags[0], model, joint, outputs)
     train, unseen = _inputs.read_fitted_and_unseen(bags, validate, signals)
     notes = left_out_notes(bags, signals)
@@ -237,7 +234,7 @@ def command(
         elif over.name in MEASURED:
             each = [even_grids([record], own, detrend, drop) for record in train]
             cases = record_cases(over, each, data[1] if unseen else None, choices)
-            rows = sorted(run_cases(list(chosen), cases, grids, steps, update, apart=True), key=lambda row: row[0])
+            rows = run_cases(list(chosen), cases, grids, steps, update, apart=True)
         else:
             cases = setting_cases(over, data, choices)
             rows = run_cases(list(chosen), cases, grids, steps, update, apart=over.name == "sample-time")
@@ -259,17 +256,14 @@ def list_methods(*, as_json: bool) -> None:
     _outputs.print_json({"schema": SCHEMA, "methods": listed})
 
 
-def note_unused(names: Sequence[str], choices: Choices, default: Choices) -> None:
+def note_unused(names: Sequence[str], choices: Choices) -> None:
     """Say which options a chosen method does not read."""
+    from idloop.estimation.black_box.method import Choices as Default
     from idloop.estimation.black_box.methods import METHODS
 
-    options = (
-        "order", "structure", "delay", "horizon", "window", "period", "units", "focus", "band", "stable",
-        "integrates", "closed_loop", "seed",
-    )  # fmt: skip
-    for option in options:
-        if getattr(choices, option) == getattr(default, option):
-            continue
+    # The controller may be that of the model, which nobody gave to a method.
+    usual = {name: value for name, value in vars(Default()).items() if name != "controller"}
+    for option in (name for name, value in usual.items() if getattr(choices, name) != value):
         # Output error fits the free run anyway; beside models, responses take what they can.
         deaf = [n for n in names if option not in METHODS[n].needs and not (n == "oe" and option == "focus")]
         if len(deaf) < len(names):
@@ -320,24 +314,22 @@ def setting_cases(sweep: Sweep, data: Grids, choices: Choices) -> list[Case]:
     """Every value of a setting, or of the sample time, on the same records."""
     cases = []
     for value in sweep.values:
-        text = f"{sweep.name} {value:g}"
-        if sweep.name == "sample-time":
-            cases.append(Case(value, text, choices, None))
-        else:
-            setting: dict[str, Any] = {sweep.name: int(value)}
-            cases.append(Case(value, text, replace(choices, **setting), data))
+        setting: dict[str, Any] = {} if sweep.name == "sample-time" else {sweep.name: int(value)}
+        given = data if setting else None
+        cases.append(Case(value, f"{sweep.name} {value:g}", replace(choices, **setting), given))
     return cases
 
 
 def record_cases(
     sweep: Sweep, records: Sequence[list[SampledData]], unseen: list[SampledData] | None, choices: Choices
 ) -> list[Case]:
-    """Every record by itself, judged on `unseen`, or on itself where there is none."""
+    """Every record by itself, judged on `unseen`, or on itself where there is none; the least measure first."""
     measure: Any = sweep.name
-    return [
+    cases = [
         Case(excitation_measure(measure, one), one[0].name, choices, (one, unseen or one), one[0].name)
         for one in records
     ]
+    return sorted(cases, key=lambda case: case.value)
 
 
 def run_cases(
@@ -408,17 +400,11 @@ def finish_sweep(
 
         _outputs.save_plot(lambda: plot_sweep(sweep.name, unit, _sweep_lines(rows), steps, title), plot)
     if as_json:
-        table = [
-            {
-                "value": value,
-                "record": one.record or None,
-                "method": one.label,
-                "error": one.error or None,
-                **({} if one.score is None else one.score.to_dict()),
-                **one.measures(),
-            }
-            for value, one in rows
-        ]
+        table = []
+        for value, one in rows:
+            score = {} if one.score is None else one.score.to_dict()
+            row = {"value": value, "record": one.record or None, "method": one.label, "error": one.error or None}
+            table.append({**row, **score, **one.measures()})
         found = {"over": sweep.name, "unit": unit, "rows": table, "best": best_values(rows), "smallest": smallest}
         _outputs.print_json({**document, "sweep": found})
     else:
