@@ -8,6 +8,7 @@ joints, so that the rate of false alarms is averaged over the uncertain mean of 
 from __future__ import annotations
 
 import numpy as np
+from scipy.optimize import brentq
 
 from idloop.arrays import Array
 from idloop.errors import InputError
@@ -61,8 +62,6 @@ def _threshold(recordings: float, ratio: float) -> float | None:
 
     `ratio`: half the squared growth over the variance of a recording.
     """
-    from scipy.optimize import brentq
-
     nodes, weights = np.polynomial.hermite_e.hermegauss(_NODES)
     drift = -ratio * (1.0 - 2.0 * nodes / np.sqrt(2.0 * ratio * REFERENCE))
 

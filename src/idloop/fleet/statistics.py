@@ -24,6 +24,8 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import stdtr, stdtrit
+from scipy.stats import false_discovery_control, median_abs_deviation, t
 
 from idloop.arrays import Array, Mask
 from idloop.fleet.joint_day import FORCE_ERROR
@@ -171,9 +173,6 @@ class RandomEffect(NamedTuple):
 
 def random_effect(value: Array, variance: Array) -> RandomEffect:
     """Combine estimates whose errors are known, without those that are too far off to be of one normal distribution."""
-    from scipy.special import stdtrit
-    from scipy.stats import median_abs_deviation
-
     known = np.isfinite(value) & np.isfinite(variance)
     y, own = value[known], variance[known]
     if not len(y):
@@ -369,8 +368,6 @@ class Hypotheses:
 
     def found(self) -> list[Finding]:
         """Findings that the rate leaves, by their p-values."""
-        from scipy.stats import false_discovery_control
-
         if not self.count:
             return []
         asked: Counter[str] = Counter()
@@ -436,8 +433,6 @@ def finding_of(
 
 def _reach(stderr: float, freedom: float) -> float:
     """Half of a 95 % interval, by Student's t."""
-    from scipy.special import stdtrit
-
     return float(stdtrit(freedom, 0.975)) * stderr
 
 
@@ -523,8 +518,6 @@ def _tails(several: Sequence[Array], freedom: float) -> tuple[float, float]:
     A fit errs in its own way where a motion shows little of a parameter: single recordings have heavier tails than
     means of many.
     """
-    from scipy.stats import t
-
     z = np.concatenate(several) if several else np.zeros(0)
     if len(z) < _FEWEST_TAILS:
         return freedom, 1.0
@@ -534,8 +527,6 @@ def _tails(several: Sequence[Array], freedom: float) -> tuple[float, float]:
 
 def _p(away: Array | float, error: Array | float, freedom: float) -> Array:
     """Two-sided p-values of Student's t."""
-    from scipy.special import stdtr
-
     return np.asarray(2.0 * stdtr(freedom, -np.abs(away) / np.maximum(error, 1e-300)))
 
 

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
+from scipy.linalg import qr
+from scipy.optimize import minimize
 
 from idloop.arrays import Array
 from idloop.errors import InputError
@@ -146,8 +148,6 @@ def plan(
     `period`: [s]. `rate`: points per second of the result. `starts`: random trajectories, of which the best is
     optimised. `steps`: of the optimiser. Raises InputError: no trajectory within the limits.
     """
-    from scipy.optimize import minimize
-
     empty = [name for name, low, high in zip(robot.joints, limits.lower, limits.upper, strict=True) if not high > low]
     if empty:
         raise InputError(f"no range of positions for {listed(empty)}: correct the limits in the URDF")
@@ -191,8 +191,6 @@ class _Design:
     """What a trajectory is judged by."""
 
     def __init__(self, robot: RigidBody, limits: Limits, series: _Series, collision: SelfCollision, seed: int) -> None:
-        from scipy.linalg import qr
-
         self.robot, self.limits, self.series, self.collision = robot, limits, series, collision
         # Base parameters by their columns, of random states.
         random = np.random.default_rng(seed)

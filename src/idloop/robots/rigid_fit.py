@@ -13,6 +13,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from scipy.linalg import qr
+from scipy.optimize import least_squares
 
 from idloop.arrays import Array, Integers
 from idloop.errors import InputError
@@ -135,8 +137,6 @@ def _base(
     joints: Sequence[str], scaled: Sequence[int], balances: Sequence[Balance], stacked: Array, sigma: Array
 ) -> tuple[tuple[BaseParameter, ...], float]:
     """Base parameters: friction and offset of each joint first, then the best determined of the others."""
-    from scipy.linalg import qr
-
     names = [*parameter_names(joints), *(f"{joints[joint]}.{EFFECTS}" for joint in scaled)]
     first, last = PER_LINK * len(joints), (PER_LINK + len(OF_JOINT)) * len(joints)
     length = _lengths(stacked)
@@ -200,8 +200,6 @@ def consistent_links(
     `nominal` (10 links,): the description. `armatures`: of the k other parameters, those that are not negative. Returns
     `links` (links, 10). `others` (k,).
     """
-    from scipy.optimize import least_squares
-
     size = len(nominal)
     # What the data do not contain stays 0: the optimiser would move it at random.
     shown = np.flatnonzero(np.any(regressor[:, size:] != 0.0, axis=0))

@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import toeplitz
+from scipy.special import chdtrc
 
 from idloop.arrays import Array
 from idloop.errors import InputError
@@ -121,8 +123,6 @@ def ljung_box(values: ArrayLike, lags: int) -> tuple[float, float]:
     `values` (n,): series without NaN; `lags`: number of lags pooled. Returns `statistic`, `p_value`: ``n (n + 2) Σ r_k²
     / (n − k)`` and its χ²(lags) tail probability.
     """
-    from scipy.special import chdtrc
-
     e = np.asarray(values, dtype=float)
     n = len(e)
     r = autocorrelation(e, lags)[1:]
@@ -144,9 +144,6 @@ def input_residual_test(signal: ArrayLike, residual: ArrayLike, lags: int) -> tu
     of its stamp, so under feedback the command follows the residual there. `share`: part of the residual's variance
     that these lags explain.
     """
-    from scipy.linalg import toeplitz
-    from scipy.special import chdtrc
-
     u, e = np.asarray(signal, dtype=float), np.asarray(residual, dtype=float)
     n = len(e)
     correlation = _cross(u, e, lags)
