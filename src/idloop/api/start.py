@@ -405,14 +405,10 @@ def _begin(log: Log, folder: Path, mapping: Any, joint: str, *, fitted: bool, pr
         # The position says the same, and a model without the filter would take the delay for something else.
         outputs.pop("velocity")
     shown = next((one for inspection in inspections for one in inspection.findings if one.kind == MEASURED), None)
-    kind = FirstModel(
-        log.name,
-        joint,
-        base_unit_of(command) if command is not None else "",
-        outputs,
-        measured=(command is not None and command.measured) or shown is not None,
-        load=(load_of(joint), base_unit_of(driven)) if driven is not None else None,
-    )
+    unit = base_unit_of(command) if command is not None else ""
+    measured = (command is not None and command.measured) or shown is not None
+    load = (load_of(joint), base_unit_of(driven)) if driven is not None else None
+    kind = FirstModel(log.name, joint, unit, outputs, measured, load)
     plain = kind.model()
     inspections = judged_together([without_modelled_faults(plain, one) for one in inspections])
     between = tuple(compare_inspections(inspections))

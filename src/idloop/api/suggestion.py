@@ -169,12 +169,11 @@ def suggest(
 
 
 def _fitted(models: Sequence[Model], records: Sequence[Record], criterion: str, progress: Progress) -> list[Model]:
-    return [
-        fit(model, records, criterion=criterion, progress=part(progress, i / len(models), (i + 1) / len(models))).model
-        if model.free
-        else model
-        for i, model in enumerate(models)
-    ]
+    found = []
+    for i, model in enumerate(models):
+        own = part(progress, i / len(models), (i + 1) / len(models))
+        found.append(fit(model, records, criterion=criterion, progress=own).model if model.free else model)
+    return found
 
 
 def _refuse(

@@ -95,19 +95,11 @@ class Controller:
             for i, name in enumerate(self.inputs):
                 self._y[i] = measurement.get(name, math.nan)
         elif len(measurement) != len(self.inputs):
-            raise InputError(
-                f"controller {self.kind}: {len(measurement)} measurements given but it reads "
-                f"{len(self.inputs)} ({', '.join(self.inputs)})"
-            )
+            reads = f"{len(self.inputs)} ({', '.join(self.inputs)})"
+            raise InputError(f"controller {self.kind}: {len(measurement)} measurements given but it reads {reads}")
         else:
             self._y[:] = measurement
-        command = step.controller_step(
-            self.kernel.kind,
-            self.kernel.parameters,
-            self._state,
-            float(reference_position),
-            float(reference_velocity),
-            self._y,
-            float(feedforward),
+        law, reference = self.kernel, (float(reference_position), float(reference_velocity))
+        return float(
+            step.controller_step(law.kind, law.parameters, self._state, *reference, self._y, float(feedforward))
         )
-        return float(command)

@@ -71,10 +71,7 @@ def wanted_outputs(model: Model, values: Mapping[str, Any], reference: Array) ->
 
 
 def track(
-    machine: Machine,
-    controller: Controller,
-    reference: Array,
-    progress: Callable[[float], object] | None = None,
+    machine: Machine, controller: Controller, reference: Array, progress: Callable[[float], object] | None = None
 ) -> Tracking:
     """Run a machine under a controller, as the nodes do in lock-step.
 
@@ -94,11 +91,5 @@ def track(
         if progress is not None and k % 1000 == 0:
             progress(k / len(reference))
     values = {"type": controller.kind, **controller.parameters}
-    return Tracking(
-        np.arange(len(reference), dtype=np.float64) * period,
-        output,
-        wanted_outputs(model, values, reference),
-        command,
-        model.output_names,
-        tuple(one.unit for one in model.outputs),
-    )
+    time, wanted = np.arange(len(reference), dtype=np.float64) * period, wanted_outputs(model, values, reference)
+    return Tracking(time, output, wanted, command, model.output_names, tuple(one.unit for one in model.outputs))

@@ -68,15 +68,8 @@ def heat_map(
     names, days, size, parameter = deviations(components)
     names, size, parameter = names[:MOST_ROWS], size[:MOST_ROWS], parameter[:MOST_ROWS]
     labels, dates = [" ".join(one) for one in names], [day_text(one) for one in days]
-    plot = new_figure(
-        LIGHT,
-        ("", None),
-        ("", None),
-        height=150 + 14 * len(labels),
-        x_range=dates,
-        y_range=labels[::-1],
-        min_border_left=140,
-    )
+    size_of: dict[str, Any] = {"height": 150 + 14 * len(labels), "min_border_left": 140}
+    plot = new_figure(LIGHT, ("", None), ("", None), x_range=dates, y_range=labels[::-1], **size_of)
     plot.xaxis.major_label_orientation = 1.2
     plot.grid.visible = False
     rows, columns = np.nonzero(np.isfinite(size))

@@ -109,11 +109,7 @@ class Conditions:
     def joined(cls, parts: Sequence[Conditions]) -> Conditions:
         """Conditions one after the other, of those names that all parts have."""
         names = [name for name in parts[0].names if all(name in part.names for part in parts)]
-        return cls(
-            replace(
-                parts[0][name],
-                time=np.concatenate([part[name].time for part in parts]),
-                value=np.concatenate([part[name].value for part in parts]),
-            )
-            for name in names
-        )
+        each = {name: [part[name] for part in parts] for name in names}
+        times = {name: np.concatenate([one.time for one in several]) for name, several in each.items()}
+        values = {name: np.concatenate([one.value for one in several]) for name, several in each.items()}
+        return cls(replace(each[name][0], time=times[name], value=values[name]) for name in names)

@@ -96,11 +96,8 @@ class _Chain:
                 self.inertia.append(inertia)
                 self.viscous.append(viscous)
                 continue
-            for parts, whole, far in (
-                (self.inertia, inertia, own["split"]),
-                (self.viscous, viscous, own["viscous_split"]),
-            ):
-                parts += [whole * (1.0 - far), whole * far]
+            self.inertia += [inertia * (1.0 - own["split"]), inertia * own["split"]]
+            self.viscous += [viscous * (1.0 - own["viscous_split"]), viscous * own["viscous_split"]]
             self.joint_of[model.inside(body)] = len(self.stiffness)
             self.stiffness.append(own["stiffness"])
             self.damping.append(own["damping"])
@@ -231,23 +228,18 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None, *, final: b
     common = float(np.min(output_delay))
     input_delay, output_delay = input_delay + common, output_delay - common
 
+    constants = [
+        values["drive.gain"], input_delay, min((rate + beyond) / STEP_ANGLE, MOST_STEPS), MOST_STEPS,
+        beyond / STEP_ANGLE, np.inf, kernel.address_of_advance(),
+    ]  # fmt: skip
+    kinds = {"position": kernel.POSITION, "velocity": kernel.VELOCITY}
     axis = Axis(
         inertia=np.asarray(chain.inertia, dtype=float),
         viscous=np.asarray(chain.viscous, dtype=float),
         stiffness=np.asarray(chain.stiffness, dtype=float),
         damping=np.asarray(chain.damping, dtype=float),
         chain=matrix,
-        constants=np.array(
-            [
-                values["drive.gain"],
-                input_delay,
-                min((rate + beyond) / STEP_ANGLE, MOST_STEPS),
-                MOST_STEPS,
-                beyond / STEP_ANGLE,
-                np.inf,
-                kernel.address_of_advance(),
-            ]
-        ),
+        constants=np.array(constants),
         spatial_rate=spatial / STEP_ANGLE,
         parameters=np.array([*numbers, 0.0]),
         input_hooks=_table(tables[INPUT]),
@@ -255,13 +247,7 @@ def lay_out(model: Model, values: Mapping[str, float] | None = None, *, final: b
         friction_hooks=_table(tables["friction"]),
         coupling_hooks=_table(tables[COUPLING]),
         output_hooks=_table(tables[OUTPUT]),
-        outputs=np.array(
-            [
-                [body_of[output.body], kernel.POSITION if output.field == "position" else kernel.VELOCITY]
-                for output in model.outputs
-            ],
-            dtype=np.int64,
-        ),
+        outputs=np.array([[body_of[one.body], kinds[one.field]] for one in model.outputs], dtype=np.int64),
         output_scale=np.array([output.scale for output in model.outputs]),
         output_delay=output_delay,
         has_friction=has_friction,

@@ -115,10 +115,8 @@ class MjcfPlant:
             count = min(max(following - self._steps, 1), end - self._steps)
             self._mujoco.mj_step(self._machine, self._data, count)
             self._steps += count
-        if (
-            not np.all(np.isfinite(self._data.qpos))
-            or self._data.warning[self._mujoco.mjtWarning.mjWARN_BADQACC].number
-        ):
+        refused = self._data.warning[self._mujoco.mjtWarning.mjWARN_BADQACC].number
+        if refused or not np.all(np.isfinite(self._data.qpos)):
             raise InputError(f"{self._file}: the simulation became unstable: shorten its timestep ({length:g} s)")
 
     def step(self, command: float, until: float) -> None:

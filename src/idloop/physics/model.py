@@ -263,11 +263,7 @@ class Model:
         same = (a for a in self.effects if f"{a.at}.{a.effect.site_parameter}" == name)
         return (name, *(f"{active.name}.{active.effect.strength}" for active in same))
 
-    def with_values(
-        self,
-        values: Mapping[str, float],
-        stderr: Mapping[str, float | None] | None = None,
-    ) -> Model:
+    def with_values(self, values: Mapping[str, float], stderr: Mapping[str, float | None] | None = None) -> Model:
         """Return the model with other values, and standard errors where given.
 
         Parameters
@@ -385,13 +381,11 @@ class Model:
             raise InputError(f"model {self.name} has the effect {active.name} already: name it once")
         output = next((o for o in self.outputs if o.site == at), None)
         if output is not None and output.field not in effect.outputs:
-            raise InputError(
-                f"effect {name} does not act on a {output.field}: it acts on {' or '.join(effect.outputs)}"
-            )
+            fields = " or ".join(effect.outputs)
+            raise InputError(f"effect {name} does not act on a {output.field}: it acts on {fields}")
         if effect.needs_angle and self.units.position != "rad":
-            raise InputError(
-                f"effect {name} needs an angle, and model {self.name} has positions in {self.units.position}"
-            )
+            has = f"model {self.name} has positions in {self.units.position}"
+            raise InputError(f"effect {name} needs an angle, and {has}")
         added = self._effect_parameters(active, values, output.unit if output else "")
         return replace(self, effects=(*self.effects, active), parameters=(*self.parameters, *added))
 
@@ -423,19 +417,9 @@ class Model:
                 raise InputError(f"{active.name}.{spec.name}: {value.value:g} is not a whole number")
             low = spec.min if value.min is None else max(value.min, spec.min)
             high = spec.max if value.max is None else min(value.max, spec.max)
-            free = value.free and spec.estimated
-            added.append(
-                Parameter(
-                    f"{active.name}.{spec.name}",
-                    value.value,
-                    low,
-                    high,
-                    free,
-                    value.stderr,
-                    self.units.fill(spec.unit, unit),
-                    (value.min, value.max),
-                )
-            )
+            free, written = value.free and spec.estimated, self.units.fill(spec.unit, unit)
+            name, stated = f"{active.name}.{spec.name}", (value.min, value.max)
+            added.append(Parameter(name, value.value, low, high, free, value.stderr, written, stated))
         return added
 
     def without_effect(self, name: str, *, making_room: bool = False) -> Model:
@@ -470,11 +454,10 @@ class Model:
         for active in self.effects:
             if active.name == name:
                 return active
-        raise InputError(
-            f"model {self.name} has no effect '{name}'{did_you_mean_or_known(name, list(self.effect_names))}"
-            if self.effects
-            else f"model {self.name} has no effects"
-        )
+        if not self.effects:
+            raise InputError(f"model {self.name} has no effects")
+        cure = did_you_mean_or_known(name, list(self.effect_names))
+        raise InputError(f"model {self.name} has no effect '{name}'{cure}")
 
     def with_effects(self, texts: Iterable[str]) -> Model:
         """Return the model with effects given as text, see `parse_effect`."""

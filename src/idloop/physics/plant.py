@@ -119,15 +119,8 @@ class Plant:
             keep = math.exp(-max(until - self.time, 0.0) / self._disturbance_time_constant)
             fresh = self._disturbance_std * math.sqrt(1.0 - keep * keep) * self._random.standard_normal()
             self._state[kernel.DISTURBANCE] = keep * self._state[kernel.DISTURBANCE] + fresh
-        self._run(
-            self._layout.axis,
-            self._command_time[: self._commands],
-            self._command[: self._commands],
-            until,
-            self._state,
-            self._history,
-            self._work,
-        )
+        commands = self._command_time[: self._commands], self._command[: self._commands]
+        self._run(self._layout.axis, *commands, until, self._state, self._history, self._work)
 
     def step(self, command: float, until: float) -> None:
         """Apply a command from now on and run to ``until`` [s]."""

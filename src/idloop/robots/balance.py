@@ -137,13 +137,8 @@ def balance_of(robot: RigidBody, motion: RobotMotion) -> Balance:
     table = np.zeros((len(columns[rows]), columns.shape[1]))
     table[:, shown] = low_pass(columns[:, shown], motion.band, step)[rows]
     resting = low_pass((np.abs(v) < slow).astype(float), motion.band, step)[rows]
-    return Balance(
-        motion,
-        motion.record.time[::factor][rows],
-        table.reshape(-1, *regressor.shape[1:]),
-        _torque_rows(motion, motion.record.effort),
-        resting < _MOST_REST,
-    )
+    time, torque = motion.record.time[::factor][rows], _torque_rows(motion, motion.record.effort)
+    return Balance(motion, time, table.reshape(-1, *regressor.shape[1:]), torque, resting < _MOST_REST)
 
 
 def _grid(motion: RobotMotion) -> tuple[float, int, slice]:

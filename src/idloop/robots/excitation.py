@@ -69,15 +69,8 @@ def limits_of(robot: RigidBody, share: float, acceleration: float | None, distan
     upper = np.minimum(given["upper"], _FREE_RANGE)
     middle, half = 0.5 * (lower + upper), 0.5 * share * (upper - lower)
     speed = np.where(np.isfinite(given["velocity"]), given["velocity"], _FREE_VELOCITY)
-    count = len(robot.joints)
-    return Limits(
-        middle - half,
-        middle + half,
-        share * speed,
-        np.full(count, np.inf if acceleration is None else acceleration),
-        share * given["effort"],
-        distance,
-    )
+    most = np.full(len(robot.joints), np.inf if acceleration is None else acceleration)
+    return Limits(middle - half, middle + half, share * speed, most, share * given["effort"], distance)
 
 
 @dataclass(frozen=True)

@@ -112,13 +112,8 @@ def _thinned_axis(motion: RobotMotion, place: int, model: Model, effort: Array) 
     """Record of a joint at a rate that resolves its motion; what a fit takes longer for shows nothing more."""
     record, stride = motion.record, _stride(motion)
     smooth = low_pass(effort, 0.4 / (stride * record.sample_time), record.sample_time) if stride > 1 else effort
-    kept = replace(
-        record,
-        time=record.time[::stride],
-        position=record.position[::stride],
-        velocity=record.velocity[::stride],
-        effort=record.effort[::stride],
-    )
+    fields = ("time", "position", "velocity", "effort")
+    kept = replace(record, **{key: getattr(record, key)[::stride] for key in fields})
     return kept.axis(place, model, np.ascontiguousarray(smooth[::stride]))
 
 

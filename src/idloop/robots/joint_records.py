@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -113,9 +114,8 @@ def read_joints(bags: Iterable[str | Path], joints: Sequence[str], topic: str = 
     others = [name for name in joints if name not in common]
     if others:
         text = f"joints that were not recorded are taken as fixed at 0: {listed(others)}"
-        checked[0] = replace(
-            checked[0], findings=(*checked[0].findings, Finding("fixed_joints", text, level="warning"))
-        )
+        fixed = Finding("fixed_joints", text, level="warning")
+        checked[0] = replace(checked[0], findings=(*checked[0].findings, fixed))
     return checked
 
 
@@ -170,15 +170,13 @@ def _on_grid(path: Path, stream: JointStream, joints: tuple[str, ...]) -> list[J
     if len(parts) > 1 or parts[0].stop - parts[0].start < len(grid) - 2 * _SHORTEST:
         text = f"{path}: a joint was missing for more than {_LONGEST_PAUSE:g} steps: {len(parts)} parts are used"
         findings.append(Finding("gap", text, len(parts) - 1, name, "warning"))
-    table = {field: np.column_stack(values) for field, values in columns.items()}
+    table: dict[str, Any] = {field: np.column_stack(values) for field, values in columns.items()}
     return [
         JointRecord(
             name if number == 0 else f"{name}({number + 1})",
             joints,
             grid[part] - grid[part.start],
-            position=table["position"][part],
-            velocity=table["velocity"][part],
-            effort=table["effort"][part],
+            **{field: values[part] for field, values in table.items()},
             findings=tuple(findings) if number == 0 else (),
         )
         for number, part in enumerate(parts)

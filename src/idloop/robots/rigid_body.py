@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -105,11 +105,8 @@ class RigidBody:
         `position`, `velocity`, `acceleration` (n, joints).
         """
         found = np.empty((len(position), len(self.joints), len(self._columns)))
-        v, a = np.zeros(self._model.nv), np.zeros(self._model.nv)
         pick = np.ix_(self._nv, self._columns)
-        for k in range(len(position)):
-            v[self._nv], a[self._nv] = velocity[k], acceleration[k]
-            q = self.configuration(position[k])
+        for k, (q, v, a) in enumerate(self._states(position, velocity, acceleration)):
             table = self._pin.computeJointTorqueRegressor(self._model, self._data, q, v, a)
             found[k] = np.atleast_2d(table)[pick]  # a vector for a single joint
         return found
@@ -120,20 +117,21 @@ class RigidBody:
         `parameters` (10 joints,). `position`, `velocity`, `acceleration` (n, joints).
         """
         model, data = self._with(parameters)
-        found = np.empty(position.shape)
-        v, a = np.zeros(model.nv), np.zeros(model.nv)
-        for k in range(len(position)):
-            v[self._nv], a[self._nv] = velocity[k], acceleration[k]
-            found[k] = self._pin.rnea(model, data, self.configuration(position[k]), v, a)[self._nv]
-        return found
+        states = self._states(position, velocity, acceleration)
+        return np.array([self._pin.rnea(model, data, q, v, a)[self._nv] for q, v, a in states])
 
     def own_inertia(self, parameters: Array, position: Array) -> Array:
         """Diagonal of the mass matrix, shape (n, joints) [kg·m² or kg]."""
         model, data = self._with(parameters)
-        found = np.empty(position.shape)
-        for k in range(len(position)):
-            found[k] = np.diag(self._pin.crba(model, data, self.configuration(position[k])))[self._nv]
-        return found
+        masses = (self._pin.crba(model, data, self.configuration(one)) for one in position)
+        return np.array([np.diag(mass)[self._nv] for mass in masses])
+
+    def _states(self, *motion: Array) -> Iterator[tuple[Array, Array, Array]]:
+        """Configuration, velocity and acceleration in the order of Pinocchio at each instant."""
+        v, a = np.zeros(self._model.nv), np.zeros(self._model.nv)
+        for position, velocity, acceleration in zip(*motion, strict=True):
+            v[self._nv], a[self._nv] = velocity, acceleration
+            yield self.configuration(position), v, a
 
     def _with(self, parameters: Array) -> tuple[Any, Any]:
         model = self._model.copy()

@@ -53,14 +53,7 @@ def by_frequency(time: Array, error: Array, signal: Array) -> Breakdown:
     expected = np.bincount(index, usual, count)
     bandwidth = np.diff(edges) / edges[-1]
     total, whole = float(np.sum(inside)), float(np.sum(expected))
-    return Breakdown(
-        variable="frequency",
-        label="frequency",
-        unit="Hz",
-        edges=edges,
-        names=tuple(range_text("frequency", a, b, "Hz") for a, b in itertools.pairwise(edges)),
-        error=inside / total if total > 0.0 else bandwidth,
-        usual=expected / whole if whole > 0.0 else bandwidth,
-        mean=np.full(count, np.nan),
-        rms=np.sqrt(inside) * size,
-    )
+    names = tuple(range_text("frequency", a, b, "Hz") for a, b in itertools.pairwise(edges))
+    shares = inside / total if total > 0.0 else bandwidth, expected / whole if whole > 0.0 else bandwidth
+    mean, rms = np.full(count, np.nan), np.sqrt(inside) * size
+    return Breakdown("frequency", "frequency", "Hz", edges, names, *shares, mean, rms)
