@@ -251,11 +251,5 @@ def _free_runs(one: Comparison, field: str) -> list[float]:
 
 def _best(found: Fit) -> float:
     """Largest FIT of any output of any record, free run or some samples ahead [%]."""
-    fits = [
-        value
-        for one in found.train
-        for measured in (one.fit, one.fit_ahead)
-        for value in measured.values()
-        if np.isfinite(value)
-    ]
-    return max(fits, default=-np.inf)
+    fits = [value for one in found.train for value in (*one.fit.values(), *one.fit_ahead.values())]
+    return max(filter(np.isfinite, fits), default=-np.inf)

@@ -189,13 +189,9 @@ def simulate_loops(
     assert compensated.plan is not None  # noqa: S101 - it was given a compensation
     rest = compensation.model.without_effects(one.active.name for one in compensated.plan.cancelled)
     runs = []
-    for number, (what, controller, plant) in enumerate(
-        (
-            ("without", build_controller(section), machine),
-            ("with", compensated, machine),
-            ("without the effects", build_controller(section), rest),
-        )
-    ):
+    plain = build_controller(section)
+    several = (("without", plain, machine), ("with", compensated, machine), ("without the effects", plain, rest))
+    for number, (what, controller, plant) in enumerate(several):
 
         def update(share: float, number: int = number, what: str = what) -> None:
             progress((number + share) / 3.0, what)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Collection, Sequence
+from functools import partial
 from typing import Any
 
 import click
@@ -13,6 +14,10 @@ from click.core import ParameterSource
 def keep(context: click.Context, parameter: click.Parameter, value: Any) -> None:
     """Keep the value of an option that no verb sees itself, as its callback."""
     context.meta[f"idloop.{parameter.name}"] = value
+
+
+# An option that no verb sees itself, for `kept`.
+kept_option = partial(click.option, expose_value=False, callback=keep)
 
 
 def kept(name: str) -> Any:

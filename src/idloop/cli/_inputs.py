@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from idloop.cli._command_line import keep, kept
+from idloop.cli._command_line import kept, kept_option
 from idloop.cli._outputs import log
 from idloop.cli._progress import progress
 from idloop.errors import InputError
@@ -116,39 +116,31 @@ criterion_option = option(
     help="What models are measured by: one-step errors, free-run errors or the unexplained drive force.",
 )
 # Eager: read before any model, whatever its place.
-trust_option = click.option(
+trust_option = kept_option(
     "--trust-effects",
     is_flag=True,
     is_eager=True,
-    expose_value=False,
-    callback=keep,
     help="Run the Python files in `effects` beside a MODEL this once; see idloop trust.",
 )
 # For `with_options`.
 model_options = together(
-    click.option(
+    kept_option(
         "--set",
         "settings",
         multiple=True,
-        expose_value=False,
-        callback=keep,
         metavar="NAME=VALUE",
         help="Change a parameter of the model, as in --set motor.inertia=0.5. May be repeated.",
     ),
-    click.option(
+    kept_option(
         "--effect",
         "effects",
         multiple=True,
-        expose_value=False,
-        callback=keep,
         metavar="NAME@SITE[(PARAMETER=VALUE,...)]",
         help="Add an effect to the model, as in --effect 'dead_zone@input(width=0.1)'. May be repeated.",
     ),
-    click.option(
+    kept_option(
         "--joint",
         multiple=True,
-        expose_value=False,
-        callback=keep,
         metavar="NAME=IN_BAG",
         help="Joint of the model that has another name in the bags, as in --joint axis=elbow_joint. May be repeated.",
     ),

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 import click
 
-from idloop.cli._command_line import keep, kept
+from idloop.cli._command_line import kept, kept_option
 from idloop.errors import InputError
 from idloop.json_values import to_json
 from idloop.output_files import probe_file, probe_folder
@@ -99,7 +99,7 @@ plot_option = click.option("--plot", type=PLOT, metavar="FILE", help="Write the 
 def force_option(text: str) -> Callable[[Function], Function]:
     """Add `--force`, for `forced`; `text` is its help."""
     # Eager: known before the file is probed, wherever it stands on the command line.
-    return click.option("--force", is_flag=True, is_eager=True, expose_value=False, callback=keep, help=text)
+    return kept_option("--force", is_flag=True, is_eager=True, help=text)
 
 
 def forced() -> bool:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from idloop.cli._command_line import keep, kept
+from idloop.cli._command_line import kept, kept_option
 
 if TYPE_CHECKING:
     from rich.progress import Task
@@ -21,9 +21,7 @@ if TYPE_CHECKING:
 
 PERIOD = 5.0  # seconds from one plain line to the next; what ends sooner is silent
 
-quiet_option = click.option(
-    "--quiet", is_flag=True, expose_value=False, callback=keep, help="Do not say how far the work is."
-)
+quiet_option = kept_option("--quiet", is_flag=True, help="Do not say how far the work is.")
 
 
 @dataclass

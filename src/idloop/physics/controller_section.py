@@ -59,6 +59,11 @@ _ANTI_WINDUP = (
 )  # fmt: skip
 _DERIVATIVE = "Derivative gain, on the output only."
 
+
+def _feedback(name: str, description: str, law: str, *parameters: ParameterSpec) -> ControllerKind:
+    return ControllerKind(name, description, law, (*parameters, *_COMMON))
+
+
 _KINDS = (
     ControllerKind(
         "none",
@@ -66,101 +71,77 @@ _KINDS = (
         "law = feedforward",
         (positive("sample_time", 0.001, "Period of the controller.", "s"), *_OUTPUT_STAGE),
     ),
-    ControllerKind(
-        "p",
-        "Proportional controller.",
-        "law = kp (r - y)",
-        (_OUTPUT, _KP, _VELOCITY_FEEDFORWARD, *_COMMON),
-    ),
-    ControllerKind(
+    _feedback("p", "Proportional controller.", "law = kp (r - y)", _OUTPUT, _KP, _VELOCITY_FEEDFORWARD),
+    _feedback(
         "pd",
         "Proportional controller with the derivative on the output only.",
         "law = kp (r - y) - kd dy/dt",
-        (
-            _OUTPUT,
-            _KP,
-            _number("kd", REQUIRED, _DERIVATIVE, "u s/y"),
-            _DERIVATIVE_FILTER,
-            _VELOCITY_FEEDFORWARD,
-            *_COMMON,
-        ),
+        _OUTPUT,
+        _KP,
+        _number("kd", REQUIRED, _DERIVATIVE, "u s/y"),
+        _DERIVATIVE_FILTER,
+        _VELOCITY_FEEDFORWARD,
     ),
-    ControllerKind(
+    _feedback(
         "pid",
         "PID controller with the derivative on the output only.",
         "law = kp (r - y) + ki ∫(r - y) dt - kd dy/dt",
-        (
-            _OUTPUT,
-            _KP,
-            _number("ki", REQUIRED, "Integral gain.", "u/(y s)"),
-            _number("kd", 0.0, _DERIVATIVE, "u s/y"),
-            _DERIVATIVE_FILTER,
-            _VELOCITY_FEEDFORWARD,
-            *_ANTI_WINDUP,
-            *_COMMON,
-        ),
+        _OUTPUT,
+        _KP,
+        _number("ki", REQUIRED, "Integral gain.", "u/(y s)"),
+        _number("kd", 0.0, _DERIVATIVE, "u s/y"),
+        _DERIVATIVE_FILTER,
+        _VELOCITY_FEEDFORWARD,
+        *_ANTI_WINDUP,
     ),
-    ControllerKind(
+    _feedback(
         "lead",
         "Lead (zero below pole) or lag compensator on the error, discretised by Tustin.",
         "law = gain (s + zero) / (s + pole) (r - y)",
-        (
-            _OUTPUT,
-            _number("gain", REQUIRED, "Gain at high frequency.", "u/y"),
-            _number("zero", REQUIRED, "Zero at s = -zero.", "rad/s", minimum=0.0),
-            positive("pole", REQUIRED, "Pole at s = -pole.", "rad/s"),
-            *_COMMON,
-        ),
+        _OUTPUT,
+        _number("gain", REQUIRED, "Gain at high frequency.", "u/y"),
+        _number("zero", REQUIRED, "Zero at s = -zero.", "rad/s", minimum=0.0),
+        positive("pole", REQUIRED, "Pole at s = -pole.", "rad/s"),
     ),
-    ControllerKind(
+    _feedback(
         "cascade",
         "Position P around velocity P or PI.",
         "law = kv e + ki ∫e dt, e = kp (r - y) + velocity_feedforward dr/dt - v",
-        (
-            _POSITION,
-            _text("velocity_output", None, "Measured velocity, as joint.field; left out, estimated from the position."),
-            _number("kp", REQUIRED, "Gain of the position loop.", "1/s"),
-            _number("kv", REQUIRED, "Gain of the velocity loop.", "u s/y"),
-            _number("ki", 0.0, "Integral gain of the velocity loop.", "u/y"),
-            _number("velocity_feedforward", 0.0, "Share of the reference velocity in the velocity loop's reference."),
-            positive("velocity_limit", None, "Largest absolute reference of the velocity loop; left out, none.", "y/s"),
-            _text(
-                "velocity_estimate",
-                "backward",
-                "Velocity from positions: backward difference of samples, or of means of two.",
-                "backward",
-                "mean",
-            ),
-            _number(
-                "velocity_filter", 0.0, "Time constant of the low-pass on the velocity; 0 for none.", "s", minimum=0.0
-            ),
-            *_ANTI_WINDUP,
-            *_COMMON,
+        _POSITION,
+        _text("velocity_output", None, "Measured velocity, as joint.field; left out, estimated from the position."),
+        _number("kp", REQUIRED, "Gain of the position loop.", "1/s"),
+        _number("kv", REQUIRED, "Gain of the velocity loop.", "u s/y"),
+        _number("ki", 0.0, "Integral gain of the velocity loop.", "u/y"),
+        _number("velocity_feedforward", 0.0, "Share of the reference velocity in the velocity loop's reference."),
+        positive("velocity_limit", None, "Largest absolute reference of the velocity loop; left out, none.", "y/s"),
+        _text(
+            "velocity_estimate",
+            "backward",
+            "Velocity from positions: backward difference of samples, or of means of two.",
+            *("backward", "mean"),
         ),
+        _number("velocity_filter", 0.0, "Time constant of the low-pass on the velocity; 0 for none.", "s", minimum=0.0),
+        *_ANTI_WINDUP,
     ),
-    ControllerKind(
+    _feedback(
         "state_feedback",
         "State feedback with given gains, or with those of a linear-quadratic design.",
         "law = Σ gain_i (reference_i - x_i); positions follow r, velocities dr/dt, others 0",
-        (
-            ParameterSpec("states", "strs", REQUIRED, "States in order, each as joint.field."),
-            ParameterSpec(
-                "differentiate", "strs", (), "Velocity states that are differentiated from the same joint's position."
-            ),
-            _DERIVATIVE_FILTER,
-            ParameterSpec("gains", "floats", None, "One gain per state; or give q, r and model."),
-            ParameterSpec("q", "floats", None, "Weight of each state squared.", minimum=0.0),
-            positive("r", None, "Weight of the command squared."),
-            ParameterSpec("model.a", "matrix", None, "A of dx/dt = A x + B law, states in the same order."),
-            ParameterSpec("model.b", "floats", None, "B, one number per state."),
-            _text(
-                "design",
-                "discrete",
-                "Design for the model sampled at sample_time, or for the continuous one.",
-                "discrete",
-                "continuous",
-            ),
-            *_COMMON,
+        ParameterSpec("states", "strs", REQUIRED, "States in order, each as joint.field."),
+        ParameterSpec(
+            "differentiate", "strs", (), "Velocity states that are differentiated from the same joint's position."
+        ),
+        _DERIVATIVE_FILTER,
+        ParameterSpec("gains", "floats", None, "One gain per state; or give q, r and model."),
+        ParameterSpec("q", "floats", None, "Weight of each state squared.", minimum=0.0),
+        positive("r", None, "Weight of the command squared."),
+        ParameterSpec("model.a", "matrix", None, "A of dx/dt = A x + B law, states in the same order."),
+        ParameterSpec("model.b", "floats", None, "B, one number per state."),
+        _text(
+            "design",
+            "discrete",
+            "Design for the model sampled at sample_time, or for the continuous one.",
+            *("discrete", "continuous"),
         ),
     ),
 )

@@ -10,9 +10,9 @@ from idloop.p_values import p_value_text
 from idloop.reporting.figures.ladder import ladder_figures
 from idloop.reporting.page.sheet import render_sheet
 from idloop.reporting.terms import capitalised, effect_words
+from idloop.robots import words
 from idloop.robots.figures import torque_figures
 from idloop.robots.identify import Robot
-from idloop.robots.words import effect_lines, joint_table, judged_error, link_table, parameter_lines, payload_lines
 
 OWN = Path(__file__).parent / "templates"
 
@@ -30,15 +30,10 @@ def render_robot(robot: Robot, document: Mapping[str, Any]) -> str:
         name=Path(document["urdf"]).stem,
         document=document,
         headline=headline(document),
-        joints=joint_table(document),
-        links=link_table(document),
-        judged={one["name"]: judged_error(one) for one in document["joints"]},
-        payload=[] if document["payload"] is None else list(payload_lines(document["payload"])),
+        words=words,
         shown=robot.errors[-1],
         effect_words=effect_words,
         p_text=p_value_text,
-        effect_lines=effect_lines,
-        parameter_lines=parameter_lines,
         capitalised=capitalised,
     )
 

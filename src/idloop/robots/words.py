@@ -44,19 +44,11 @@ def joint_table(document: Mapping[str, Any]) -> Table:
         judged = judged_error(joint)
         values = {key.partition(".")[2]: one["value"] for key, one in joint["parameters"].items()}
         dry = values.get("level", values.get("coulomb"))
-        rows.append(
-            (
-                joint["name"],
-                ", ".join(one["effect"].partition("@")[0] for one in joint["added"]) or "-",
-                joint["verdict"],
-                number(judged["rms"], 3),
-                joint["unit"],
-                f"{100.0 * judged['relative']:.2g} %" if joint["moves"] else "-",
-                number(values.get("inertia"), 4),
-                number(values.get("viscous_friction"), 4),
-                number(dry, 4),
-            )
-        )
+        missing = ", ".join(one["effect"].partition("@")[0] for one in joint["added"]) or "-"
+        relative = f"{100.0 * judged['relative']:.2g} %" if joint["moves"] else "-"
+        error = (number(judged["rms"], 3), joint["unit"], relative)
+        own = (number(one, 4) for one in (values.get("inertia"), values.get("viscous_friction"), dry))
+        rows.append((joint["name"], missing, joint["verdict"], *error, *own))
     header = ("joint", "missing effects", "verdict", "torque error", "unit", "of torque", "inertia", "viscous", "dry")
     return Table.of(header, rows)
 
