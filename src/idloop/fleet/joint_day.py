@@ -85,7 +85,7 @@ def _hash(*given: object) -> str:
 def identify_bag(bag: FleetBag, settings: Settings, done: Collection[str] = ()) -> list[dict[str, Any]]:
     """Identify and validate the joints of one recording.
 
-    `done`: checksums and jobs, see `key_of`, of which the results are there already. Returns in the columns of
+    `done`: checksums and jobs, see `key_of`, of which the results are there already. Returns rows in the columns of
     `idloop.fleet.store.COLUMNS`: a row for the look at the recording, without a joint, and a row for each parameter of
     each joint that is not done already. What cannot be done is one row without a parameter, with the reason.
     """
