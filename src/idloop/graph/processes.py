@@ -40,9 +40,8 @@ class _Child:
 class GraphRun:
     """A running graph.
 
-    `graph`: what to start. `say`: ``say(label, line)`` receives every line that a node writes; default: stderr with the
-    label in front. `domain_id`: ROS domain of this graph alone. Raises IdloopError: a node cannot be started; the
-    others are stopped.
+    `say`: ``say(label, line)`` receives every line of a node; default: stderr. `domain_id`: ROS domain of this graph
+    alone. Raises IdloopError: a node cannot be started; the others are stopped.
     """
 
     def __init__(self, graph: Graph, say: Say | None = None, domain_id: int | None = None) -> None:
@@ -142,11 +141,10 @@ class GraphRun:
 
 
 def run_graph(graph: Graph, say: Say | None = None, domain_id: int | None = None) -> bool:
-    """Run a graph to its end.
+    """Run a graph to its end; `say` and `domain_id` as of `GraphRun`.
 
-    `graph`: what to run; `say`: receives (label, line) of all output of the nodes; `domain_id`: ROS domain of this
-    graph alone. Returns: True when the graph ended by itself, False when a signal stopped it (Ctrl-C, a closed
-    terminal, ...). Raises IdloopError: a node ended unexpectedly.
+    Returns: whether it ended by itself; a signal stops it as well (Ctrl-C, a closed terminal, ...). Raises IdloopError:
+    a node ended unexpectedly.
     """
     with event_on_ending_signal() as stopped:
         run = GraphRun(graph, say, domain_id)

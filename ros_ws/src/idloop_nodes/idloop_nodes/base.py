@@ -145,12 +145,7 @@ class StreamNode(Node):
         return subscription
 
     def subscribe_silent_again(self, topics: Sequence[str]) -> None:
-        """Replace, once each, subscriptions that have received nothing although the run goes on.
-
-        A publisher that does not know of its reader, while the reader knows of it, is matched again by this.
-
-        `topics`: polled ones of which every run has messages.
-        """
+        """Replace, once each, polled subscriptions that get nothing in a run: their publishers do not know of them."""
         if not self.progress.reached or self._subscribed_again:
             return
         now = time.monotonic()

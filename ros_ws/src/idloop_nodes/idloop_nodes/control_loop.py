@@ -65,15 +65,10 @@ def controller_columns(controller: Controller, model: Model) -> list[tuple[str, 
 
 
 class LoopInputs:
-    """Takes messages of `reference` and `excitation` in and returns the values that hold.
-
-    `poll_topic`: subscribes to a topic; both are always subscribed, so that the start barrier knows what to expect.
-    `used`: whether each of the two is used. `period_ns`: sample time [ns]. Attributes: `unreadable`: messages that
-    could not be read.
-    """
+    """Takes messages of `reference` and `excitation` in and returns the values that hold."""
 
     def __init__(self, poll_topic: Callable[[str], PolledStream], used: dict[str, bool], period_ns: int) -> None:
-        self.unreadable = 0
+        self.unreadable = 0  # messages that could not be read
         self._period_ns = period_ns
         self._reference, self._excitation = HeldStream(), HeldStream()
         # The joint's name is known from the first message: a reference may name any joint.
@@ -81,6 +76,7 @@ class LoopInputs:
             ("reference", self._reference, JointReader([("*", "position"), ("*", "velocity")])),
             ("excitation", self._excitation, JointReader([("*", "position"), ("*", "effort")])),
         )
+        # Both are always subscribed, so that the start barrier knows what to expect.
         self._streams = [(topic, poll_topic(topic), held, reader) for topic, held, reader in readers]
         self._used = used
 

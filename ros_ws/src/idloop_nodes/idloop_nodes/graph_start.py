@@ -59,12 +59,7 @@ class StartBarrier:
     reported: str = ""  # for whom the node waited at the last notice
 
     def notice(self, ready: Collection[str], running: Collection[str], unconnected: Sequence[str], now: float) -> str:
-        """Return for whom the node waits when that has changed; else nothing.
-
-        `ready`, `running`: names of the nodes that are ready, and of those that run; `unconnected`: streams of this
-        node that are not connected to all of their partners; `now`: time [s]. Raises IdloopError: the time limit is
-        over.
-        """
+        """Return for whom the node waits when that has changed, else nothing; IdloopError: the time limit is over."""
         late = [name for name in self.peers if name not in ready]
         absent = [name for name in late if name not in running]
         compiling = [name for name in late if name in running]

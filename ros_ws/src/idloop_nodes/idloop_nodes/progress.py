@@ -57,16 +57,12 @@ def due(reported: int | None, reached: int, period_ns: int) -> bool:
 
 
 class BackPressure:
-    """Holds a sender back while a listener is too far behind.
-
-    `listeners`: names of the nodes that must not lose anything; `window_ns`: how far behind they may be; `first_alone`:
-    nothing follows the first sample before all of them have confirmed it: a listener that is not connected yet misses
-    nothing.
-    """
+    """Holds a sender back while a listener is too far behind."""
 
     def __init__(self, listeners: Iterable[str], window_ns: int, *, first_alone: bool = False) -> None:
-        self.listeners = tuple(listeners)
-        self.window_ns = window_ns
+        self.listeners = tuple(listeners)  # names of the nodes that must not lose anything
+        self.window_ns = window_ns  # how far behind they may be
+        # Nothing follows the first sample before all have confirmed it: one that is not connected yet misses nothing.
         self.first_alone = first_alone
         self.progress = Progress()
         self.waits = 0

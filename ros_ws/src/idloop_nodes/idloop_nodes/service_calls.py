@@ -172,14 +172,11 @@ class ExperimentClient:
 
 
 class ExperimentEnd:
-    """Stops the motor and the excitation at the end of an experiment, as a user does, without waiting for them.
-
-    `guards`: nodes with the service ``~/emergency_stop``, the nearest to the motor first; `excitation`: node with the
-    service ``~/stop``; `warn`: receives one line when a node refuses or does not answer.
-    """
+    """Stops the motor and the excitation at the end of an experiment, as a user does, without waiting for them."""
 
     def __init__(self, node: Any, guards: Sequence[str], excitation: str, warn: Callable[[str], object]) -> None:
         self._calls, self._warn = ServiceCalls(node, EXPERIMENT_TIMEOUT), warn
+        # The guards are in the order of their distance from the motor.
         self._services = (*(f"{guard}/emergency_stop" for guard in guards), f"{excitation}/stop")
         self._waiting: set[str] = set()
         self.poll = self._calls.poll

@@ -23,24 +23,16 @@ PREFERENCE = -10  # niceness: ten times the share of an ordinary process where t
 
 
 class Deadlines:
-    """Instants ``start + k * period``; a sleep to an absolute instant does not drift as a timer does.
-
-    `period_ns`: time between deadlines. Attributes: `missed`: deadlines at which the caller came more than a period
-    late.
-    """
+    """Instants ``start + k * period``; a sleep to an absolute instant does not drift as a timer does."""
 
     def __init__(self, period_ns: int) -> None:
         self.period_ns = period_ns
-        self.missed = 0
+        self.missed = 0  # deadlines at which the caller came more than a period late
         self._start_ns = 0
         self._steady_start = 0
 
     def start(self, phase: float = 0.0, lead_ns: int = 20_000_000) -> int:
-        """Put the grid on whole periods of the system clock; return its first stamp (nanoseconds).
-
-        `phase`: part of a period by which the deadlines lie behind the stamps; `lead_ns`: how long before the first
-        deadline.
-        """
+        """Put the grid on whole periods of the system clock, deadlines a `phase` behind them; return its first stamp."""
         system, steady = time.time_ns(), time.monotonic_ns()
         self._start_ns = (system + lead_ns) // self.period_ns * self.period_ns
         self._steady_start = steady + self._start_ns - system + round(phase * self.period_ns)
@@ -67,12 +59,10 @@ def become_urgent(priority: int = 20) -> bool:
 
 
 class Pace:
-    """Holds simulated time back to so many seconds in a second of the wall clock.
+    """Holds simulated time back to `factor` seconds in a second of the wall clock; 0: as many as there can be.
 
     What was lost while others held it back is not made up for: an experiment after a long computation would
     otherwise be over at once.
-
-    `factor`: simulated seconds in a second, at most; 0 for as many as there can be.
     """
 
     def __init__(self, factor: float) -> None:
@@ -97,15 +87,12 @@ class Bursts:
     Where stamps are of the clock that runs here, a burst comes just after a sample: at any other instant the newest
     would be older by up to a period. Where the same work takes more of a core, because others crowd its caches or it
     runs on a slower machine, bursts are drawn apart until it takes less than a quarter of one.
-
-    `length`: shortest time between two bursts, about [s]. `period`: of the samples [s]; 0 where their clock is another
-    one. Attributes: `wait`: time until the next burst [s].
     """
 
     def __init__(self, length: float, period: float = 0.0) -> None:
-        self.wait = length
+        self.wait = length  # time until the next burst [s]
         self._shortest = self._length = length
-        self._period = period
+        self._period = period  # of the samples [s]; 0 where their clock is another one
         self._arrived = min(ARRIVED, 0.5 * period)
         self._next = 0.0
         self._weighed: tuple[float, float] | None = None
@@ -116,11 +103,7 @@ class Bursts:
         return self.wait <= 0.0
 
     def plan(self, now: float, age: float | None = None) -> None:
-        """Choose the next instant, after a burst.
-
-        `now`: as for `due`. `age`: time since the stamp of the newest sample by the clock that runs here [s]; None when
-        the burst brought none.
-        """
+        """Choose the next instant after a burst whose newest sample had this age [s]; None: it brought none."""
         self.wait = self._length
         if self._period and age is not None and 0.0 <= age < OTHER_CLOCK:
             # After a long computation this lies in the past: what came meanwhile is taken at once.

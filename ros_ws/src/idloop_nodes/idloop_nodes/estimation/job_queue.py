@@ -26,17 +26,13 @@ class Job:
 
 
 class JobQueue:
-    """Jobs that a worker process does one after the other.
-
-    `keep_all`: True does every job (lock-step: equal runs give equal results); False lets a newer job replace a waiting
-    one of its kind (real time: only the newest window is of interest). Attributes: `progress`: how far the running job
-    is, a share from 0 to 1, and what it does; `submitted`, `skipped`, `failures`: jobs, those that were replaced while
-    they waited, and worker processes that were lost.
-    """
+    """Jobs that a worker process does one after the other."""
 
     def __init__(self, *, keep_all: bool) -> None:
+        # Jobs, those that were replaced while they waited, and worker processes that were lost
         self.submitted = self.skipped = self.failures = 0
-        self.progress: tuple[float, str] | None = None
+        self.progress: tuple[float, str] | None = None  # of the running job: share from 0 to 1, and what it does
+        # In lock-step every job is done: equal runs give equal results. In real time only the newest window counts.
         self._keep_all = keep_all
         self._waiting: list[Job] = []
         self._running: Job | None = None

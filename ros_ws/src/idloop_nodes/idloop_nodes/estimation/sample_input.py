@@ -82,11 +82,7 @@ class SampleInput:
         self._buffer.outputs.append(stamp, row)
 
     def next_block(self, ends: Iterable[int | None], run_end: int | None) -> list[Sample]:
-        """Return the next samples whose commands are known, or that have waited long enough for them.
-
-        `ends`: stamps at which a window or an experiment is complete: its last sample is the last of a block [ns];
-        `run_end`: stamp after which nothing comes, where that is known [ns].
-        """
+        """Return the next samples whose commands are known; the last one before each of `ends` ends a block [ns]."""
         if not self._pending:
             return []
         block = self._pending[:BLOCK]

@@ -34,22 +34,17 @@ def blend(start: float, end: float, seconds: float, sample_time: float) -> tuple
 
 
 class ExcitationSequence:
-    """Values in the order in which they are announced.
-
-    `position`, `velocity` (n,): normal signal and its rate. `period_ns`: time between samples. `keeps`: whether a
-    signal that has ended or was stopped stays at its value (a reference) or is zero. `ahead`: samples that are
-    announced ahead at most. `repeats`: begin again when the normal signal is over; where it keeps its value, on a
-    smooth way back of so long [s]. Attributes: `index`: samples of the normal signal that are out. `span`: stamps of
-    the newest experiment's first sample and after its last one; the ways in and back are outside.
-    """
+    """Values of the normal signal (n,), and of experiments between, in the order in which they are announced."""
 
     def __init__(
         self, position: Array, velocity: Array, period_ns: int, *, keeps: bool, ahead: int, repeats: float | None = None
     ) -> None:
-        self._keeps = keeps
+        self._keeps = keeps  # a signal that has ended stays at its value (a reference), else is zero
+        # Begin again when the normal signal is over; where it keeps its value, on a smooth way back of so long [s]
         self.repeats = repeats
         self._period_ns = period_ns
         self._announced: deque[tuple[int, float]] = deque(maxlen=ahead + 2)
+        # Stamps of the newest experiment's first sample and after its last one, the ways in and back outside
         self.span: tuple[int, int] | None = None
         self.load(position, velocity)
 
@@ -60,7 +55,7 @@ class ExcitationSequence:
 
     def restart(self) -> None:
         """Begin again with the normal signal."""
-        self.index = 0
+        self.index = 0  # samples of the normal signal that are out
         self._between: deque[tuple[float, float]] = deque()
         self._left = 0  # samples up to the end of an experiment that are not out yet
         self._own = 0  # samples of the experiment itself
@@ -129,13 +124,7 @@ class ExcitationSequence:
         return float(self._position[-1]) if self._keeps else 0.0
 
     def begin(self, experiment: Experiment, handover: float, rest: float, stamp: int) -> tuple[int, int]:
-        """Put an experiment in from `stamp` on, the next to be announced; return its span.
-
-        What is announced stays: the experiment begins behind it, where everybody can still follow.
-
-        `handover`: time of the smooth way in and back [s]; `rest`: time without excitation before it, so that it begins
-        at rest [s]; `stamp`: [ns].
-        """
+        """Put an experiment in behind what is announced, with smooth ways of `handover`, after a `rest`; return its span."""
         step, first, last = experiment.sample_time, float(experiment.value[0]), float(experiment.value[-1])
         still = first if self._keeps else 0.0
         waiting = np.full(round(rest / step), still)

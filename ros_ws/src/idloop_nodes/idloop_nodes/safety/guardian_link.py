@@ -65,19 +65,14 @@ def _receive(connection: socket.socket) -> tuple[list[bytes], bool]:
 
 
 class BridgeEnd:
-    """The bridge's end of the link.
-
-    `where`: address from `address`; `hello`: what the guardian has to know; `timeout_ns`: silence after which the
-    guardian counts as hung [ns]. Attributes: `guardian`: fully qualified name of the guardian's node, empty before its
-    first record; `intervened`: whether it has sent in place of the bridge since the time before `listen`.
-    """
+    """The bridge's end of the link."""
 
     def __init__(self, where: str, hello: Hello, timeout_ns: int) -> None:
-        self.guardian = ""
-        self.intervened = False
+        self.guardian = ""  # fully qualified name of its node, empty before its first record
+        self.intervened = False  # whether it has sent in place of the bridge since the time before `listen`
         self._where = where
         self._hello = HELLO + json.dumps(asdict(hello)).encode()
-        self._timeout_ns = timeout_ns
+        self._timeout_ns = timeout_ns  # silence after which the guardian counts as hung
         self._connection: socket.socket | None = None
         self._heard: int | None = None  # None before the guardian's first record on this connection
         self._state = WAITS
@@ -205,16 +200,12 @@ class GuardianEnd:
 
 
 class SilenceWatch:
-    """Decides what is sent in place of a bridge.
-
-    `silence_ns`: time without a beat after which the bridge counts as hung [ns]. Attributes: `interventions`: how often
-    it sent in place of the bridge; `longest_ns`: longest time between two beats [ns].
-    """
+    """Decides what is sent in place of a bridge that is silent or gone."""
 
     def __init__(self, silence_ns: int) -> None:
-        self.interventions = 0
-        self.longest_ns = 0
-        self._silence_ns = silence_ns
+        self.interventions = 0  # how often it sent in place of the bridge
+        self.longest_ns = 0  # longest time between two beats
+        self._silence_ns = silence_ns  # time without a beat after which the bridge counts as hung
         self._neutral = b""
         self._heard: int | None = None  # None without a bridge
         self._gone_at: int | None = None

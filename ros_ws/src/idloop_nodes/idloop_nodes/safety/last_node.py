@@ -52,13 +52,7 @@ def refuse_loops(node: Any) -> None:
 
 
 def competing_publishers(node: Any, topic: str, known: Collection[str]) -> str:
-    """Return why the motor must not be driven because of other publishers to the robot; empty when there are none.
-
-    What they publish passes every limit. A second process under a known name counts as well.
-
-    `topic`: topic on which the robot takes commands; `known`: fully qualified names of the nodes that may publish
-    there.
-    """
+    """Return why nobody but the `known` nodes may publish to the robot: what they publish passes every limit."""
     publishers = [_name(one) for one in node.get_publishers_info_by_topic(topic)]
     others = {one for one in publishers if one not in known or publishers.count(one) > 1}
     return f"others publish on {topic}, past all limits: {', '.join(sorted(others))}" if others else ""

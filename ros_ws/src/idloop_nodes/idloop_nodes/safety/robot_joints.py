@@ -77,15 +77,13 @@ class Conversion:
 
 
 class RobotJoints:
-    """Reads the robot's measurements and writes its commands.
-
-    `values`: parameters of the bridge. Attributes: `names`: our names of the joints, the driven first; `robot_names`:
-    the robot's; `fields`: which fields the robot measures. Raises InputError: parameters that contradict one another.
-    """
+    """Reads the robot's measurements and writes its commands; InputError: parameters contradict one another."""
 
     def __init__(self, values: Mapping[str, Any]) -> None:
         self.robot_names = tuple(values["robot_joints"])
+        # Our names of the joints, the driven first
         self.names = tuple(values["joints"]) or self.robot_names
+        # What the robot measures
         self.fields = tuple(field for field in FIELDS if field in values["fields"])
         self._interface: str = values["interface"]
         self._others = tuple(values["controller_joints"]) or self.robot_names[:1]

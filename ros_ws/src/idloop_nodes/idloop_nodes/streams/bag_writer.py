@@ -117,12 +117,7 @@ class _Topic:
 
 
 class BagWriter:
-    """Writes serialized messages.
-
-    `folder`: made by this object; must not exist. `topics`: absolute topic name to message type, ``pkg/msg/Name``.
-    `distribution`: ROS distribution whose definitions describe the types. `split_bytes`, `split_ns`: new file after
-    this much data or time; 0 never. Attributes: `count`: messages written so far.
-    """
+    """Writes messages of topics (name: type) to a new folder; a new file after so much data or time, 0 never."""
 
     def __init__(
         self, folder: Path, topics: dict[str, str], distribution: str, split_bytes: int = 0, split_ns: int = 0

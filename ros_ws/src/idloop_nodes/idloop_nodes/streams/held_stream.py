@@ -82,25 +82,19 @@ class CommandWait:
     In real time a measurement that is a hundred periods old has waited long enough. In lock-step nothing runs ahead of
     the commands, however long they take, so that equal runs give equal results; only a recording that lacks commands
     shows measurements far beyond the last one, or its end, and then nothing comes.
-
-    `period_ns`: of the samples; `now`: of a clock that never jumps [s].
     """
 
     def __init__(self, period_ns: int, lockstep: bool, now: float) -> None:
         self._patience = PERIODS * period_ns
         self._lockstep = lockstep
-        self._newest = now
+        self._newest = now  # of a clock that never jumps [s]
 
     def update(self, now: float) -> None:
         """Note that a command has come."""
         self._newest = now
 
     def known_until(self, command: int | None, output: int, end: int | None, now: float) -> int:
-        """Newest stamp whose command is settled [ns].
-
-        `command`: stamp of the newest command; `output`: stamp of the newest measurement; `end`: stamp after which
-        nothing comes, where that is known; `now`: [s].
-        """
+        """Newest stamp whose command is settled, of newest command and measurement, and the end of the run [ns]."""
         given_up = output - self._patience
         if self._lockstep and now - self._newest < SILENCE:
             given_up = -1

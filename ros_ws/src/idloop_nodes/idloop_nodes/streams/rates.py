@@ -62,11 +62,7 @@ class StallNotice:
         self._reported = False
 
     def due(self, what: Hashable, now: float, timeout: float | None = None) -> bool:
-        """Whether it is time to report a wait that was not reported yet.
-
-        `what`: what the node waits for; another one begins a new wait, None ends it. `now`: of a clock that never jumps
-        [s]. `timeout`: length of a wait that is not reported [s]; default `TIMEOUT`.
-        """
+        """Whether to report a wait for `what`, not reported yet and longer than `timeout` [s]; None ends a wait."""
         if what != self._what:
             self._what, self._since, self._reported = what, now, False
         if what is None or self._reported or now - self._since < (TIMEOUT if timeout is None else timeout):

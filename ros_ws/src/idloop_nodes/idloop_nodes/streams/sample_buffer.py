@@ -101,15 +101,11 @@ class SampleStore:
 
 
 class SampleBuffer:
-    """Commands, measurements and references by stamp.
-
-    `outputs`: measured signals. Attributes: `first`: stamp of the first measurement that was worked on [ns];
-    `computed`: velocities that the driver computes from the position, as far as records have shown; `wrong`: velocities
-    that are none of the position, likewise.
-    """
+    """Commands, measurements and references by stamp."""
 
     def __init__(self, outputs: int) -> None:
-        self.first: int | None = None
+        self.first: int | None = None  # stamp of the first measurement that was worked on [ns]
+        # As far as records have shown: velocities that the driver computes from the position, or that are none of it
         self.computed: tuple[Finding, ...] = ()
         self.wrong: tuple[Finding, ...] = ()
         self.commands = SampleStore(1)
@@ -217,11 +213,7 @@ class DiagnosisData:
         return tuple(one[2] for one in self._all)
 
     def renew(self, buffer: SampleBuffer, model: Model, end: int, length: int, share: float, shortest: int) -> bool:
-        """Take the newest normal stretch, if there is a new one that is long enough.
-
-        `end`: stamp after the newest sample [ns]; `length`: its length, at most [ns]; `share`: part of it that judges;
-        `shortest`: samples that are too few. Returns: whether there is any data now.
-        """
+        """Take the newest normal stretch up to `end`, if it is new and long enough; return whether there is any data."""
         if buffer.first is None:
             return False
         start = max([buffer.first, end - length, *(span[1] for _, _, span in self._experiments)])

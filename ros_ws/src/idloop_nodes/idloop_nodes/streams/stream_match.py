@@ -25,12 +25,10 @@ class _Watched:
 
 
 class QualityWatch:
-    """Compares what subscriptions ask for with what publishers offer.
+    """Compares what subscriptions ask for with what publishers offer, and logs each new mismatch.
 
     The middleware reports a mismatch when it discovers a publisher, where it can; the graph tells which publisher it
     is, and when it is mended.
-
-    `log`: takes a line for each new mismatch.
     """
 
     def __init__(self, node: Any, log: Callable[[str], object]) -> None:

@@ -26,15 +26,12 @@ class StreamWatch:
     as after a duplicate or a change of order, and does not count as a sign of life. One that lies a second or more
     away in either direction, while the stream was not silent, shows that a clock was set. After a silence any other
     stamp is a new beginning.
-
-    `timeout_ns`: silence after which the stream counts as dead. Attributes: `jumps`, `stale`: how often a clock was
-    set, and how many messages were left out.
     """
 
     def __init__(self, timeout_ns: int) -> None:
-        self.timeout_ns = timeout_ns
-        self.jumps = 0
-        self.stale = 0
+        self.timeout_ns = timeout_ns  # silence after which the stream counts as dead
+        self.jumps = 0  # how often a clock was set
+        self.stale = 0  # messages that were left out
         self._arrived: int | None = None
         self._stamp = 0
 

@@ -22,17 +22,13 @@ REFRESH = 5 * SECOND  # of new samples after which a free run that somebody look
 
 
 class LiveSource:
-    """Implements `idloop.reporting.workbench.state.Source`.
-
-    `model`: as the estimator starts with it; `capacity`: samples that are kept of every stream; `window`: returns the
-    length of data that is assessed [s]. Attributes: `requests`: orders for the node: verb, and what it is about.
-    """
+    """Implements `idloop.reporting.workbench.state.Source` on a live graph."""
 
     def __init__(self, model: Model, capacity: int, window: Callable[[], float]) -> None:
         self.signals = Signals(model, capacity)
         self.state = State(Snapshot(live=True, title=model.name, model=model, moves=True))
-        self.requests: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()
-        self._window = window
+        self.requests: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()  # verb, and what it is about
+        self._window = window  # returns the length of data that is assessed [s]
         self._coordinator = Coordinator(self.state)
         self._wanted: dict[str, None] = {}  # what is to be worked out, what has waited longest first
 
