@@ -32,7 +32,7 @@ class Deadlines:
         self._steady_start = 0
 
     def start(self, phase: float = 0.0, lead_ns: int = 20_000_000) -> int:
-        """Put the grid on whole periods of the system clock, deadlines a `phase` behind them; return its first stamp."""
+        """Put the grid on whole periods of the system clock, deadlines a `phase` behind; return its first stamp."""
         system, steady = time.time_ns(), time.monotonic_ns()
         self._start_ns = (system + lead_ns) // self.period_ns * self.period_ns
         self._steady_start = steady + self._start_ns - system + round(phase * self.period_ns)

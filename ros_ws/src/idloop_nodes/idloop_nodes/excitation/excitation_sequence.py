@@ -124,7 +124,7 @@ class ExcitationSequence:
         return float(self._position[-1]) if self._keeps else 0.0
 
     def begin(self, experiment: Experiment, handover: float, rest: float, stamp: int) -> tuple[int, int]:
-        """Put an experiment in behind what is announced, with smooth ways of `handover`, after a `rest`; return its span."""
+        """Put an experiment in behind what is announced, after a `rest`, with smooth ways; return its span."""
         step, first, last = experiment.sample_time, float(experiment.value[0]), float(experiment.value[-1])
         still = first if self._keeps else 0.0
         waiting = np.full(round(rest / step), still)

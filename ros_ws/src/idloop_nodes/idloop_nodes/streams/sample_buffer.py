@@ -213,7 +213,7 @@ class DiagnosisData:
         return tuple(one[2] for one in self._all)
 
     def renew(self, buffer: SampleBuffer, model: Model, end: int, length: int, share: float, shortest: int) -> bool:
-        """Take the newest normal stretch up to `end`, if it is new and long enough; return whether there is any data."""
+        """Take the newest normal stretch up to `end`, if it is new and long enough; return whether there is any."""
         if buffer.first is None:
             return False
         start = max([buffer.first, end - length, *(span[1] for _, _, span in self._experiments)])
