@@ -52,7 +52,7 @@ def refuse_loops(node: Any) -> None:
 
 
 def competing_publishers(node: Any, topic: str, known: Collection[str]) -> str:
-    """Return why nobody but the `known` nodes may publish to the robot: what they publish passes every limit."""
+    """Return why the motor must not be driven: others than the `known` nodes publish to the robot, past all limits."""
     publishers = [_name(one) for one in node.get_publishers_info_by_topic(topic)]
     others = {one for one in publishers if one not in known or publishers.count(one) > 1}
     return f"others publish on {topic}, past all limits: {', '.join(sorted(others))}" if others else ""
