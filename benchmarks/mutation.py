@@ -170,7 +170,7 @@ def _change(before: str, after: str) -> str:
 def _only_words(change: str) -> bool:
     """Whether nothing but an import, an annotation or a message to a person has changed."""
     line = change[1:].strip()
-    return line.startswith(("from ", "import ", "Neutral =", "self._node.get_logger()"))
+    return line.startswith(("from ", "import ", "self.node.get_logger()"))
 
 
 def survives(mutant: Mutant) -> bool:

@@ -64,7 +64,7 @@ def decode_diagnostics(data: bytes) -> tuple[int, list[Status]]:
 
 def check_name(namespace: str, node: str, check: str) -> str:
     """Return the name under which a node publishes a check: ``left/controller: safety``."""
-    return f"{_absolute(namespace, node)[1:]}: {check}"
+    return f"{absolute_name(namespace, node)[1:]}: {check}"
 
 
 def seen_from(namespace: str, name: str) -> tuple[str, str]:
@@ -75,10 +75,11 @@ def seen_from(namespace: str, name: str) -> tuple[str, str]:
 
 def node_seen_from(namespace: str, node: str) -> str:
     """Return the shortest name of a node: without the namespace where it is the reader's own."""
-    own = _absolute(namespace, "")
-    absolute = _absolute(namespace, node)
+    own = absolute_name(namespace, "")
+    absolute = absolute_name(namespace, node)
     return absolute.removeprefix(own) if absolute.startswith(own) else absolute
 
 
-def _absolute(namespace: str, node: str) -> str:
+def absolute_name(namespace: str, node: str) -> str:
+    """Return the fully qualified name of a node, which may be that already."""
     return node if node.startswith("/") else f"{namespace.rstrip('/')}/{node}"

@@ -11,6 +11,7 @@ from idloop.records.bags.cdr import SECOND
 from idloop_nodes import qos
 from idloop_nodes.base import StreamNode
 from idloop_nodes.codec import Level, Status
+from idloop_nodes.codec.diagnostics import absolute_name
 from idloop_nodes.safety.guardian_link import STOPPED, WAITS, WATCHES, GuardianEnd, Hello, SilenceWatch, address
 from idloop_nodes.safety.last_node import MESSAGES, PRIORITY, TICK, prepare
 from idloop_nodes.timing import become_urgent
@@ -26,7 +27,7 @@ class GuardianNode(StreamNode):
     def __init__(self) -> None:
         super().__init__("guardian")
         values = self.parameters
-        self._bridge = self.resolve_node_name(values["bridge"])
+        self._bridge = absolute_name(self.get_namespace(), values["bridge"])
         self._watch = SilenceWatch(round(values["silence"] * SECOND))
         self._link = GuardianEnd(address(self.context.get_domain_id(), self._bridge))
         self._hello: Hello | None = None
@@ -36,10 +37,6 @@ class GuardianNode(StreamNode):
         self._stop = threading.Event()
         self._thread = self.thread(self._run, "guardian")
         self._thread.start()
-
-    def resolve_node_name(self, name: str) -> str:
-        """Return the fully qualified name of a node of this namespace."""
-        return name if name.startswith("/") else f"{self.get_namespace().rstrip('/')}/{name}"
 
     def _run(self) -> None:
         become_urgent(PRIORITY)

@@ -12,6 +12,7 @@ from std_msgs.msg import Float64, Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
 from idloop.errors import InputError
+from idloop_nodes.codec.diagnostics import absolute_name
 from idloop_nodes.timing import become_urgent
 
 PRIORITY = 40  # above that of the other nodes' loops, 20
@@ -67,5 +68,4 @@ def several_commanders(node: Any, count: int) -> str:
 
 
 def _name(endpoint: Any) -> str:
-    """Fully qualified name of the node that an endpoint belongs to."""
-    return f"{endpoint.node_namespace.rstrip('/')}/{endpoint.node_name}"
+    return absolute_name(endpoint.node_namespace, endpoint.node_name)

@@ -6,7 +6,7 @@ import math
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, cast
+from typing import Any
 
 from idloop.errors import InputError
 from idloop.records.bags.cdr import SECOND
@@ -16,7 +16,6 @@ from idloop_nodes.safety.command_limiter import CommandLimiter, CommandLimits
 from idloop_nodes.safety.interlock import Interlock
 from idloop_nodes.streams.stream_watch import Arrival, StreamWatch
 
-Neutral = Literal["zero", "hold_measured", "hold_command"]
 MOTION = ("position_min", "position_max", "velocity")
 
 
@@ -28,7 +27,7 @@ class GateSettings:
     motion: Limits = field(default_factory=Limits)  # position and velocity of the axis
     # {"zero", "hold_measured", "hold_command"}: what is sent where nothing may move: zero (effort, velocity), or for a
     # position the one that was measured when the fault came, or the last one sent
-    neutral: Neutral = "zero"
+    neutral: str = "zero"
     energy: float | None = None  # largest work, see `CommandLimiter.work`
     # The axis runs on for velocity × this after the command has ended [s]; where it would come to rest must be inside
     # the limits, too
@@ -71,7 +70,7 @@ def gate_settings(values: Mapping[str, Any]) -> GateSettings:
     return GateSettings(
         command=limits,
         motion=Limits(None, *(values[f"limit.{name}"] for name in MOTION)),
-        neutral=cast("Neutral", neutral),
+        neutral=neutral,
         energy=values["limit.energy"],
         coast_time=values["limit.coast_time"],
         watchdog=values["watchdog"],

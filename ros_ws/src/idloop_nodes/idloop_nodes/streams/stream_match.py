@@ -10,6 +10,7 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_policy_name_from_kind
 
 from idloop_nodes.codec import Level, Status
+from idloop_nodes.codec.diagnostics import absolute_name
 
 RENAMED = 10.0  # seconds for which everything known is matched before partners that go by other names are taken for met
 
@@ -82,7 +83,7 @@ class QualityWatch:
         for one in publishers:
             found = mismatch(one.qos_profile, subscription.qos_profile)
             if found:
-                name = f"{one.node_namespace.rstrip('/')}/{one.node_name}"
+                name = absolute_name(one.node_namespace, one.node_name)
                 yield (
                     f"{subscription.topic_name}: nothing arrives from {name}, {found[0]}"
                     f"{_advice(watched.cure if found[1] == 'reliable' else '', found[1])}"
