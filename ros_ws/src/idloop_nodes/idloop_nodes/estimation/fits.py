@@ -140,18 +140,16 @@ class FitSchedule:
         context.jobs.submit(
             partial(fit_window, model=model, train=train, validation=validation, summary=summary),
             self._done,
-            self._failed(summary),
+            lambda reason: self._done((replace(summary, error=reason), ())),
             replaceable=True,
         )
         number, fitted, unseen = context.jobs.submitted, (cut - start) / SECOND, (end - cut) / SECOND
         return f"fit {number} of {fitted:.1f} s, judged on {unseen:.1f} s"
 
-    def _failed(self, summary: FitSummary) -> Callable[[str], None]:
-        return lambda reason: self._done((replace(summary, error=reason), ()))
-
     def _done(self, fitted: Fitted) -> None:
         """Publish a fit."""
-        summary, estimates = self._newest, _ = fitted
+        summary, estimates = fitted
+        self._newest = summary
         stamp = summary.validation_window[1] - self._context.period_ns
         statuses = fit_to_statuses(self._context.name, summary)
         self._context.publish("fit", stamp, statuses)
