@@ -95,5 +95,6 @@ def describe(kind: str) -> NodeDescription:
         raise KeyError(kind)
     content = dict(_read(kind))
     publishes, subscribes = (_topics(content.pop(side, [])) for side in ("publishes", "subscribes"))
-    rows = content.pop("parameters")
+    first, last = content.pop("shared_first", ()), content.pop("shared_last", ())
+    rows: dict[str, Row] = {**{name: {} for name in first}, **content.pop("parameters"), **{name: {} for name in last}}
     return NodeDescription(publishes=publishes, subscribes=subscribes, rows=rows, **content)
