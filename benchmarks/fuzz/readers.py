@@ -476,7 +476,7 @@ def _nexts() -> list[bytes]:
     from idloop.diagnosis.design.suggest import Limits, Suggestion
     from idloop.json_values import to_json
     from idloop.physics import load_model
-    from idloop.reporting.next_file import next_document
+    from idloop.reporting.next_experiment import next_document
 
     motor = load_model("dc_motor")
     rivals = tuple((name, motor.with_effects([f"{name}@motor"])) for name in ("coulomb_friction", "load_torque"))
@@ -590,7 +590,7 @@ def readers() -> list[Reader]:
         *bags,
         Reader("ladder", ".json", _read_ladder, _ladders, ("idloop.diagnosis.ladder", "idloop.reporting.ladder_folder"),
                _names_in(_ladders())),
-        Reader("next", ".json", _read_next, _nexts, ("idloop.diagnosis", "idloop.reporting.next_file"),
+        Reader("next", ".json", _read_next, _nexts, ("idloop.diagnosis", "idloop.reporting.next_experiment"),
                _names_in(_nexts())),
         Reader("network", ".json", _read_network, _networks, ("idloop.estimation.networks.model",
                "idloop.estimation.networks.model"), _names_in(_networks())),

@@ -15,9 +15,8 @@ from idloop.cli._outputs import print_blocks
 from idloop.diagnosis import Candidate, Ladder, Step
 from idloop.diagnosis.screening.proposals import proposals
 from idloop.p_values import p_value_text
-from idloop.reporting.text.diagnosis import diagnosis_blocks
-from idloop.reporting.text.ladder import ladder_blocks
-from idloop.reporting.text.parameters import parameter_text
+from idloop.reporting.estimates import parameter_text
+from idloop.reporting.text.diagnosis import diagnosis_blocks, ladder_blocks
 
 
 def words(*arguments: object) -> list[str]:

@@ -224,7 +224,7 @@ def test_the_shell_completes_verbs():
 
 
 def test_tables_align_words_left_and_numbers_right():
-    from idloop.reporting.text.blocks import format_table
+    from idloop.reporting.text.blocks import Table, as_text
 
-    text = format_table(["name", "value"], [["inertia", "1.5"], ["b", "-"], ["c", "-12"]])
+    text = as_text([Table.of(["name", "value"], [["inertia", "1.5"], ["b", "-"], ["c", "-12"]])])
     assert text == "name     value\n-------  -----\ninertia    1.5\nb            -\nc          -12"

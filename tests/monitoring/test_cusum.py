@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from idloop.monitoring.baseline import ReferenceStatistics
 from idloop.monitoring.block_scores import EfficientScore
-from idloop.monitoring.cusum import Cusum
+from idloop.monitoring.monitor import Cusum
 from idloop.monitoring.run_length import Evidence
 from idloop.monitoring.watch import Watch
 

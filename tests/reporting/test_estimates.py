@@ -21,8 +21,8 @@ from idloop.reporting.estimates import (
     read_off_parameters,
     with_interval,
 )
-from idloop.reporting.page.page_words import page_words
-from idloop.reporting.text.ladder import ladder_blocks, parameter_blocks
+from idloop.reporting.page.page import page_words
+from idloop.reporting.text.diagnosis import ladder_blocks, parameter_blocks
 from idloop.validation.words import figure_text, fit_text, force_text
 
 

@@ -12,7 +12,7 @@ from idloop.diagnosis.design.suggest import Limits, Suggestion
 from idloop.physics import load_model
 from idloop.reporting.experiment_rows import rows_of
 from idloop.reporting.figures.next_experiment import experiment_figures
-from idloop.reporting.next_file import next_document, read_next
+from idloop.reporting.next_experiment import next_document, read_next
 
 
 @pytest.fixture(scope="module")

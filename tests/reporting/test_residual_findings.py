@@ -12,9 +12,9 @@ from idloop.diagnosis.ladder import Step
 from idloop.physics import load_model
 from idloop.physics.simulation import simulate
 from idloop.records import Record
-from idloop.reporting.detectability import significant_not_added
 from idloop.reporting.estimates import parameter_estimates
 from idloop.reporting.residual_findings import ResidualFinding, findings_on_records, residual_warnings
+from idloop.reporting.verdicts import significant_not_added
 
 
 @dataclass(frozen=True)

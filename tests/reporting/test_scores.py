@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 
 from idloop.diagnosis import Candidate, Ladder, Step
 from idloop.physics import load_model
-from idloop.reporting.page.page_words import changes, rungs
+from idloop.reporting.page.page import changes, rungs
 from idloop.reporting.scores import BETTER, FORCE, FREE_RUN, SAME, WORSE, Score, disagreements, scores_of, step_scores
 from idloop.reporting.text.blocks import as_text
-from idloop.reporting.text.ladder import ladder_blocks
+from idloop.reporting.text.diagnosis import ladder_blocks
 from idloop.reporting.workbench.state_json import _ladder
 
 MODEL = load_model("axis")

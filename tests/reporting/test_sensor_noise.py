@@ -9,10 +9,10 @@ import pytest
 
 from idloop.diagnosis import Ladder, Step
 from idloop.reporting.page.contents import gather
-from idloop.reporting.page.page_figures import page_figures, panel_of
-from idloop.reporting.page.page_words import page_words
-from idloop.reporting.plots.comparison import make_panel
-from idloop.reporting.sensor_noise import FEWEST, believed_noise, least_error, refuted_noise
+from idloop.reporting.page.page import page_words
+from idloop.reporting.page.page_figures import page_figures
+from idloop.reporting.panel import make_panel
+from idloop.reporting.residual_findings import FEWEST, believed_noise, least_error, refuted_noise
 from idloop.validation import compare
 
 
@@ -40,8 +40,8 @@ def test_noise_that_a_model_goes_below_is_refuted(story, loud):
 def test_refuted_noise_is_no_floor_and_no_band_and_the_table_says_so(loud):
     assert set(loud.floor) == {"motor.velocity"}
     for one in loud.judged:
-        assert np.isnan(panel_of(one).band[0])
-        assert panel_of(one).band[1] == pytest.approx(1.96 * 5e-3)
+        assert np.isnan(one.panel.band[0])
+        assert one.panel.band[1] == pytest.approx(1.96 * 5e-3)
     entries = [item.label.value for plot in page_figures(loud)["ladder"] for item in plot.legend[0].items]
     assert [text for text in entries if "noise" in text] == ["motor.velocity, noise floor"]
     said = page_words(loud)["noise"]

@@ -11,10 +11,10 @@ import pytest
 from idloop.diagnosis import Candidate, Ladder, Step, UnknownStructure
 from idloop.diagnosis.screening.proposals import proposals
 from idloop.physics import load_model
-from idloop.reporting.page.page_words import headline, verdict_text
+from idloop.reporting.page.page import headline, verdict_text
 from idloop.reporting.residual_findings import ResidualFinding, residual_warnings
 from idloop.reporting.text.blocks import as_text
-from idloop.reporting.text.ladder import ladder_blocks
+from idloop.reporting.text.diagnosis import ladder_blocks
 from idloop.reporting.verdicts import (
     UNEXPLAINED,
     UNEXPLAINED_BY_THESE,

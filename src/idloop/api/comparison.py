@@ -10,7 +10,8 @@ from idloop.api.result import Progress, Result, ignore_progress, names_of
 from idloop.api.single_thread import single_threaded
 from idloop.errors import InputError
 from idloop.records import Record
-from idloop.reporting.plots.comparison import make_panel, plot_panels
+from idloop.reporting.panel import make_panel
+from idloop.reporting.plots.comparison import plot_panels
 from idloop.reporting.plots.where import plot_where
 from idloop.reporting.text.blocks import Block
 from idloop.reporting.text.comparison import details, in_brief, measures_of, where_it_fails
@@ -61,7 +62,7 @@ class Comparison(Result):
         """Draw the measurement with the free run of each model, what it misses, and the command."""
         record = self.rows[0][1].record
         names = short_names([label for label, _ in self.rows])
-        return plot_panels([make_panel(record.name, [(names[k], one) for k, (_, one) in enumerate(self.rows)])], record)
+        return plot_panels([make_panel(record.name, [(names[k], one) for k, (_, one) in enumerate(self.rows)])])
 
     def plot_where(self) -> Figure:
         """Draw where the models fail: along time, frequency, velocity, position, command, ..."""

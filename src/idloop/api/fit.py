@@ -12,7 +12,8 @@ from idloop.api.single_thread import single_threaded
 from idloop.diagnosis.screening.command_response import command_response
 from idloop.diagnosis.search.non_local_search import from_trial_values
 from idloop.estimation import fit as fit_model
-from idloop.reporting.plots.comparison import make_panel, plot_panels
+from idloop.reporting.panel import make_panel
+from idloop.reporting.plots.comparison import plot_panels
 from idloop.reporting.terms import FITTED, UNSEEN
 from idloop.reporting.text.blocks import Block
 from idloop.reporting.text.comparison import hint, measures_of, misses_every_output
@@ -85,7 +86,7 @@ class Fit(Result):
     def plot(self) -> Figure:
         """Draw measurement and free run of every record, with what is left over."""
         panels = [make_panel(f"{label}: {one.record.name}", [(self.model.name, one)]) for label, one in self.rows]
-        return plot_panels(panels, self.train[0].record)
+        return plot_panels(panels)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the document of schema ``idloop/fit/1``."""

@@ -14,14 +14,13 @@ from idloop.diagnosis import add_effect
 from idloop.diagnosis import refine as climb
 from idloop.diagnosis.equivalence.equivalent_effects import equivalent_effects_of_ladder
 from idloop.diagnosis.options import MINIMUM_IMPROVEMENT
-from idloop.reporting.detectability import undetectable
 from idloop.reporting.estimates import parameter_estimates
 from idloop.reporting.ladder_folder import Kept, check_target, write_all, write_report
-from idloop.reporting.plots.ladder import plot_ladder
+from idloop.reporting.plots.diagnosis import plot_ladder
 from idloop.reporting.residual_findings import ResidualFinding, findings_on_records
 from idloop.reporting.text.blocks import Block
-from idloop.reporting.text.ladder import ladder_blocks, parameter_blocks
-from idloop.reporting.verdicts import conclusion, scope_text
+from idloop.reporting.text.diagnosis import ladder_blocks, parameter_blocks
+from idloop.reporting.verdicts import conclusion, scope_text, undetectable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -35,10 +35,9 @@ from idloop.records.recognition.guess import LOAD
 from idloop.records.recognition.mapping_file import load_of, mapping_of, motion_of, text_of
 from idloop.records.recognition.role_units import base_unit_of
 from idloop.records.tables.importing import import_bag
-from idloop.reporting.plots.recognition import plot_recognition
+from idloop.reporting.plots.recording import plot_recognition
 from idloop.reporting.text.blocks import Block
-from idloop.reporting.text.comparison import measures_of
-from idloop.reporting.text.first_fit import held_inertia, referred_load, verdict
+from idloop.reporting.text.comparison import held_inertia, measures_of, referred_load, verdict
 from idloop.reporting.text.inspection import between_lines, recording_lines
 from idloop.spelling import listed
 

@@ -18,8 +18,7 @@ from idloop.diagnosis.design.suggest import prepare_setup
 from idloop.errors import InputError
 from idloop.estimation import fit
 from idloop.output_files import write_text
-from idloop.reporting.next_experiment import Next, next_of_diagnosis, next_of_ladder, next_of_models
-from idloop.reporting.next_file import experiment_text
+from idloop.reporting.next_experiment import Next, experiment_text, next_of_diagnosis, next_of_ladder, next_of_models
 from idloop.reporting.plots.suggestion import plot_suggestion
 from idloop.reporting.text.blocks import Block
 

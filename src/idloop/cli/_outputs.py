@@ -15,7 +15,7 @@ from idloop.cli._command_line import kept, kept_option
 from idloop.errors import InputError
 from idloop.json_values import to_json
 from idloop.output_files import probe_file, probe_folder
-from idloop.reporting.text.blocks import Block, as_text, format_table
+from idloop.reporting.text.blocks import Block, Table, as_text
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -166,8 +166,8 @@ def log(text: str) -> None:
 
 
 def print_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """Print `format_table`."""
-    click.echo(format_table(header, rows))
+    """Print a table: words to the left, numbers to the right."""
+    print_blocks([Table.of(header, rows)])
 
 
 def print_blocks(blocks: Iterable[Block]) -> None:

@@ -208,7 +208,7 @@ def _pictures(log: Log, unseen: set[Path]) -> list[dict[str, Any]]:
 
 
 def _picture(found: Recognition) -> str:
-    from idloop.reporting.plots.recognition import plot_recognition
+    from idloop.reporting.plots.recording import plot_recognition
 
     file = io.BytesIO()
     plot_recognition(found).savefig(file, format="png", dpi=110)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from idloop.monitoring.baseline import Baseline, learn
-from idloop.monitoring.false_alarms import parse_false_alarms
 from idloop.monitoring.monitor import ALARM, CANNOT_TELL, QUIET, Monitor, Trace, WatchState
-from idloop.monitoring.watch import Watch, choose_watches, parse_watch
+from idloop.monitoring.watch import Watch, choose_watches, parse_false_alarms, parse_watch
 
 __all__ = [
     "ALARM",

@@ -15,10 +15,9 @@ from idloop.estimation.dataset import prepare
 from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.estimation.statistics.covariance import long_run_covariance
 from idloop.monitoring.block_scores import EfficientScore, Scores, block_scores, efficient_score, join
-from idloop.monitoring.false_alarms import USUAL_HOURS
 from idloop.monitoring.reference_observer import ReferenceObserver, design_reference_observer
 from idloop.monitoring.run_length import Evidence, detection_delay, find_threshold, needed_reference
-from idloop.monitoring.watch import Watch, may_vary
+from idloop.monitoring.watch import USUAL_HOURS, Watch, may_vary
 
 if TYPE_CHECKING:
     from idloop.physics import Model
@@ -88,10 +87,7 @@ class Baseline:
     def scores(self, record: Record) -> Scores:
         """Scores of the whole blocks of a record, on the grid of its absolute clock.
 
-        Raises
-        ------
-        InputError
-            The record does not suit the model, or was sampled at another rate than the reference.
+        Raises InputError: the record does not suit the model, or was sampled at another rate than the reference.
         """
         return join([self._stretch(part) for part in self._stretches(record)])
 
@@ -137,17 +133,9 @@ class Baseline:
         return [efficient_score(scores, self.model.free.index(w.parameter), np.abs(steps)) for w in self.watches]
 
     def with_false_alarm_hours(self, false_alarm_hours: float) -> Baseline:
-        """Return the baseline with the thresholds for another rate of false alarms.
+        """Return the baseline with the thresholds for another running time between false alarms [h].
 
-        Parameters
-        ----------
-        false_alarm_hours : float
-            Running time between two false alarms of all watches together [h].
-
-        Raises
-        ------
-        InputError
-            It is not positive.
+        Raises InputError: it is not positive.
         """
         if not 0.0 < false_alarm_hours < np.inf:
             raise InputError("the time between two false alarms must be positive")
@@ -155,22 +143,15 @@ class Baseline:
         normal = tuple(_with_threshold(one, hours, self.block) for one in self.normal)
         return replace(self, false_alarm_hours=false_alarm_hours, normal=normal)
 
-    def delay(self, which: int, evidence: Evidence | None = None, growth: float = 1.0) -> float:
-        """Expected time from a sudden growth to its alarm [s].
+    def delay(self, which: int, evidence: Evidence | None = None) -> float:
+        """Expected time from a sudden growth of the watched size to its alarm [s].
 
-        Parameters
-        ----------
-        which : int
-            Watch.
-        evidence : Evidence, optional
-            Of the data that are monitored; the reference by default.
-        growth : float
-            In units of the watched growth.
+        `which`: number of the watch. `evidence`: of the data that are monitored; of the reference by default.
         """
         normal, known = self.normal[which], evidence or self.normal[which].evidence
         if known is None or not np.isfinite(normal.threshold):
             return float("inf")
-        return self.block * detection_delay(normal.threshold, known, growth)
+        return self.block * detection_delay(normal.threshold, known)
 
 
 def step_sizes(model: Model, watches: Sequence[Watch]) -> Array:
@@ -193,31 +174,13 @@ def learn(
     block: float = BLOCK,
     progress: Progress | None = None,
 ) -> Baseline:
-    """Compute the baseline from records of the healthy machine.
+    """Compute the baseline from records of the healthy machine, in the motions in which it will be monitored.
 
-    Parameters
-    ----------
-    model : Model
-        Fitted to the machine; growth is counted from its values.
-    records : sequence of Record
-        Of the healthy machine, in the motions in which it will be monitored.
-    watches : sequence of Watch
-        At least one.
-    varying : sequence of str
-        Parameters that may change without being wear, beside viscous friction.
-    false_alarm_hours : float
-        Running time between two false alarms of all watches together [h].
-    block : float
-        Length of a block [s].
-    progress : callable, optional
-        Called with the share done in [0, 1] and a short text.
-
-    Raises
-    ------
-    InputError
-        The records do not suit the model, or each is shorter than a block.
-    IdloopError
-        No observer can be designed.
+    `model`: fitted to the machine; growth is counted from its values. `varying`: parameters that may change without
+    being wear, beside viscous friction. `false_alarm_hours`: running time between two false alarms of all watches
+    together [h]. `block`: length of a block [s]. `progress`: called with the share done in [0, 1] and a short text.
+    Raises InputError: the records do not suit the model, or each is shorter than a block.
+    Raises IdloopError: no observer can be designed.
     """
     if not 0.0 < block < np.inf:
         raise InputError("the length of a block must be positive")
@@ -270,44 +233,43 @@ def _normal(
 ) -> ReferenceStatistics:
     """Reference statistics of one watch without threshold; `moved` is with its parameter changed by `away`."""
     information = np.concatenate([one.information for one in records])
-    mean = float(np.mean(information))
-    informative = information > LEAST_SHARE * mean
-    nothing = f"the reference contains no information about {watch.parameter}: its motion does not excite it"
-    if not mean * watch.growth**2 > 1e-9 or np.sum(informative) < 2:
-        return ReferenceStatistics(watch, 0.0, np.inf, 1.0, 0.0, None, np.inf, nothing)
-    total = float(np.sum(information))
+    total, least = float(np.sum(information)), LEAST_SHARE * float(np.mean(information))
+    informative = int(np.sum(information > least))
+
+    def undecidable(why: str, known: float = total / max(informative, 1)) -> ReferenceStatistics:
+        return ReferenceStatistics(watch, 0.0, np.inf, 1.0, known, None, np.inf, why)
+
+    if not np.mean(information) * watch.growth**2 > 1e-9 or informative < 2:
+        nothing = f"the reference contains no information about {watch.parameter}: its motion does not excite it"
+        return undecidable(nothing, 0.0)
     offset = _mean_change(records)
-    series = []
-    for one in records:
-        keep = one.information > LEAST_SHARE * mean
-        z = (one.gradient[keep] - one.information[keep] * offset) / np.sqrt(one.information[keep])
-        if len(z) > 2:
-            series.append(z[:, None])
-    if sum(len(z) for z in series) < FEWEST:
-        count = int(np.sum(informative))
-        why = f"only {count} blocks of the reference are informative about {watch.parameter}: make a longer recording"
-        return ReferenceStatistics(watch, 0.0, np.inf, 1.0, total / int(np.sum(informative)), None, np.inf, why)
-    variance_ratio = _long_run_variance(series)
+    kept = [(one, one.information > least) for one in records]
+    normalised = [(one.gradient - one.information * offset)[k] / np.sqrt(one.information[k]) for one, k in kept]
+    series = [z[:, None] for z in normalised if len(z) > 2]
+    if sum(map(len, series)) < FEWEST:
+        return undecidable(
+            f"only {informative} blocks of the reference are informative about {watch.parameter}: make a longer"
+            " recording"
+        )
+    # Not below the variance of the single block.
+    single = float(np.mean(np.concatenate(series) ** 2))
+    variance_ratio = max(float(long_run_covariance(series)[0, 0]), single, 1e-12)
     # A grown parameter of the machine looks like a reduced one of the model.
     sensitivity = min((offset - _mean_change(moved)) / away, 1.0)
     if sensitivity < _FAINTEST:
-        why = (
+        return undecidable(
             f"the observer shows only {100 * max(sensitivity, 0.0):.0f} % of a change of {watch.parameter}: "
             "measure more outputs, or watch for a larger growth"
         )
-        return ReferenceStatistics(watch, 0.0, np.inf, 1.0, total / int(np.sum(informative)), None, np.inf, why)
-    unit_ratio = (sensitivity * watch.growth) ** 2 / (2.0 * variance_ratio)
-    evidence = evidence_of(information, unit_ratio, LEAST_SHARE * mean)
+    unit = (sensitivity * watch.growth) ** 2 / (2.0 * variance_ratio)
+    seen = information[information > least]
+    # Number of blocks of equal information that are worth as much.
+    alike = float(np.sum(seen) ** 2 / np.sum(seen**2))
+    mean = float(np.sum(seen)) / alike
+    evidence = Evidence(unit * mean, alike / len(information), alike)
     offset_stderr = float(np.sqrt(variance_ratio / total))
     return ReferenceStatistics(
-        watch,
-        offset,
-        offset_stderr,
-        variance_ratio,
-        evidence.ratio / unit_ratio,
-        evidence,
-        np.inf,
-        sensitivity=sensitivity,
+        watch, offset, offset_stderr, variance_ratio, mean, evidence, np.inf, sensitivity=sensitivity
     )
 
 
@@ -327,24 +289,3 @@ def _with_threshold(normal: ReferenceStatistics, hours: float, block: float) -> 
             "long, or watch for a larger growth"
         )
         return replace(normal, threshold=np.inf, why=why)
-
-
-def evidence_of(information: Array, unit: float, least: float) -> Evidence:
-    """Evidence of blocks.
-
-    `information` (b,): [1/unit²]; `unit`: half the squared growth over the variance ratio: turns information into a
-    mean log-likelihood ratio; `least`: least information of an informative block [1/unit²].
-    """
-    informative = np.where(information > least, information, 0.0)
-    total, squares = float(np.sum(informative)), float(np.sum(informative**2))
-    if total <= 0.0:
-        return Evidence(1e-12, 1e-12, 0.0)
-    # Number of blocks of equal information that are worth as much.
-    alike = total**2 / squares
-    return Evidence(unit * total / alike, alike / len(information), alike)
-
-
-def _long_run_variance(series: list[Array]) -> float:
-    """Long-run variance of normalised scores, not below that of the single block."""
-    plain = sum(float(np.sum(z**2)) for z in series) / sum(len(z) for z in series)
-    return max(float(long_run_covariance(series)[0, 0]), plain, 1e-12)

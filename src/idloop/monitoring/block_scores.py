@@ -70,23 +70,11 @@ def block_scores(
 
     def innovations(values: Array) -> Array:
         state = initial.state(initial.values, 0, values)
-        return engine.predict(
-            values,
-            data.input_time,
-            data.input,
-            data.time,
-            data.output,
-            observer.gain,
-            initial_state=state,
-            conditions=data.conditions,
-        )
+        signals = (data.input_time, data.input, data.time, data.output)
+        return engine.predict(values, *signals, observer.gain, initial_state=state, conditions=data.conditions)
 
     present = innovations(theta)
-    moved = []
-    for i, step in enumerate(steps):
-        other = theta.copy()
-        other[i] += step
-        moved.append(innovations(other))
+    moved = [innovations(theta + change) for change in np.diag(steps)]
     # Half a sample early, so that a stamp that jitters about the edge of a block stays on one side.
     place = np.floor((data.time - origin + 0.5 * observer.sample_time) / length).astype(np.int64)
     first, count = int(place[0]), int(place[-1] - place[0]) + 1
@@ -107,11 +95,8 @@ def block_scores(
         measured[group] = np.bincount(where, minlength=count)
         for i in range(k):
             gradient[:, i] += np.bincount(where, np.sum(slopes[i] * error, axis=1), minlength=count)
-            for j in range(i + 1):
-                both = np.bincount(where, np.sum(slopes[i] * slopes[j], axis=1), minlength=count)
-                information[:, i, j] += both
-                if i != j:
-                    information[:, j, i] += both
+            for j in range(k):
+                information[:, i, j] += np.bincount(where, np.sum(slopes[i] * slopes[j], axis=1), minlength=count)
     usual = np.maximum(np.max(measured, axis=1, keepdims=True, initial=0.0), 1.0)
     whole = np.all(measured >= _FULL * np.minimum(usual, length / observer.sample_time), axis=0)
     return Scores(np.flatnonzero(whole) + first, gradient[whole], information[whole])
@@ -122,11 +107,11 @@ def join(parts: Sequence[Scores]) -> Scores:
 
     `parts`: in the order of time, at least one.
     """
-    index = np.concatenate([part.index for part in parts])
+    index, gradient, information = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("index", "gradient", "information")
+    )
     # A block in two stretches is taken from the first, whose observer has settled for longer.
-    _, first = np.unique(index, return_index=True)
-    gradient = np.concatenate([part.gradient for part in parts])
-    information = np.concatenate([part.information for part in parts])
+    first = np.unique(index, return_index=True)[1]
     return Scores(index[first], gradient[first], information[first])
 
 

@@ -1,20 +1,114 @@
-"""The monitor: processes records of a machine and states for each watch: alarm, quiet, or not decidable."""
+"""The monitor: Page's CUSUM of each watch over records of a machine: alarm, quiet, or not decidable."""
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from idloop.arrays import Array, Integers
-from idloop.monitoring.baseline import LEAST_SHARE, Baseline
-from idloop.monitoring.block_scores import EfficientScore, Scores
-from idloop.monitoring.cusum import Alarm, Cusum, Growth
-from idloop.monitoring.run_length import Evidence
+from idloop.monitoring.baseline import LEAST_SHARE, Baseline, ReferenceStatistics
+from idloop.monitoring.block_scores import EfficientScore
+from idloop.monitoring.run_length import FEWEST_BLOCKS, Evidence
 
 if TYPE_CHECKING:
     from idloop.records import Record
+
+
+_WIDTH = 1.959963984540054
+# The newest growth is estimated from so many blocks that its standard error is this share of the watched growth.
+_SHARP = 0.2
+
+
+@dataclass(frozen=True)
+class Growth:
+    """Change of a parameter against the healthy machine, with a 95 % interval [unit]."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Alarm:
+    """One alarm."""
+
+    block: int  # at the end of which it was raised
+    onset: int  # first block after the sum was last 0: the maximum-likelihood estimate of the change time
+    # From the onset to the alarm. Biased upwards by the selection of an alarm; `Cusum.growth` is not.
+    growth: Growth
+
+
+@dataclass
+class Cusum:
+    """State of one watch."""
+
+    sum: float = 0.0  # sum of log-likelihood ratios since the onset
+    onset: int | None = None  # first block since the sum was last 0; None while it is 0
+    # In order. After each the sum restarts, so that a lasting growth raises another alarm.
+    alarms: list[Alarm] = field(default_factory=list)
+    # Blocks processed, and the informative ones among them
+    blocks: int = 0
+    informative: int = 0
+    information: float = 0.0  # of all blocks [1/unit²]
+    squares: float = 0.0  # sum of the squared information [1/unit⁴]
+    _since: tuple[float, float] = (0.0, 0.0)
+    _newest: deque[tuple[float, float]] = field(default_factory=deque)
+    _held: tuple[float, float] = (0.0, 0.0)
+
+    def take(self, normal: ReferenceStatistics, index: Integers, score: EfficientScore) -> list[float]:
+        """Process blocks in the order of time.
+
+        `normal`: reference statistics of this watch; `index` (b,). Returns: sum after each block, before the restart at
+        an alarm.
+        """
+        least = LEAST_SHARE * normal.information
+        sums = []
+        columns = (index, normal.ratio(score), score.gradient, score.information)
+        for block, ratio, gradient, information in zip(*(one.tolist() for one in columns), strict=True):
+            self.blocks += 1
+            if normal.evidence is not None and information > least:
+                self._add(normal, block, ratio, gradient - information * normal.offset, information)
+            sums.append(self.sum)
+            if self.sum > normal.threshold:
+                onset = block if self.onset is None else self.onset
+                self.alarms.append(Alarm(block, onset, _estimate(normal, *self._since)))
+                self._restart()
+        return sums
+
+    def _add(self, normal: ReferenceStatistics, block: int, ratio: float, gradient: float, information: float) -> None:
+        self.informative += 1
+        self.information += information
+        self.squares += information**2
+        self.sum += min(ratio, normal.threshold / FEWEST_BLOCKS)
+        if self.sum <= 0.0:
+            self._restart()
+        else:
+            self.onset = block if self.onset is None else self.onset
+            self._since = self._since[0] + gradient, self._since[1] + information
+        self._newest.append((gradient, information))
+        self._held = self._held[0] + gradient, self._held[1] + information
+        enough = normal.variance_ratio / (_SHARP * normal.sensitivity * normal.watch.growth) ** 2
+        while len(self._newest) > 1 and self._held[1] - self._newest[0][1] >= enough:
+            old = self._newest.popleft()
+            self._held = self._held[0] - old[0], self._held[1] - old[1]
+
+    def _restart(self) -> None:
+        self.sum, self.onset, self._since = 0.0, None, (0.0, 0.0)
+
+    def growth(self, normal: ReferenceStatistics) -> Growth | None:
+        """Growth estimated from the newest blocks; None before the first informative one."""
+        return _estimate(normal, *self._held) if self._held[1] > 0.0 else None
+
+
+def _estimate(normal: ReferenceStatistics, gradient: float, information: float) -> Growth:
+    """Estimate of the change with its interval, which includes the uncertainty of the reference."""
+    value = gradient / max(information, 1e-300) / normal.sensitivity
+    own = np.sqrt(normal.variance_ratio / max(information, 1e-300))
+    width = _WIDTH * float(np.hypot(own, normal.offset_stderr)) / normal.sensitivity
+    return Growth(value, value - width, value + width)
 
 
 ALARM, QUIET, CANNOT_TELL = "alarm", "quiet", "cannot_tell"
@@ -56,43 +150,23 @@ class WatchState:
 
 @dataclass
 class Monitor:
-    """A baseline and the sums of its watches.
-
-    Attributes
-    ----------
-    sums : list of Cusum
-        One for each watch.
-    last : int or None
-        Newest block that was processed.
-    """
+    """A baseline and the sums of its watches."""
 
     baseline: Baseline
-    sums: list[Cusum] = field(default_factory=list)
-    last: int | None = None
+    sums: list[Cusum] = field(default_factory=list)  # one for each watch
+    last: int | None = None  # newest block that was processed
 
     def __post_init__(self) -> None:
         if not self.sums:
             self.sums = [Cusum() for _ in self.baseline.watches]
 
     def follow(self, record: Record) -> Trace:
-        """Process a stretch of data.
+        """Process a stretch of data, later than those before by its ``start_ns``.
 
         Blocks that were processed already are skipped: a stretch may begin early, for the observer to settle.
-
-        Parameters
-        ----------
-        record : Record
-            Later than those before, by its ``start_ns``.
-
-        Raises
-        ------
-        InputError
-            The record does not suit the model or the reference.
+        Raises InputError: the record does not suit the model or the reference.
         """
-        return self.take(self.baseline.scores(record))
-
-    def take(self, scores: Scores) -> Trace:
-        """Process the scores of a stretch, as `follow` does."""
+        scores = self.baseline.scores(record)
         fresh = np.ones(len(scores), dtype=bool) if self.last is None else scores.index > self.last
         index = scores.index[fresh]
         shape = (len(index), len(self.sums))
@@ -122,9 +196,12 @@ class Monitor:
 
     def _state(self, i: int) -> WatchState:
         normal, seen = self.baseline.normal[i], self.sums[i]
-        watch = normal.watch
-        evidence = self._evidence(i)
-        delay = self.baseline.delay(i, evidence) if evidence is not None else float("inf")
+        watch, delay = normal.watch, float("inf")
+        if normal.evidence is not None and seen.information > 0.0:
+            # As for the reference: blocks of equal information that are worth as much.
+            alike = seen.information**2 / seen.squares
+            size = (normal.sensitivity * watch.growth) ** 2 / (2.0 * normal.variance_ratio)
+            delay = self.baseline.delay(i, Evidence(size * seen.information / alike, alike / seen.blocks, alike))
         state, why = QUIET, ""
         if seen.alarms:
             state = ALARM
@@ -154,14 +231,3 @@ class Monitor:
             delay=delay,
             reference_delay=self.baseline.delay(i),
         )
-
-    def _evidence(self, i: int) -> Evidence | None:
-        """Evidence of the processed blocks."""
-        normal, seen = self.baseline.normal[i], self.sums[i]
-        if normal.evidence is None or seen.information <= 0.0:
-            return None
-        alike = seen.information**2 / seen.squares
-        ratio = (
-            (normal.sensitivity * normal.watch.growth) ** 2 / (2.0 * normal.variance_ratio) * seen.information / alike
-        )
-        return Evidence(ratio, alike / seen.blocks, alike)

@@ -33,10 +33,10 @@ def bin_edges(breakdown: Breakdown) -> Array:
 
 
 def bins(breakdown: Breakdown) -> dict[str, Any]:
-    """Columns of a breakdown as it is drawn, a row for each bin.
+    """Columns of a breakdown as it is drawn, a row for each bin; NaN in an empty one.
 
-    Returns: ``left``, ``right`` (ends on the axis), ``mean``, ``rms``, ``low``, ``high`` (the mean less and plus the
-    standard deviation about it; all NaN in an empty bin), ``error`` and ``usual`` [%], ``name``.
+    ``left`` and ``right`` are its ends on the axis, ``low`` and ``high`` the mean less and plus the standard deviation
+    about it; ``error`` and ``usual`` in %.
     """
     edges = bin_edges(breakdown)
     deviation = np.sqrt(np.maximum(breakdown.rms**2 - breakdown.mean**2, 0.0))
@@ -99,26 +99,20 @@ def along_text(breakdown: Breakdown) -> str:
 
 
 def _curve(breakdown: Breakdown) -> float:
+    """Share of the error that a curve over the variable makes up."""
     return float(breakdown.follows) if math.isfinite(breakdown.follows) else 0.0
 
 
-def _accounts_for(breakdown: Breakdown) -> float:
-    """Share of the error that a view shows beyond an even distribution: of its worst part, or of a curve over it."""
-    return max(breakdown.worst.error - breakdown.worst.usual, _curve(breakdown))
-
-
 def shown_first(maps: Sequence[ErrorMap]) -> tuple[str, str] | None:
-    """Error and variable that a reader should see first.
+    """Error of one model on one record, and variable, that a reader should see first; None without a breakdown.
 
-    `maps`: of one model on one record.
-    Returns: name of the error and the variable: that which shows most of the error beyond what its share of the time
-    would be. Over frequency every error is spread otherwise than the signal, so that it comes last. None without a
-    breakdown.
+    It shows most of the error beyond what its share of the time would be. Over frequency every error is spread
+    otherwise than the signal, so that it comes last.
     """
     # The force is free of the drift of a free run, which follows whatever moves slowly; a reason against it is noise.
     considered = [one for one in maps if one.basis == "force" and not one.why] or list(maps)
     ranked = [
-        (is_notable(b), b.variable != "frequency", _accounts_for(b), one.name, b.variable)
+        (is_notable(b), b.variable != "frequency", max(b.worst.error - b.worst.usual, _curve(b)), one.name, b.variable)
         for one in considered
         for b in one.breakdowns
     ]

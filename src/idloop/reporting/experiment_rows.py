@@ -70,17 +70,17 @@ def rival_name(suggestion: Suggestion, index: int, *, first: bool = True) -> str
 def _sent(suggestion: Suggestion, records: list[Record]) -> list[Row]:
     """What is sent in, and in a closed loop the command that each rival then gets."""
     model, limits = suggestion.rivals[0][1], suggestion.limits
-    most = () if limits.command is None else (-limits.command, limits.command)
+    most: tuple[float, ...] = () if limits.command is None else (-limits.command, limits.command)
     signal, unit = suggestion.experiment.built, sent_unit(suggestion)
-    reference = records[0].reference
+    reference, name, value, own = records[0].reference, "excitation", signal.value, most
     if reference is not None:
-        scale = _followed(suggestion)[1]
-        row = Row("sent", drawing.label("reference", unit), [Curve(signal.time, reference[:, 0], held=True)])
-        rows = [_limited(row, _scaled(limits.position, scale), unit)]
+        name, value, own = "reference", reference[:, 0], _scaled(limits.position, _followed(suggestion)[1])
+    elif suggestion.controller is None:
+        name = model.input.name
     else:
-        name = model.input.name if suggestion.controller is None else "excitation"
-        row = Row("sent", drawing.label(name, unit), [Curve(signal.time, signal.value, held=True)])
-        rows = [_limited(row, most, unit) if suggestion.controller is None else row]
+        own = ()
+    row = Row("sent", drawing.label(name, unit), [Curve(signal.time, value, held=True)])
+    rows = [_limited(row, own, unit)]
     if suggestion.controller is not None:
         curves = [Curve(r.input_time, r.input, i, held=True) for i, r in enumerate(records)]
         row = Row("sent", drawing.label(model.input.name, model.input.unit), curves)
@@ -107,11 +107,9 @@ def _outputs(suggestion: Suggestion, records: list[Record]) -> list[Row]:
 
 def _differences(curves: list[Curve], unit: str, band: float | None = None) -> Row:
     """How far the rivals are from the first one."""
-    first, apart, entries = curves[0].value, [], []
-    for index, curve in enumerate(curves):
-        apart.append(replace(curve, value=curve.value - first))
-        if index:
-            entries.append((f"RMS {_with_unit(float(np.sqrt(np.mean(apart[index].value ** 2))), unit)}", str(index)))
+    apart = [replace(curve, value=curve.value - curves[0].value) for curve in curves]
+    sizes = [float(np.sqrt(np.mean(curve.value**2))) for curve in apart]
+    entries = [(f"RMS {_with_unit(size, unit)}", str(index)) for index, size in enumerate(sizes) if index]
     if band is not None:
         entries.append((f"95 % of the noise (±{_with_unit(band, unit)})", "band"))
     return Row("difference", drawing.label("difference", unit), apart, band=band, entries=entries)
@@ -162,11 +160,7 @@ def _range_text(limits: tuple[float, ...], unit: str) -> str:
 
 def reach(curves: list[Curve], stretch: tuple[float, float] | None = None) -> tuple[float, float]:
     """Least and largest value of some curves, in a stretch of time."""
-    parts = []
-    for curve in curves:
-        inside = np.isfinite(curve.value)
-        if stretch is not None:
-            inside &= (curve.time >= stretch[0]) & (curve.time <= stretch[1])
-        parts.append(curve.value[inside])
-    values = np.concatenate(parts)
+    low, high = stretch or (-np.inf, np.inf)
+    values = np.concatenate([one.value[(one.time >= low) & (one.time <= high)] for one in curves])
+    values = values[np.isfinite(values)]
     return (float(np.min(values)), float(np.max(values))) if values.size else (0.0, 0.0)

@@ -78,11 +78,8 @@ class FrequencyView:
         seen = self.frequency[_readable(self.measured, output)]
         if not len(seen):
             return f"The coherence is nowhere above {READABLE:g}: this record does not show the response."
-        share = len(seen) / len(self.frequency)
-        span = f"{short(float(seen[0]))} and {short(float(seen[-1]))} Hz"
-        return (
-            f"It can be read where the coherence is above {READABLE:g}, {percent(share)} of the lines, between {span}."
-        )
+        share, ends = percent(len(seen) / len(self.frequency)), " and ".join(short(float(seen[i])) for i in (0, -1))
+        return f"It can be read where the coherence is above {READABLE:g}, {share} of the lines, between {ends} Hz."
 
     @property
     def pole_texts(self) -> list[str]:

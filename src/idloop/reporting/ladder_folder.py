@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -62,8 +62,7 @@ class Kept:
 def check_target(folder: Path, what: str, *, overwrite: bool) -> None:
     """Refuse a folder that cannot be written or holds a ladder already, before the work is done.
 
-    `what`: what names it in the message: the option.
-    `overwrite`: a ladder that is there may be written anew.
+    `what`: the option, which names it in the message. `overwrite`: a ladder that is there may be written anew.
     Raises InputError: a file of that name, no folder above it, or files that would be overwritten.
     """
     probe_folder(folder, what)
@@ -107,20 +106,26 @@ def write_ladder(folder: Path, kept: Kept) -> None:
     Raises IdloopError: when they cannot be written.
     """
     make_folder(folder)
+    unseen, seen = (
+        [{"bag": bag.resolve(), "start": start, "stop": stop} for bag, start, stop in parts]
+        for parts in (kept.unseen, kept.seen)
+    )
     document = {
         **kept.ladder.to_dict(),
         "bags": [path.resolve() for path in kept.bags],
         "validate": [path.resolve() for path in kept.validate],
         "model_folder": kept.folder.resolve() if kept.folder is not None else None,
         "provenance": kept.provenance,
-        **{
-            key: [{"bag": bag.resolve(), "start": start, "stop": stop} for bag, start, stop in parts]
-            for key, parts in (("unseen", kept.unseen), ("seen", kept.seen))
-        },
+        "unseen": unseen,
+        "seen": seen,
         "taken_back": kept.taken_back,
     }
     write_text(folder / "model.yaml", kept.ladder.model.to_yaml())
-    write_text(folder / "ladder.json", json.dumps(to_json(document), indent=2, ensure_ascii=False) + "\n")
+    _write_document(folder / "ladder.json", document)
+
+
+def _write_document(path: Path, document: Mapping[str, Any]) -> None:
+    write_text(path, json.dumps(to_json(document), indent=2, ensure_ascii=False) + "\n")
 
 
 def write_all(
@@ -137,9 +142,8 @@ def write_all(
     """
     from idloop.drawing import save
     from idloop.reporting.page.contents import gather
-    from idloop.reporting.page.page_figures import panel_of
     from idloop.reporting.plots.comparison import plot_panels
-    from idloop.reporting.plots.ladder import plot_ladder
+    from idloop.reporting.plots.diagnosis import plot_ladder
 
     ladder = kept.ladder
     write_ladder(folder, kept)
@@ -148,9 +152,9 @@ def write_all(
     contents = gather(ladder, records, validation, suggestion=shown, provenance=kept.provenance, progress=progress)
     save(plot_ladder(ladder, contents.floor), folder / "ladder.png")
     # In the order of the work: what was fitted, then what was not.
-    panels = [panel_of(judged) for judged in sorted(contents.judged, key=lambda judged: judged.use)]
+    panels = [judged.panel for judged in sorted(contents.judged, key=lambda judged: judged.use)]
     if panels:
-        save(plot_panels(panels, contents.judged[0].rows[0][1].record), folder / "compare.png")
+        save(plot_panels(panels), folder / "compare.png")
     write_report(contents, folder / "report.html")
     return contents
 
@@ -184,7 +188,7 @@ def write_report(contents: Contents, path: Path) -> int:
 
 def read_next_experiment(folder: Path, kept: Kept) -> Suggestion | None:
     """Read the next experiment with its rivals; None where the folder has none."""
-    from idloop.reporting.next_file import read_next
+    from idloop.reporting.next_experiment import read_next
 
     path = folder / "next.json"
     if kept.ladder.suggested_experiment is None or not path.is_file():
@@ -198,20 +202,19 @@ def read_next_experiment(folder: Path, kept: Kept) -> Suggestion | None:
 def _write_next(folder: Path, ladder: Ladder, suggestion: Suggestion | None) -> None:
     """Write the next experiment, its rivals and its figure; what lies there of another one goes."""
     from idloop.drawing import save
-    from idloop.reporting.next_file import experiment_text, next_document
+    from idloop.reporting.next_experiment import experiment_text, next_document
     from idloop.reporting.plots.suggestion import plot_suggestion
 
     file, figure, rivals = folder / "next.yaml", folder / "next.png", folder / "next.json"
     before = file.read_text(encoding="utf-8") if file.is_file() else None
-    text = None if ladder.suggested_experiment is None else experiment_text(ladder.suggested_experiment)
-    if text is None:
+    text = None
+    if ladder.suggested_experiment is None:
         file.unlink(missing_ok=True)
     else:
-        write_text(file, text)
+        write_text(file, text := experiment_text(ladder.suggested_experiment))
     if suggestion is not None:
         save(plot_suggestion(suggestion), figure)
-        document = to_json(next_document(suggestion))
-        write_text(rivals, json.dumps(document, indent=2, ensure_ascii=False) + "\n")
+        _write_document(rivals, next_document(suggestion))
     elif text is None or text != before:
         figure.unlink(missing_ok=True)
         rivals.unlink(missing_ok=True)

@@ -1,20 +1,21 @@
-"""What is to be done next: the experiment that settles what is open, a check by hand, or nothing."""
+"""What is to be done next: the experiment that settles what is open, a check by hand, or nothing; words and file."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from idloop.diagnosis.design.expected_outcome import DECISIVE, describe_signal, lead_text
 from idloop.diagnosis.equivalence.equivalent_effects import (
     EquivalentEffects,
     equivalent_effects_of_ladder,
     equivalent_rivals,
     without_equivalents,
 )
-from idloop.reporting.detectability import undetectable
-from idloop.reporting.text.blocks import Block
-from idloop.reporting.text.next_experiment import experiment_blocks
+from idloop.reporting.text.blocks import Block, Table
+from idloop.reporting.verdicts import undetectable
 
 if TYPE_CHECKING:
     from idloop.diagnosis import Diagnosis, Ladder, Step
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from idloop.physics import Model
     from idloop.records import Record
 
+SCHEMA = "idloop/next/1"
 # Expected lead in log-likelihood below which an experiment says nothing at all.
 _NOTHING = 1.0
 
@@ -80,7 +82,12 @@ def next_of_diagnosis(found: Diagnosis, records: Sequence[Record], limits: Limit
     open_ = {name: found.gate.why.get(name, "") for name in found.untestable if name not in found.set}
     asked = replace(found, set=without_equivalents(found.set, twins))
     best = found.best
-    if best is not None and best.model is not None and len(asked.set) == 1 and not _ties(asked):
+    if (
+        best is not None
+        and best.model is not None
+        and len(asked.set) == 1
+        and all(len(one.set) < 2 for one in asked.rungs)
+    ):
         # What else there is to ask is asked of the model that has what is missing.
         left = {name: answer for name, answer in found.gate.testable.items() if name not in found.set}
         asked = replace(asked, model=best.model, gate=replace(found.gate, testable=left))
@@ -118,10 +125,6 @@ def _first(ladder: Ladder, step: Step) -> tuple[str, ...]:
     return (step.added.name, *ladder.rivals(step))
 
 
-def _ties(found: Diagnosis) -> bool:
-    return any(len(rung.set) > 1 for rung in found.rungs)
-
-
 def _judged(
     found: Suggestion | None, twins: Sequence[EquivalentEffects], open_: Mapping[str, str], verdict: str
 ) -> Next:
@@ -144,3 +147,83 @@ def _reason(open_: Mapping[str, str], verdict: str, *, tied: bool) -> str:
     if verdict == "unknown_structure":
         return f"{ties}; what is left is structured, and the data show every effect of the catalogue: none is it"
     return f"nothing {'else ' if tied else ''}is open: {ties}, and the data would show every other one"
+
+
+def experiment_blocks(suggested: Mapping[str, Any]) -> Iterator[Block]:
+    """Yield what an experiment is expected to decide, and a row for each rival.
+
+    `suggested`: as `idloop.diagnosis.design.suggest.Suggestion.to_dict` writes it, or what is left of it in a ladder.
+    """
+    if suggested.get("signal"):
+        signal = describe_signal(suggested["signal"], suggested["adds_to"], suggested.get("unit", ""))
+        yield f"next experiment: {signal}"
+    yield suggested["text"]
+    if suggested.get("outcomes"):
+        yield _outcomes(suggested["outcomes"])
+        yield f"(lead: expected difference in log-likelihood from the other, refitted; {DECISIVE:.0f} or more decides)"
+
+
+def _outcomes(outcomes: Sequence[Mapping[str, Any]]) -> Table:
+    rows = []
+    for one in outcomes:
+        errors: Mapping[str, Mapping[str, Any]] | None = one["errors"].get(one["closest"])
+        shown = "none: it contains this one"
+        if errors:
+            name, worst = max(errors.items(), key=lambda item: item[1]["value"] / max(item[1]["noise"], 1e-300))
+            shown = f"{worst['value']:.3g} {worst['unit']} of {name}, noise {worst['noise']:.2g}"
+        decides = "yes" if errors and one["in_favour"] >= DECISIVE else "no"
+        rows.append((one["rival"], one["closest"], shown, lead_text(one["in_favour"]), decides))
+    return Table.of(("if this is right", "closest other", "largest difference, RMS", "lead", "decides"), rows)
+
+
+def next_document(suggestion: Suggestion) -> dict[str, Any]:
+    """Plain values for JSON: what ``ladder.json`` says of it, and what its simulation needs."""
+    return {
+        "schema": SCHEMA,
+        **suggestion.to_dict(),
+        "controller": suggestion.controller,
+        "sample_time": suggestion.sample_time,
+        "noise": list(suggestion.noise),
+        "against_first": suggestion.against_first,
+        "rivals": [{"label": label, "model": model.to_yaml()} for label, model in suggestion.rivals],
+    }
+
+
+def read_next(document: dict[str, Any], folder: Path | None = None) -> Suggestion:
+    """Read what `next_document` wrote; `folder`: where the models' own effects lie."""
+    from idloop.diagnosis.design.suggest import Limits, Outcome, Suggestion
+    from idloop.physics.model_file import from_text
+
+    limits = document["limits"]
+    reach = limits.get("position")
+    return Suggestion(
+        signal=document["signal"],
+        adds_to=document["adds_to"],
+        duration=document["duration"],
+        discrimination=document["discrimination"],
+        outcomes=tuple(Outcome(**outcome) for outcome in document["outcomes"]),
+        text=document["text"],
+        limits=Limits(**{**limits, "position": None if reach is None else (float(reach[0]), float(reach[1]))}),
+        start=document["start"],
+        controller=document["controller"],
+        sample_time=document["sample_time"],
+        rivals=tuple((rival["label"], from_text(rival["model"], folder)) for rival in document["rivals"]),
+        noise=tuple(document["noise"]),
+        against_first=document["against_first"],
+    )
+
+
+def experiment_text(suggested: Mapping[str, Any]) -> str:
+    """YAML that the excitation node takes as its parameter `experiment`, with what to know as comments."""
+    import io
+
+    from ruamel.yaml import YAML
+
+    lines = [f"# {suggested['text']}"] + [f"# {outcome['text']}" for outcome in suggested.get("outcomes", ())]
+    lines.append(f"# starts at rest at position {suggested.get('start', 0.0):.6g}; lasts {suggested['duration']:g} s")
+    buffer = io.StringIO()
+    plain = {
+        key: list(value) if isinstance(value, list | tuple) else value for key, value in suggested["signal"].items()
+    }
+    YAML().dump({"signal": plain, "adds_to": suggested["adds_to"]}, buffer)
+    return "\n".join(lines) + "\n" + buffer.getvalue()

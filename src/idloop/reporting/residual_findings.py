@@ -1,4 +1,4 @@
-"""Tests of the one-step prediction errors of a model, and what they say against a verdict of noise."""
+"""What a model leaves over: tests of its one-step errors, and the noise of the sensors held against the data."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from idloop.p_values import p_value_text
 from idloop.validation.measures import NEGLIGIBLE, nrmse
 
 if TYPE_CHECKING:
+    from idloop.diagnosis import Ladder
     from idloop.physics import Model
     from idloop.records import Record
     from idloop.validation import Comparison
@@ -62,6 +63,13 @@ def _missed(one: Comparison) -> Array:
     """Error of the free run as a part of each output's standard deviation."""
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray(nrmse(one.measured, one.simulated))
+
+
+def residual_line(label: str, test: ResidualTest) -> str:
+    """Both tests of an output of a model in one line."""
+    white = "white" if test.white else "not white"
+    free = f" (p {test.cross_p:.2g})" if test.decided else ""
+    return f"{label}: residual of {test.name} is {white} (Ljung-Box p {test.ljung_box_p:.2g}) and {test.freedom}{free}"
 
 
 def findings_on_records(model: Model, records: Sequence[Record]) -> list[ResidualFinding]:
@@ -115,3 +123,41 @@ def _errors(part: Sequence[ResidualFinding], whole: Sequence[ResidualFinding]) -
     where = f" in {records} of {all_} records" if all_ > 1 else ""
     where += " on the fitted data" if all_ < 2 else " of the fitted data"
     return f"the one-step error{'s' if len(names) > 1 else ''} of {joined_names(names)}{where}"
+
+
+# The stated noise is refuted where a model misses less than this part of it, over so many samples at least: with
+# fewer, or closer to it, that happens by chance.
+REFUTED = 0.7
+FEWEST = 100
+
+
+def refuted_noise(comparisons: Iterable[Comparison]) -> dict[str, float]:
+    """Outputs of which a model misses less than the stated noise, and how much that is.
+
+    Returns: least rms of the free-run error, which bounds the noise that the sensor really has, by the name of the
+    output.
+    """
+    least: dict[str, float] = {}
+    for one in comparisons:
+        if len(one.time) < FEWEST:
+            continue
+        for output in one.model.outputs:
+            missed = one.rmse[output.name]
+            if output.noise is not None and missed < REFUTED * output.noise:
+                least[output.name] = min(missed, least.get(output.name, np.inf))
+    return least
+
+
+def believed_noise(model: Model, refuted: Iterable[str]) -> dict[str, float]:
+    """Standard deviation of the noise of each output: stated by the model file, and not among the refuted ones."""
+    wrong = set(refuted)
+    return {o.name: o.noise for o in model.outputs if o.noise is not None and o.name not in wrong}
+
+
+def least_error(ladder: Ladder, name: str) -> float:
+    """Least NRMSE of an output on the data that judge, at any step; infinite where none is known.
+
+    A floor well above it is none. Other data have another motion, and so another NRMSE for the same noise.
+    """
+    every = [(step.validation or step.train).get("nrmse", {}).get(name) for step in ladder.steps]
+    return min((float(one) for one in every if one is not None and np.isfinite(one)), default=np.inf)

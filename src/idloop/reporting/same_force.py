@@ -29,22 +29,18 @@ _EITHER = "whichever is added, the model is the same"
 
 
 def same_forces(candidates: Sequence[Candidate], names: Sequence[str]) -> tuple[EquivalentEffects, ...]:
-    """Groups of tied effects of one body that are the same force at every angle and speed, as they were fitted.
+    """Groups of the tied effects `names` that are the same force at every angle and speed, as they were fitted.
 
-    Their equations differ, such as by a phase that was found to be zero.
-
-    `candidates`: with their fitted models; those without one are passed over.
-    `names`: effects that tie, ``effect@site``.
+    Their equations differ, such as by a phase that was found to be zero. Candidates without a model are passed over.
     """
-    known = [one for one in candidates if one.name in names and one.model is not None]
     groups: list[list[Candidate]] = []
-    for one in known:
-        for group in groups:
-            if _alike(group[0], one):
+    for one in candidates:
+        if one.name in names and one.model is not None:
+            group = next((group for group in groups if _alike(group[0], one)), None)
+            if group is None:
+                groups.append([one])
+            else:
                 group.append(one)
-                break
-        else:
-            groups.append([one])
     return tuple(EquivalentEffects(tuple(c.name for c in g), (_CHECK, _EITHER)) for g in groups if len(g) > 1)
 
 

@@ -1,4 +1,4 @@
-"""One error of one model in one view on known data: the number behind a tile, a row of a table and a line of a figure.
+"""Errors of models: the number behind a tile, a row of a table and a line of a figure.
 
 Names, texts and trends are functions of it, so that page, report and command line cannot say different things. It is
 read from the errors of a ladder's step, which are those of the JSON documents.
@@ -7,10 +7,14 @@ read from the errors of a ladder's step, which are those of the JSON documents.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from idloop.arrays import Array
+from idloop.p_values import p_text
 from idloop.reporting.terms import DATA_USE, effect_words
 from idloop.validation.where import DRIVE_FORCE, NOISE_ALONE
 from idloop.validation.words import fit_text, force_text
@@ -23,6 +27,7 @@ TRAIN, VALIDATION = "train", "validation"
 FREE_RUN, FORCE = "free_run", "force"
 NOTABLE_NOISE = 0.3  # of an error, from which on the part of sensor noise is worth a word
 BETTER, WORSE, SAME = "better", "worse", "same"
+_DECADES = 5.0  # ratio of the largest to the smallest error from which on decades are read better
 
 
 @dataclass(frozen=True)
@@ -113,10 +118,8 @@ def disagreements(ladder: Ladder) -> list[str]:
     kind, found = judging(ladder), []
     scores = [step_scores(step, kind) for step in ladder.steps]
     for step, before, after in zip(ladder.steps[1:], scores, scores[1:], strict=False):
-        force = (
-            before[DRIVE_FORCE].trend(after[DRIVE_FORCE]) if DRIVE_FORCE in before and DRIVE_FORCE in after else SAME
-        )
-        runs = [before[name].trend(one) for name, one in after.items() if one.view == FREE_RUN and name in before]
+        trends = {name: before[name].trend(one) for name, one in after.items() if name in before}
+        force, runs = trends.pop(DRIVE_FORCE, SAME), list(trends.values())
         name = "" if step.added is None else step.added.name
         if force == BETTER and runs and all(one == WORSE for one in runs):
             found.append(
@@ -164,3 +167,64 @@ def step_scores(step: Step, kind: str) -> dict[str, Score]:
 
 def _finite(value: float | None) -> float | None:
     return None if value is None or not math.isfinite(value) else float(value)
+
+
+@dataclass(frozen=True)
+class ErrorLine:
+    """Error of one quantity at every step."""
+
+    quantity: str  # name of the output, or "drive force"
+    kind: str  # one of `train`, `validation`
+    use: str  # what the data served for, in words; empty where there are no others
+    colour: int  # number of the quantity; train and validation of one have the same
+    error: Array  # shape (steps,): NaN where not known
+
+    @property
+    def label(self) -> str:
+        """Entry of a legend."""
+        return f"{self.quantity}, {self.use} data" if self.use else self.quantity
+
+
+def error_lines(ladder: Ladder) -> list[ErrorLine]:
+    """NRMSE of the free run of every output at every step; unseen data first, no line for what is known at one only."""
+    names = dict.fromkeys(name for step in ladder.steps for name in step.train.get("nrmse", {}))
+    return _lines(ladder, names, lambda part, name: part.get("nrmse", {}).get(name))
+
+
+def force_lines(ladder: Ladder) -> list[ErrorLine]:
+    """Relative error of the drive force [%] at every step; as `error_lines`."""
+    return _lines(ladder, [DRIVE_FORCE], lambda part, name: part.get("force"), 100.0)
+
+
+def in_decades(*errors: Array) -> bool:
+    """Whether errors span so much that a logarithmic axis is read better."""
+    values = np.concatenate(errors) if errors else np.zeros(0)
+    values = values[np.isfinite(values) & (values > 0.0)]
+    return bool(len(values)) and float(np.max(values)) > _DECADES * float(np.min(values))
+
+
+def step_title(step: Step) -> str:
+    """What a step added, in words."""
+    return "start" if step.added is None else f"+ {effect_words(step.added.name)}"
+
+
+def step_evidence(step: Step) -> str:
+    """Who or what asked for a step: a p-value, or the user; empty at the start."""
+    if step.added is None:
+        return ""
+    return "chosen by the user" if step.chosen_by == "user" else p_text(step.p_value)
+
+
+def _lines(
+    ladder: Ladder, quantities: Iterable[str], read: Callable[[Mapping[str, Any], str], Any], scale: float = 1.0
+) -> list[ErrorLine]:
+    unseen = any(step.validation for step in ladder.steps)
+    found = []
+    for kind in (VALIDATION, TRAIN):
+        for colour, name in enumerate(quantities):
+            values = [read(getattr(step, kind), name) for step in ladder.steps]
+            error = scale * np.array([np.nan if value is None else float(value) for value in values])
+            # One step of several says nothing of what an effect did.
+            if np.count_nonzero(np.isfinite(error)) >= min(2, len(error)):
+                found.append(ErrorLine(name, kind, DATA_USE[kind] if unseen else "", colour, error))
+    return found

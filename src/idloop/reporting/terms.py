@@ -14,7 +14,6 @@ _ORDINALS = {"1": "first", "2": "second", "3": "third"}
 # Space between a number and its unit.
 _UNIT = re.compile(r"(?<=[\d)⁰¹²³⁴⁵⁶⁷⁸⁹]) (?=(?:%|°|·|µ?s|ms|k?Hz|rad|mm?|kg|N|V|A|W|K|J|Ω|1/s)(?!\w))")
 _P_VALUE = re.compile(r"\bp (=|<) (?=\d)")
-# A bootstrap knows no smaller p-value than its own share.
 
 
 def effect_words(effect: str) -> str:

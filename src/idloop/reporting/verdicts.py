@@ -1,13 +1,16 @@
-"""How a diagnosis or a ladder ends, and what its figures are figures of: in the same words everywhere."""
+"""How a diagnosis or a ladder ends, what its data cannot show, and what its shares are shares of: in the same words."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from idloop.diagnosis.ladder import Ladder
 from idloop.diagnosis.screening.command_response import CommandResponse
 from idloop.diagnosis.screening.proposals import proposals
+from idloop.diagnosis.search.step import MISSING as UNFINISHED
 from idloop.diagnosis.search.step import NOISE_VERDICTS
 from idloop.estimation.direction import OPPOSITE_DIRECTION
 from idloop.reporting.scores import judging
@@ -17,7 +20,7 @@ from idloop.validation.drive import MOST_NOISE
 from idloop.validation.words import force_text
 
 if TYPE_CHECKING:
-    from idloop.diagnosis import Diagnosis
+    from idloop.diagnosis import Candidate, Diagnosis
     from idloop.reporting.residual_findings import ResidualFinding
 
 # Of a ladder; a diagnosis that ends as missing has a best effect to name.
@@ -59,8 +62,8 @@ _LEFT = {
 def conclusion(ladder: Ladder, left: Sequence[ResidualFinding] = (), only: str = "") -> str:
     """How a ladder ends, what the reader is to conclude first.
 
-    `left`: residual tests of the last model on the fitted data.
-    `only`: what was looked for where that was not the whole catalogue, as `scope_text` says it.
+    `left`: residual tests of the last model on the fitted data. `only`: what was looked for where that was not the
+    whole catalogue, as `scope_text` says it.
     """
     end = ending(ladder.verdict, only, ladder.response)
     names = [] if ladder.response.uninformative else confounding_effects(ladder)
@@ -148,11 +151,8 @@ def explained_of(criterion: str) -> str:
 
 def basis(lacking: Sequence[str]) -> str:
     """Say which model a list of what the data cannot show belongs to, where effects are `lacking`; else empty."""
-    return (
-        f"as long as {joined_names(list(lacking))} {'are' if len(lacking) > 1 else 'is'} not in the model, "
-        if lacking
-        else ""
-    )
+    is_ = "are" if len(lacking) > 1 else "is"
+    return f"as long as {joined_names(list(lacking))} {is_} not in the model, " if lacking else ""
 
 
 def effects_looked_for(result: Ladder | Diagnosis) -> tuple[str, ...]:
@@ -181,3 +181,51 @@ def scope_text(result: Ladder | Diagnosis) -> str:
         return ""
     what = joined_names(list(names)) if len(names) <= _NAMED else f"{len(names)} effects"
     return f"only {what} {'were' if len(names) > 1 else 'was'} looked for, not the whole catalogue"
+
+
+def undetectable(ladder: Ladder) -> dict[str, str]:
+    """Effects that the data cannot show, and why; empty words where that is not known any more.
+
+    An effect that the model has, that one of the model contains, or that ties with one of it, is not among them: what
+    is left of it beside the other says nothing about what the data could show. Nor is one that was significant and was
+    not added: it is listed with the reason.
+    """
+    why = {candidate.name: candidate.why for candidate in ladder.candidates}
+    shown = {*_found(ladder), *_significant(ladder)}
+    return {name: why.get(name, "") for name in ladder.untestable if name not in shown}
+
+
+def detection_limits(ladder: Ladder) -> dict[str, str]:
+    """Size at which effects that were not found would have been, such as "width ≥ 0.012 V", but for `undetectable`."""
+    hidden = {*_found(ladder), *_significant(ladder), *ladder.untestable}
+    return {name: limit.short for name, limit in ladder.limits.items() if limit.short and name not in hidden}
+
+
+def significant_not_added(ladder: Ladder) -> list[Candidate]:
+    """Refitted effects that are significant and were neither added nor passed over, the surest first."""
+    named = {*ladder.model.effect_names, *ladder.added, *(name for step in ladder.steps for name in step.set)}
+    named |= set(ladder.passed_over)
+    found = [
+        one
+        for one in ladder.candidates
+        if one.p_value < ladder.level and one.name not in named and np.isfinite(one.gain) and one.gain > 0.0
+    ]
+    return sorted(found, key=lambda one: one.p_value)
+
+
+def _significant(ladder: Ladder) -> set[str]:
+    """Effects that were significant in the end and were not added."""
+    # Where the ladder has come to its end, whatever is significant still was passed over.
+    open_ = significant_not_added(ladder) if ladder.verdict == UNFINISHED else []
+    return {*ladder.passed_over, *(one.name for one in open_)}
+
+
+def _found(ladder: Ladder) -> set[str]:
+    """Effects that the model has, that one of the model contains, or that tie with one of it."""
+    model = ladder.model
+    found = {*model.effect_names, *ladder.added}
+    for active in model.effects:
+        found.update(f"{inner}@{active.at}" for inner in active.effect.contains)
+    for step in ladder.steps:
+        found.update(step.set)
+    return found

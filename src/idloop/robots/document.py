@@ -10,9 +10,8 @@ import numpy as np
 from idloop.arrays import Array
 from idloop.diagnosis import Ladder
 from idloop.physics.model import Model
-from idloop.reporting.detectability import undetectable
 from idloop.reporting.estimates import parameter_estimates
-from idloop.reporting.verdicts import conclusion
+from idloop.reporting.verdicts import conclusion, undetectable
 from idloop.robots.identify import Robot
 from idloop.robots.joint_models import JointTask
 from idloop.robots.rigid_fit import EFFECTS, Payload

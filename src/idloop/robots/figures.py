@@ -38,8 +38,15 @@ def plot_robot(robot: Robot) -> Figure:
 
 def torque_figures(robot: Robot, place: int) -> list[figure]:
     """Draw torque and residual of one joint along the last record, for the page."""
-    from idloop.reporting.figures.theme import LIGHT, add_legend, add_zero_line, new_figure, padded
-    from idloop.reporting.figures.thinning import BUCKETS, draw_thinned
+    from idloop.reporting.figures.theme import (
+        BUCKETS,
+        LIGHT,
+        add_legend,
+        add_zero_line,
+        draw_thinned,
+        new_figure,
+        padded,
+    )
 
     shown = robot.errors[-1]
     unit = robot.tasks[place].model.units.force

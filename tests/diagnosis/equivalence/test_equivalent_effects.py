@@ -18,7 +18,7 @@ from idloop.diagnosis.equivalence.equivalent_effects import (
 )
 from idloop.diagnosis.ladder import Step
 from idloop.physics import load_model, simulate
-from idloop.reporting.detectability import significant_not_added, undetectable
+from idloop.reporting.verdicts import significant_not_added, undetectable
 
 OFFSET, LOAD, ASYMMETRIC = "input_offset@input", "load_torque@motor", "asymmetric_friction@motor"
 FRICTION, DEAD = "coulomb_friction@motor", "dead_zone@input"

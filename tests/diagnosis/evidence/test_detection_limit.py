@@ -14,7 +14,7 @@ from idloop.diagnosis.evidence.detection_limit import DetectionLimit, detection_
 from idloop.diagnosis.screening.proposals import Proposal, proposals
 from idloop.diagnosis.screening.score_test import Screened, Trace
 from idloop.physics import load_model
-from idloop.reporting.detectability import detection_limits
+from idloop.reporting.verdicts import detection_limits
 
 # Power of a trace that shows where chance reaches 9.
 NEEDED = (2.5 * (3.0 + 1.645)) ** 2

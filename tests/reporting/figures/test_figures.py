@@ -10,23 +10,25 @@ from bokeh.models import LinearAxis, Scatter
 from bokeh.models.annotations import BoxAnnotation, Label, Legend, Span
 
 from idloop.reporting.breakdowns import bins
-from idloop.reporting.figures.candidates import (
+from idloop.reporting.figures.comparison import force_figures, overlay, residual_figures
+from idloop.reporting.figures.curves import unknown_figure
+from idloop.reporting.figures.effects import (
     ADDED,
+    MOST,
     TIED,
     UNTESTABLE,
     WEIGHED,
+    Decided,
     candidates_figure,
+    drawn_lines,
+    evidence_figure,
     ladder_rows,
 )
-from idloop.reporting.figures.characteristic import unknown_figure
-from idloop.reporting.figures.comparison import force_figures, overlay
-from idloop.reporting.figures.evidence import MOST, Decided, drawn_lines, evidence_figure
 from idloop.reporting.figures.ladder import ROW, ladder_figures, step_names
-from idloop.reporting.figures.residual import residual_figures
 from idloop.reporting.figures.theme import DARK, LIGHT
 from idloop.reporting.figures.where import error_along
-from idloop.reporting.ladder_errors import error_lines, force_lines
-from idloop.reporting.page.page_figures import page_figures, panel_of, where_places
+from idloop.reporting.page.page_figures import page_figures, where_places
+from idloop.reporting.scores import error_lines, force_lines
 from idloop.reporting.terms import effect_words, in_words
 from idloop.validation.variables import VARIABLES
 
@@ -50,8 +52,8 @@ def maps(judged):
 
 
 def test_overlay_draws_measured_models_residuals_and_the_command_on_one_time_axis(judged):
-    record, panel = judged.record, panel_of(judged)
-    plots = overlay(panel, record.output_names, record.output_units, record.input_name, record.input_unit)
+    record, panel = judged.record, judged.panel
+    plots = overlay(panel)
     assert [labels(plot)[1] for plot in plots] == [
         "motor.position [rad]", "residual [rad]", "motor.velocity [rad/s]", "residual [rad/s]", "motor.effort [V]",
     ]  # fmt: skip
@@ -70,16 +72,24 @@ def test_overlay_draws_measured_models_residuals_and_the_command_on_one_time_axi
 
 
 def test_overlay_of_a_long_record_stays_small(judged):
-    panel = panel_of(judged)
+    panel = judged.panel
     time = np.arange(0.0, 600.0, 1e-3)
-    long = replace(
-        panel, time=time, output=np.sin(time)[:, None] * [1.0, 1.0], input_time=time, input=time,
-        modelled={"start": np.zeros((len(time), 2))},
-    )  # fmt: skip
-    for plot in overlay(long, ("a", "b"), ("rad", "rad"), "u", "V", buckets=400):
+    output = np.sin(time)[:, None] * [1.0, 1.0]
+    output[123_456] = 7.0
+    output[300_000:400_000] = np.nan
+    record = replace(panel.record, time=time, output=output, input_time=time, input=time)
+    long = replace(panel, record=record, time=time, output=output, modelled={"start": np.zeros((len(time), 2))})
+    plots = overlay(long, buckets=400)
+    for plot in plots:
         for drawn in plot.renderers:
             assert len(drawn.data_source.data["x"]) <= 802
             assert drawn.data_source.data["y"].dtype == np.float32
+    measured = columns(plots[0])
+    assert measured["x"][np.nanargmax(measured["y"])] == pytest.approx(123.456, abs=1.5)
+    assert np.nanmax(measured["y"]) == 7.0
+    gap = (measured["x"] > 302.0) & (measured["x"] < 398.0)
+    assert np.array_equal(np.isnan(measured["y"]), gap | np.isnan(measured["y"]))
+    assert np.all(np.isfinite(measured["y"][(measured["x"] < 298.0) | (measured["x"] > 402.0)]))
 
 
 @pytest.mark.parametrize("variable", VARIABLES)

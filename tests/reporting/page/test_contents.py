@@ -11,11 +11,10 @@ from idloop.diagnosis import Candidate, Ladder, Step
 from idloop.diagnosis.design.experiment import Experiment
 from idloop.diagnosis.model_errors import model_errors
 from idloop.physics import load_model
-from idloop.reporting.figures.describing import describing_figures
+from idloop.reporting.figures.curves import describing_figures
 from idloop.reporting.page.contents import driven_step, gather, labelled_models, noise_floor
-from idloop.reporting.page.page_figures import page_figures
-from idloop.reporting.page.page_words import page_words
-from idloop.reporting.page.paper import paper_figures
+from idloop.reporting.page.page import page_words
+from idloop.reporting.page.page_figures import page_figures, paper_figures
 from idloop.reporting.terms import FITTED, UNSEEN
 
 

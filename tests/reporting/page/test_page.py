@@ -15,11 +15,10 @@ import pytest
 from idloop.diagnosis.evidence.detection_limit import DetectionLimit
 from idloop.errors import IdloopError, InputError
 from idloop.reporting.figures.theme import LIGHT
-from idloop.reporting.ladder_errors import error_lines
 from idloop.reporting.page.chromium import VARIABLE, find_chromium, print_pdf, take_picture
 from idloop.reporting.page.contents import gather
-from idloop.reporting.page.page import render_page
-from idloop.reporting.page.page_words import changes, headline
+from idloop.reporting.page.page import changes, headline, render_page
+from idloop.reporting.scores import error_lines
 
 SECTIONS = ("answer", "ladder", "measured", "where", "left", "open", "model", "data", "provenance")
 PHONE, DESKTOP = {"width": 360, "height": 740}, {"width": 1280, "height": 900}

@@ -7,20 +7,23 @@ import pytest
 
 from idloop import drawing
 from idloop.errors import IdloopError
-from idloop.reporting.plots.comparison import Panel, plot_comparison
+from idloop.records import Record
+from idloop.reporting.panel import Panel
+from idloop.reporting.plots.comparison import plot_panels
 
 TIME = np.linspace(0.0, 2.0, 41)
 
 
 def panel(title: str = "train", **changes) -> Panel:
     output = np.column_stack([np.sin(TIME), np.cos(TIME)])
+    names, units = ("motor.position", "motor.velocity"), ("rad", "rad/s")
+    command = np.sign(np.sin(3 * TIME[::2]))
     given = {
         "title": title,
+        "record": Record(title, TIME[::2], command, TIME, output, "motor.effort", "V", names, units),
         "time": TIME,
         "output": output,
         "modelled": {"a": 0.9 * output, "b": 0.8 * output},
-        "input_time": TIME[::2],
-        "input": np.sign(np.sin(3 * TIME[::2])),
         "band": np.array([0.1, np.nan]),
         "notes": {"a": ["FIT 90 %", "FIT 90 %"]},
         **changes,
@@ -29,8 +32,7 @@ def panel(title: str = "train", **changes) -> Panel:
 
 
 def figure(*panels: Panel):
-    names, units = ["motor.position", "motor.velocity"], ["rad", "rad/s"]
-    return plot_comparison(panels, names, units, "motor.effort", "V")
+    return plot_panels(panels)
 
 
 def test_every_row_names_its_quantity_and_unit():

@@ -9,7 +9,7 @@ from idloop import drawing
 from idloop.diagnosis import Candidate, Ladder, Step, UnknownStructure
 from idloop.p_values import p_text
 from idloop.physics import load_model
-from idloop.reporting.plots.ladder import plot_ladder, plot_unknown, step_label
+from idloop.reporting.plots.diagnosis import plot_ladder, plot_unknown, step_label
 
 MODEL = load_model("dc_motor")
 UNKNOWN = UnknownStructure(

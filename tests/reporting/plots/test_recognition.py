@@ -6,7 +6,7 @@ import numpy as np
 
 from idloop.records.recognition.recognise import recognise_table
 from idloop.records.tables.table import Table
-from idloop.reporting.plots.recognition import plot_recognition
+from idloop.reporting.plots.recording import plot_recognition
 
 
 def test_a_unit_in_the_name_is_not_repeated(tmp_path):

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import idloop
 from idloop.records.finding import Finding
-from idloop.reporting.text.first_fit import held_inertia, verdict
+from idloop.reporting.text.comparison import held_inertia, verdict
 
 
 def _rows(force=None, **fits):

@@ -24,7 +24,7 @@ from idloop.diagnosis.evidence.live_evidence import LiveEvidence
 from idloop.physics import load_model
 from idloop.physics.simulation import simulate
 from idloop.records import Record, read_record, write_bag
-from idloop.reporting.figures.evidence import MOST
+from idloop.reporting.figures.effects import MOST
 from idloop.reporting.terms import effect_words
 from idloop.reporting.workbench.offline import OfflineSource
 from idloop.reporting.workbench.server import Place, Site

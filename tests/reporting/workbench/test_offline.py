@@ -18,8 +18,7 @@ from idloop.errors import InputError
 from idloop.physics import load_model, trust
 from idloop.records import Record
 from idloop.reporting.workbench import state_json
-from idloop.reporting.workbench.offline import OfflineSource
-from idloop.reporting.workbench.recorded_evidence import recorded_evidence
+from idloop.reporting.workbench.offline import OfflineSource, recorded_evidence
 from idloop.reporting.workbench.signals import Signals
 from idloop.reporting.workbench.state_json import page_state
 from idloop.reporting.workbench.steps import Study, find_missing

@@ -20,7 +20,7 @@ from idloop.errors import InputError
 from idloop.exporters.state_space import state_space
 from idloop.physics import load_model, simulate
 from idloop.records import Record
-from idloop.reporting.figures.evidence import Decided
+from idloop.reporting.figures.effects import Decided
 from idloop.reporting.workbench.assessment import Assessment, assess
 from idloop.reporting.workbench.server import Place, Site
 from idloop.reporting.workbench.state import RELEASING, STOPPED, Activity, Evidence, Health, TrustedEstimate

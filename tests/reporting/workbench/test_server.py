@@ -23,7 +23,6 @@ from tornado.websocket import websocket_connect
 
 from idloop.errors import InputError
 from idloop.reporting.terms import effect_words
-from idloop.reporting.workbench import server
 from idloop.reporting.workbench.server import KEY_HEADER, LONGEST_QUESTION, NONSENSE, Place, Site
 from idloop.reporting.workbench.strips import answer
 
@@ -44,6 +43,11 @@ def site(source):
     one.close()
 
 
+def netloc(site):
+    """Return host and port of the page."""
+    return urllib.parse.urlsplit(site.address).netloc
+
+
 def ask(address, body=None, **headers):
     """Return status and answer."""
     data = None if body is None else json.dumps(body).encode()
@@ -54,23 +58,6 @@ def ask(address, body=None, **headers):
     except urllib.error.HTTPError as error:
         with error:
             return error.code, error.read().decode()
-
-
-# Tornado leaves the socket of the failed try to the garbage collector.
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-def test_a_free_port_that_somebody_else_was_quicker_to_take_is_not_the_end(source, monkeypatch):
-    with socket.socket() as other:
-        other.bind(("127.0.0.1", 0))
-        other.listen()
-        taken, free = other.getsockname()[1], server._free_port("127.0.0.1")
-        ports = iter([taken, free])
-        monkeypatch.setattr(server, "_free_port", lambda address: next(ports))
-        one = Site(source, Place())
-        try:
-            assert f":{free}/" in one.address
-            assert ask(f"{one.address}state")[0] == 200
-        finally:
-            one.close()
 
 
 def test_the_state_is_told_once_for_each_version(site):
@@ -148,7 +135,10 @@ def test_a_foreign_name_for_this_machine_is_refused_on_every_path(site, path):
 @pytest.mark.parametrize("path", ["", "state", "assets/page.js", "static/js/bokeh.min.js", "nowhere"])
 @pytest.mark.parametrize("host", [None, "elsewhere.example"])
 def test_no_other_site_can_show_the_page_and_every_answer_says_so(site, path, host):
-    head = raw(site, f"GET /{path} HTTP/1.1\r\nHost: {host or site.netloc}\r\nConnection: close\r\n\r\n").lower()
+    head = raw(
+        site,
+        f"GET /{path} HTTP/1.1\r\nHost: {host or netloc(site)}\r\nConnection: close\r\n\r\n",
+    ).lower()
     assert b"frame-ancestors 'none'" in head
     for line in (b"x-content-type-options: nosniff", b"x-frame-options: deny", b"referrer-policy: no-referrer"):
         assert line in head
@@ -177,7 +167,7 @@ def raw(site, text, until=b"\r\n\r\n"):
     ],
 )
 def test_a_body_that_nobody_wants_is_refused_before_it_is_sent(site, source, head, status):
-    text = head.format(host=site.netloc, key=f"{KEY_HEADER}: {site.key}\r\n")
+    text = head.format(host=netloc(site), key=f"{KEY_HEADER}: {site.key}\r\n")
     assert raw(site, text).startswith(f"HTTP/1.1 {status} ".encode())
     assert source.orders == []
 
@@ -185,14 +175,14 @@ def test_a_body_that_nobody_wants_is_refused_before_it_is_sent(site, source, hea
 def test_a_browser_that_asks_and_does_not_read_costs_no_memory(site, source, monkeypatch):
     """Every question is answered, and the answer sent, before the next one is read."""
     asked = []
-    monkeypatch.setattr(server, "answer", lambda *words: asked.append(1) or answer(*words))
+    monkeypatch.setattr("idloop.reporting.workbench.server.answer", lambda *words: asked.append(1) or answer(*words))
     source.feed(20_000)
     question = b"start=0&stop=20&buckets=5000"
     address = urllib.parse.urlsplit(site.address)
     with socket.create_connection((address.hostname, address.port), timeout=200) as one:
         one.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         one.sendall(
-            f"GET /strips HTTP/1.1\r\nHost: {site.netloc}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+            f"GET /strips HTTP/1.1\r\nHost: {netloc(site)}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
             "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n\r\n".encode()
         )
         frame = bytes([0x81, 0x80 | len(question), 0, 0, 0, 0]) + question  # text, masked with zeros
@@ -214,7 +204,7 @@ def test_a_connection_that_takes_nothing_is_put_out(site, source, monkeypatch):
     with socket.create_connection((address.hostname, address.port), timeout=200) as one:
         one.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         for _ in range(50):
-            one.sendall(f"GET /static/js/bokeh.min.js HTTP/1.1\r\nHost: {site.netloc}\r\n\r\n".encode())
+            one.sendall(f"GET /static/js/bokeh.min.js HTTP/1.1\r\nHost: {netloc(site)}\r\n\r\n".encode())
         held(lambda: closed(one))
 
 
@@ -234,7 +224,7 @@ def held(condition):
 def test_the_stop_does_not_wait_for_the_page(site, source):
     """The page's own thread is held up for good; the stop has another."""
     held_up = threading.Event()
-    site._loop.add_callback(held_up.wait, 200.0)
+    site._thread._loop.add_callback(held_up.wait, 200.0)
     try:
         request = urllib.request.Request(f"http://127.0.0.1:{site.stop_port}/stop/{site.key}", method="POST")
         with urllib.request.urlopen(request, timeout=200) as response:
@@ -282,6 +272,8 @@ def test_outside_this_machine_the_address_holds_a_token_and_nothing_is_served_wi
         site.close()
 
 
+# Tornado leaves the socket of a failed try to the garbage collector.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_a_port_in_use_is_one_line(source):
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
@@ -290,6 +282,8 @@ def test_a_port_in_use_is_one_line(source):
             Site(source, Place(port=taken.getsockname()[1]))
 
 
+# Tornado leaves the socket of a failed try to the garbage collector.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_an_address_of_another_machine_is_one_line(source):
     with pytest.raises(InputError, match=r"203\.0\.113\.7"):
         Site(source, Place("203.0.113.7"))

@@ -16,13 +16,18 @@ from idloop.diagnosis import Candidate, Ladder, Step
 from idloop.diagnosis.screening.command_response import CommandResponse
 from idloop.physics import load_model
 from idloop.reporting import breakdowns
-from idloop.reporting.figures.evidence import Decided
+from idloop.reporting.figures.effects import Decided
 from idloop.reporting.residual_findings import ResidualFinding, residual_warnings
 from idloop.reporting.terms import unbroken
 from idloop.reporting.workbench import state_json
 from idloop.reporting.workbench.files import commands
 from idloop.reporting.workbench.state import Evidence, Fit, Missing, Snapshot, TrustedEstimate, model_version
 from idloop.validation.variables import VARIABLES
+
+
+def missing_beside(ladder, missing):
+    """What the page says of a diagnosis."""
+    return state_json._missing(missing, Snapshot(ladder=ladder))
 
 
 def error(mean=0.0, rms=1.0, **variables):
@@ -137,18 +142,18 @@ def test_steps_that_spoil_the_motion_and_lists_of_an_incomplete_model_are_said_t
     ladder = Ladder(steps, verdict="adequate", criterion="force")
     (shown,) = state_json._ladder(ladder, ())["beware"]
     assert shown.startswith("Warning: cogging @ axis makes the free run of axis.position on data that no fit saw worse")
-    good = state_json._missing(Missing("adequate"), {}, ladder)
+    good = missing_beside(ladder, Missing("adequate"))
     assert good["conclusion"].startswith("Something that no effect of the catalogue explains is missing")
     assert "drive force" in good["explains"]
     assert good["basis"] == "This data cannot show"
     few = replace(ladder, steps=steps[:1], candidates=(replace(cogging, model=None),))
-    assert state_json._missing(Missing("adequate"), {}, few)["conclusion"] == (
+    assert missing_beside(few, Missing("adequate"))["conclusion"] == (
         "Nothing significant is left of what was looked for: only cogging was looked for, not the whole catalogue."
     )
-    lacking = state_json._missing(Missing("missing", set=("dead_zone@input",)), {}, ladder)
+    lacking = missing_beside(ladder, Missing("missing", set=("dead_zone@input",)))
     assert lacking["conclusion"] == ""
     assert lacking["basis"] == "As long as dead zone @ input is not in the model, this data cannot show"
-    assert state_json._missing(Missing("adequate"), {}, replace(ladder, steps=steps[:1]))["conclusion"] == ""
+    assert missing_beside(replace(ladder, steps=steps[:1]), Missing("adequate"))["conclusion"] == ""
 
 
 def test_a_verdict_of_noise_carries_what_the_residual_tests_say_against_it():
@@ -159,30 +164,30 @@ def test_a_verdict_of_noise_carries_what_the_residual_tests_say_against_it():
     )
     ladder = Ladder((Step(None, load_model("axis")),), verdict="adequate", criterion="force")
     for known in (None, ladder):
-        said = state_json._missing(Missing("adequate"), {}, known, [coloured])["conclusion"]
+        said = missing_beside(known, Missing("adequate", left=(coloured,)))["conclusion"]
         (warning,) = residual_warnings("adequate", [coloured])
         assert said == f"Nothing significant is left, {warning}."
-    said = state_json._missing(Missing("adequate"), {}, ladder, [follows])["conclusion"]
+    said = missing_beside(ladder, Missing("adequate", left=(follows,)))["conclusion"]
     assert said.startswith("Something that no effect of the catalogue explains is left: the errors still follow the")
-    assert state_json._missing(Missing("adequate"), {}, ladder)["conclusion"] == ""
-    assert state_json._missing(Missing("missing", set=("a@axis",)), {}, ladder, [follows])["conclusion"] == ""
+    assert missing_beside(ladder, Missing("adequate"))["conclusion"] == ""
+    assert missing_beside(ladder, Missing("missing", set=("a@axis",), left=(follows,)))["conclusion"] == ""
     # Of recordings the diagnosis brings them, on a live graph those of the newest samples serve.
     found = Missing("adequate", left=(coloured,))
-    assert state_json._remainders(Snapshot(missing=found)) == (coloured,)
-    assert state_json._remainders(Snapshot(missing=found, live=True)) == ()
+    assert state_json._remainders(found, Snapshot(missing=found)) == (coloured,)
+    assert state_json._remainders(found, Snapshot(missing=found, live=True)) == ()
 
 
 def test_a_motion_that_does_not_follow_the_command_is_no_good_news():
     ladder = Ladder((Step(None, load_model("axis")),), verdict="not_excited", criterion="force")
     ladder = replace(ladder, response=CommandResponse.UNMOVED)
-    said = state_json._missing(Missing("not_excited"), {}, ladder)["conclusion"]
+    said = missing_beside(ladder, Missing("not_excited"))["conclusion"]
     assert "this data says nothing about the axis" in said
 
 
 def test_what_was_passed_over_has_its_reason_on_its_card():
     lag = Candidate("actuator_lag", "input", "yes", "", "It comes late.", gain=9.0, p_value=1e-5)
     found = Missing("adequate", candidates=(lag,), passed_over={lag.name: "it does harm on the unseen data"})
-    (card,) = state_json._missing(found, {}, None)["candidates"]
+    (card,) = missing_beside(None, found)["candidates"]
     assert not card["significant"]
     assert card["passed_over"] == "it does harm on the unseen data"
 
@@ -217,22 +222,22 @@ def test_a_number_keeps_its_unit_on_its_line():
 def test_a_tie_that_no_experiment_can_end_says_what_to_do_by_hand():
     ladder = Ladder((Step(None, load_model("dc_motor")),), criterion="prediction")
     twins = ("input_offset@input", "load_torque@motor")
-    told = state_json._missing(Missing("missing", set=twins), {}, ladder)
+    told = missing_beside(ladder, Missing("missing", set=twins))
     assert not told["separable"]
     (one,) = told["twins"]
     assert one["text"].startswith("No motion can tell input offset @ input and load torque @ motor apart")
     assert "With the load off" in one["checks"][0]
-    third = state_json._missing(Missing("missing", set=(*twins, "dead_zone@input")), {}, ladder)
+    third = missing_beside(ladder, Missing("missing", set=(*twins, "dead_zone@input")))
     assert third["separable"]
     assert len(third["twins"]) == 1
-    assert state_json._missing(Missing("missing", set=twins[:1]), {}, ladder)["twins"] == []
-    assert state_json._missing(Missing("missing", set=twins), {}, None)["separable"]
+    assert missing_beside(ladder, Missing("missing", set=twins[:1]))["twins"] == []
+    assert missing_beside(None, Missing("missing", set=twins))["separable"]
 
 
 def test_what_the_data_cannot_show_beside_a_tie_names_none_of_it():
     tied = ("dead_zone@input", "coulomb_friction@motor")
     ladder = Ladder((Step(None, load_model("dc_motor")),), verdict="missing", criterion="force")
-    one, both = (state_json._missing(Missing("missing", set=tied[:n]), {}, ladder)["basis"] for n in (1, 2))
+    one, both = (missing_beside(ladder, Missing("missing", set=tied[:n]))["basis"] for n in (1, 2))
     assert one == "As long as dead zone @ input is not in the model, this data cannot show"
     assert both == "As long as what is missing is not in the model, this data cannot show"
 
@@ -356,12 +361,13 @@ def test_what_an_unseen_recording_says_against_a_verdict_stands_beside_it():
     looked_at = SimpleNamespace(model=model, record="run2", residual_tests=(ResidualFinding("run2", test),))
     shown = Snapshot(model=model, assessment=looked_at, missing=Missing("adequate"), recordings=("run2 (unseen)",))
     said = "On run2, which is unseen, the one-step error of axis.position follows the command"
-    assert state_json._elsewhere(shown).startswith(said)
+    assert state_json._elsewhere(shown.missing, shown).startswith(said)
     for other in (
-        {"recordings": ("run2 (fitted)",)}, {"missing": Missing("missing")}, {"missing": None},
+        {"recordings": ("run2 (fitted)",)}, {"missing": Missing("missing")},
         {"missing": Missing("adequate", left=(ResidualFinding("run1", test),))},
     ):  # fmt: skip
-        assert state_json._elsewhere(replace(shown, **other)) == ""
+        other_shown = replace(shown, **other)
+        assert state_json._elsewhere(other_shown.missing, other_shown) == ""
 
 
 @pytest.mark.parametrize(

@@ -194,9 +194,8 @@ def write_files(
     from idloop.drawing import save
     from idloop.reporting.ladder_folder import Kept, fitted_records, judged_records, write_ladder, write_report
     from idloop.reporting.page.contents import gather
-    from idloop.reporting.page.page_figures import panel_of
     from idloop.reporting.plots.comparison import plot_panels
-    from idloop.reporting.plots.ladder import plot_ladder
+    from idloop.reporting.plots.diagnosis import plot_ladder
     from idloop.reporting.provenance import provenance
 
     ladder = outcome.ladder
@@ -213,14 +212,14 @@ def write_files(
     files = {name: folder / name for name in ("model.yaml", "ladder.json", "ladder.png", "compare.png", "report.html")}
     save(plot_ladder(ladder, outcome.floor["nrmse"]), files["ladder.png"])
     shown = contents.judged[0]
-    save(plot_panels([panel_of(shown)], shown.record), files["compare.png"])
+    save(plot_panels([shown.panel]), files["compare.png"])
     write_report(contents, files["report.html"])
     return {"bag": outcome.bag, **files}
 
 
 def tell_outcome(outcome: Outcome) -> None:
     """Print the ladder, the floor, what was hidden and what was found."""
-    from idloop.reporting.text.ladder import ladder_blocks
+    from idloop.reporting.text.diagnosis import ladder_blocks
 
     click.echo()
     _outputs.print_blocks(ladder_blocks(outcome.ladder))

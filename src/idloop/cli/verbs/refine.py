@@ -80,10 +80,10 @@ def command(
     the experiment that would separate them is worked out, within the limits given or seen in the data.
     """
     from idloop.api.ladder import Ladder as Result
-    from idloop.reporting.detectability import undetectable
     from idloop.reporting.residual_findings import findings_on_records, residual_findings
     from idloop.reporting.terms import FITTED
-    from idloop.reporting.text.ladder import ladder_blocks, parameter_blocks
+    from idloop.reporting.text.diagnosis import ladder_blocks, parameter_blocks
+    from idloop.reporting.verdicts import undetectable
 
     if undo and resume is None:
         raise InputError("--undo takes back the last step of a ladder: add --resume DIR")

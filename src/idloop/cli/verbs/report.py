@@ -81,7 +81,7 @@ def command(
         size = write_report(contents, page)
         files = []
         if svg is not None:
-            from idloop.reporting.page.paper import save_paper_figures
+            from idloop.reporting.page.page_figures import save_paper_figures
 
             files = save_paper_figures(contents, make_folder(svg))
         update(0.95, "printing")

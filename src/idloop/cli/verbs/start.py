@@ -220,7 +220,7 @@ def _is_positive(text: str) -> bool:
 
 def _picture(found: Log, folder: Path) -> Path:
     from idloop.drawing import save
-    from idloop.reporting.plots.recognition import plot_recognition
+    from idloop.reporting.plots.recording import plot_recognition
 
     path = folder / "log.png"
     save(plot_recognition(found.recognition), path)

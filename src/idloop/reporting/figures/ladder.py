@@ -15,15 +15,7 @@ from bokeh.plotting import figure
 
 from idloop.arrays import Array
 from idloop.reporting.figures.theme import FONT, LIGHT, Theme, add_legend, new_figure, source
-from idloop.reporting.ladder_errors import (
-    ErrorLine,
-    error_lines,
-    force_lines,
-    in_decades,
-    step_evidence,
-    step_title,
-)
-from idloop.reporting.scores import TRAIN
+from idloop.reporting.scores import TRAIN, ErrorLine, error_lines, force_lines, in_decades, step_evidence, step_title
 from idloop.reporting.terms import effect_words
 
 if TYPE_CHECKING:
@@ -100,11 +92,8 @@ def _draw(
         ]
         entries.append((line.label, drawn))
     for index, value in floors.items():
-        look: dict[str, Any] = {
-            "color": theme.models[index % len(theme.models)],
-            "line_dash": [2, 3],
-            "line_width": 1.6,
-        }
+        colour = theme.models[index % len(theme.models)]
+        look: dict[str, Any] = {"color": colour, "line_dash": [2, 3], "line_width": 1.6}
         floor = source(x=np.full(len(places), value), low=places - _APART * len(lines), high=places + _APART)
         name = next(line.quantity for line in lines if line.colour == index)
         entries.append((f"{name}, noise floor", [plot.segment("x", "low", "x", "high", source=floor, **look)]))

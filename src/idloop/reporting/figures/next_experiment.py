@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from bokeh.models.annotations import BoxAnnotation, Span
+from bokeh.models.annotations import Span
 from bokeh.plotting import figure
 
 from idloop.reporting.experiment_rows import Row, reach, rival_name, rows_of
-from idloop.reporting.figures.theme import LIGHT, Theme, add_legend, new_figure, padded
-from idloop.reporting.figures.thinning import BUCKETS, draw_thinned
+from idloop.reporting.figures.theme import BUCKETS, LIGHT, Theme, add_band, add_legend, draw_thinned, new_figure, padded
 from idloop.reporting.terms import in_words
 
 if TYPE_CHECKING:
@@ -19,10 +18,8 @@ _HEIGHTS = {"sent": 175, "output": 200, "difference": 204}
 
 
 def experiment_figures(suggestion: Suggestion, theme: Theme = LIGHT, *, buckets: int = BUCKETS) -> list[figure]:
-    """Draw a suggested experiment, simulated with every rival.
+    """Draw a suggested experiment with its rivals, simulated with each of them.
 
-    `suggestion`: with its rivals.
-    `buckets`: as for `idloop.reporting.figures.thinning.kept`.
     Returns: what is sent in, then for each output the rivals and their differences from the first one; linked in time.
     """
     span = padded(0.0, suggestion.experiment.duration, 0.01)
@@ -61,9 +58,7 @@ def _draw(row: Row, theme: Theme, span: Any, buckets: int, heading: str) -> tupl
     for limit in row.limits:
         plot.add_layout(Span(location=limit, dimension="width", line_color=theme.limit, line_dash=[6, 3], line_width=1))
     if row.band is not None:
-        plot.add_layout(
-            BoxAnnotation(bottom=-row.band, top=row.band, fill_color=theme.band, fill_alpha=0.3, line_color=None)
-        )
+        add_band(plot, -row.band, row.band, theme)
     glyphs: list[Any] = []
     for curve in row.curves:
         if curve.rival is None:

@@ -9,13 +9,19 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Any
 
+import numpy as np
 from bokeh.models import BasicTickFormatter, ColumnDataSource, Range1d
-from bokeh.models.annotations import Legend, Span
+from bokeh.models.annotations import BoxAnnotation, Legend, Span
+from bokeh.models.renderers import GlyphRenderer
 from bokeh.plotting import figure
+from numpy.typing import ArrayLike
 
 from idloop import drawing
+from idloop.reporting.decimation import extremes
 
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif"
+# Stretches of a figure: more than a wide screen has pixels, so that some zooming shows more.
+BUCKETS = 2000
 DASHES = ("solid", [10, 4], [3, 3], [10, 3, 3, 3])
 
 
@@ -113,30 +119,45 @@ def add_legend(plot: figure, theme: Theme, entries: list[tuple[str, list[Any]]])
 
     `entries`: list of (str, list of GlyphRenderer). What each says, and for what.
     """
-    look: dict[str, Any] = {"padding": 2}
-    plot.add_layout(
-        Legend(
-            items=entries,
-            click_policy="hide",
-            border_line_color=None,
-            background_fill_color=None,
-            label_text_color=theme.text,
-            label_text_font=FONT,
-            label_text_font_size="11px",
-            label_height=14,
-            glyph_height=14,
-            spacing=0,
-            margin=0,
-            **look,
-        ),
-        "above",
-    )
+    look: dict[str, Any] = {"padding": 2, "spacing": 0, "margin": 0, "label_height": 14, "glyph_height": 14}
+    look |= {"border_line_color": None, "background_fill_color": None, "label_text_color": theme.text}
+    look |= {"label_text_font": FONT, "label_text_font_size": "11px"}
+    plot.add_layout(Legend(items=entries, click_policy="hide", **look), "above")
     plot.height = int(plot.height or 0) + 16 * len(entries)
+
+
+def add_heading(plot: figure, text: str) -> None:
+    """Write above a figure, which grows by the lines of the text."""
+    heading: Any = plot.title
+    heading.text = text
+    plot.height = int(plot.height or 0) + 18 * (1 + text.count("\n"))
+
+
+def add_band(plot: figure, low: float, high: float, theme: Theme) -> None:
+    """Shade a range of values, such as that of noise."""
+    plot.add_layout(BoxAnnotation(bottom=low, top=high, fill_color=theme.band, fill_alpha=0.3, line_color=None))
 
 
 def add_zero_line(plot: figure, theme: Theme) -> None:
     """Draw where a value is zero."""
     plot.add_layout(Span(location=0.0, dimension="width", line_color=theme.measured, line_width=0.8))
+
+
+def draw_thinned(
+    plot: figure, x: ArrayLike, y: ArrayLike, buckets: int = BUCKETS, *, held: bool = False, **look: Any
+) -> GlyphRenderer[Any]:
+    """Draw a curve with as few points as it takes; with `held`, each value until the next instant.
+
+    `x` (n,): increasing. `y` (n,): NaN where the curve is interrupted. `buckets`: stretches of equal length in x, of
+    which the least and the largest value are drawn.
+    """
+    place, value = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
+    if len(place) > 2 * buckets + 2:
+        place, few = extremes(place, value[:, None], float(place[-1] - place[0]) / buckets)
+        value = few[:, 0]
+    # In single precision: half the bytes of a page.
+    data = source(x=place.astype(np.float32), y=value.astype(np.float32))
+    return plot.step("x", "y", source=data, mode="after", **look) if held else plot.line("x", "y", source=data, **look)
 
 
 def source(**columns: Any) -> ColumnDataSource:

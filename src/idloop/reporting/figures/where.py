@@ -18,8 +18,18 @@ from idloop.reporting.breakdowns import (
     measured_error,
     named_ticks,
 )
-from idloop.reporting.figures.theme import FONT, LIGHT, Theme, add_legend, add_zero_line, new_figure, padded, source
-from idloop.reporting.figures.thinning import BUCKETS, draw_thinned
+from idloop.reporting.figures.theme import (
+    FONT,
+    LIGHT,
+    Theme,
+    add_heading,
+    add_legend,
+    add_zero_line,
+    draw_thinned,
+    new_figure,
+    padded,
+    source,
+)
 from idloop.validation.breakdown import Breakdown
 from idloop.validation.variables import TITLES
 from idloop.validation.where import ErrorMap
@@ -69,27 +79,17 @@ def error_along(maps: Sequence[tuple[str, ErrorMap]], variable: str, theme: Them
     if not frequency:
         add_zero_line(plot, theme)
     _name_ticks(plot, first)
-    plot.add_tools(
-        HoverTool(
-            tooltips=[
-                (TITLES[variable], "@name"),
-                ("mean", f"@mean {unit}"),
-                ("rms", f"@rms {unit}"),
-                ("share of the squared error", "@error %"),
-                ("signal's power there" if frequency else "share of the time", "@usual %"),
-            ]
-        )
-    )
+    usual = "signal's power there" if frequency else "share of the time"
+    tips = [(TITLES[variable], "@name"), ("mean", f"@mean {unit}"), ("rms", f"@rms {unit}")]
+    plot.add_tools(HoverTool(tooltips=[*tips, ("share of the squared error", "@error %"), (usual, "@usual %")]))
     if len(drawn) > 1:
         add_legend(plot, theme, entries)
     return plot
 
 
-def error_in_time(maps: Sequence[tuple[str, ErrorMap]], theme: Theme = LIGHT, buckets: int = BUCKETS) -> figure | None:
+def error_in_time(maps: Sequence[tuple[str, ErrorMap]], theme: Theme = LIGHT) -> figure | None:
     """Draw the error of models over time; the worst stretches of the last one are marked and numbered.
 
-    `maps`, `theme`: as for `error_along`.
-    `buckets`: as for `idloop.reporting.figures.thinning.kept`.
     Returns: None without any map.
     """
     if not maps:
@@ -100,17 +100,14 @@ def error_in_time(maps: Sequence[tuple[str, ErrorMap]], theme: Theme = LIGHT, bu
     entries = []
     for index, (_, one) in enumerate(maps):
         colour = theme.models[index % len(theme.models)]
-        drawn = draw_thinned(plot, one.time, one.error, buckets, color=colour, line_width=1.0)
+        drawn = draw_thinned(plot, one.time, one.error, color=colour, line_width=1.0)
         entries.append((legend_entry(maps, index), [drawn]))
     add_zero_line(plot, theme)
     numbers: dict[float, str] = {}
     for number, stretch in enumerate(maps[-1][1].loud_stretches[:MARKED_STRETCHES], start=1):
         numbers[0.5 * (stretch.start + stretch.stop)] = str(number)
-        plot.add_layout(
-            BoxAnnotation(
-                left=stretch.start, right=stretch.stop, fill_color=theme.found, fill_alpha=0.22, line_color=None
-            )
-        )
+        marked: dict[str, Any] = {"left": stretch.start, "right": stretch.stop, "line_color": None}
+        plot.add_layout(BoxAnnotation(**marked, fill_color=theme.found, fill_alpha=0.22))
     if numbers:  # above the frame, where no curve runs through them
         looks: Any = {"ticker": FixedTicker(ticks=sorted(numbers)), "major_label_overrides": numbers}
         plot.add_layout(
@@ -129,10 +126,8 @@ def error_in_time(maps: Sequence[tuple[str, ErrorMap]], theme: Theme = LIGHT, bu
 
 def _head(plot: figure, one: ErrorMap) -> None:
     """Write above a figure which error it is of."""
-    heading: Any = plot.title
     text = measured_error(one)
-    heading.text = text if len(text) <= LONGEST_TITLE else text.replace(": ", ":\n", 1)
-    plot.height = int(plot.height or 0) + 18 * (1 + heading.text.count("\n"))
+    add_heading(plot, text if len(text) <= LONGEST_TITLE else text.replace(": ", ":\n", 1))
 
 
 def _draw(plot: figure, breakdown: Breakdown, colour: str) -> list[Any]:

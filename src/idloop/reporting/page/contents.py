@@ -10,19 +10,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from idloop.errors import IdloopError
+from idloop.reporting.panel import Panel, make_panel
+from idloop.reporting.residual_findings import FEWEST_FOR_TESTS, believed_noise, refuted_noise
 from idloop.reporting.scores import scores_of
-from idloop.reporting.sensor_noise import believed_noise, refuted_noise
 from idloop.reporting.terms import FITTED, UNSEEN
 from idloop.validation import Comparison, compare, share_measures
 from idloop.validation.characteristic import Characteristic, characteristic
-from idloop.validation.where import DRIVE_FORCE
+from idloop.validation.where import DRIVE_FORCE, ErrorMap
 
 if TYPE_CHECKING:
-    from idloop.diagnosis import Ladder, Step
+    from idloop.diagnosis import Ladder
     from idloop.diagnosis.design.suggest import Suggestion
     from idloop.estimation.describing_functions import MeasuredDescribingFunction
     from idloop.physics import Model
     from idloop.records import Record
+    from idloop.validation.residual import ResidualTest
 
 # A stepped sine has at least so many steps, and its source is nearly a sine.
 _STEPS, _PURE = 3, 0.2
@@ -52,6 +54,21 @@ class Judged:
         """Its use and its name."""
         return f"{self.use} data: {self.record.name}"
 
+    @property
+    def panel(self) -> Panel:
+        """Measured and modelled outputs, as the figures of comparisons take them."""
+        return make_panel(self.title, self.rows)
+
+    @property
+    def residual_tests(self) -> list[ResidualTest]:
+        """Tests of the last model; none of a short record."""
+        return self.rows[-1][1].residual_tests() if len(self.record.time) >= FEWEST_FOR_TESTS else []
+
+    def maps(self, name: str) -> list[tuple[str, ErrorMap]]:
+        """Label and error map of the first and the last model, of one output or the drive force, where known."""
+        rows = self.force_rows if name == DRIVE_FORCE else self.rows
+        return [(label, one) for label, c in rows for one in c.where.maps if one.name == name]
+
 
 @dataclass(frozen=True)
 class Contents:
@@ -73,25 +90,14 @@ class Contents:
 
 def driven_step(ladder: Ladder) -> int | None:
     """Last step whose drive force is known, where the last one's is not; None where it is, or only the first's."""
-    known = [n for n, step in enumerate(ladder.steps) if step_force(step) is not None]
-    if not known or known[-1] in (0, len(ladder.steps) - 1):
-        return None
-    return known[-1]
-
-
-def step_force(step: Step) -> float | None:
-    """Relative error of the drive force at a step, of unseen data where there are any; None where not known."""
-    found = scores_of(step.validation or step.train).get(DRIVE_FORCE)
-    return None if found is None else found.value
+    known = [n for n, step in enumerate(ladder.steps) if DRIVE_FORCE in scores_of(step.validation or step.train)]
+    return known[-1] if known and known[-1] not in (0, len(ladder.steps) - 1) else None
 
 
 def labelled_models(ladder: Ladder) -> list[tuple[str, Model]]:
     """First and last model of a ladder with their names in figures."""
-    found = [("start", ladder.steps[0].model)]
     more = len(ladder.steps) - 1
-    if more:
-        found.append((_effects(more), ladder.model))
-    return found
+    return [("start", ladder.steps[0].model), *([(_effects(more), ladder.model)] if more else [])]
 
 
 def _effects(count: int) -> str:
@@ -107,11 +113,7 @@ def gather(
     provenance: Mapping[str, Any] | None = None,
     progress: Callable[[float, str], None] | None = None,
 ) -> Contents:
-    """Compute everything that a report says.
-
-    `records`, `validation`: what the ladder was fitted to, and what it did not see.
-    `progress`: called with the share done and a text.
-    """
+    """Compute everything that a report says of a ladder, what it was fitted to, and what it did not see."""
     report = progress or (lambda share, text: None)
     models = labelled_models(ladder)
     # What was not fitted first, and the longest of it: where the model fails is read off the first.
@@ -133,7 +135,8 @@ def gather(
     for number, step in enumerate(ladder.steps):
         name = "" if step.added is None else step.added.name
         # The last model has what was still missing at the step, and would lie in the dots beside the effect.
-        having = [n for n in (len(ladder.steps) - 1, driven, number) if n is not None and _has(ladder.steps[n], name)]
+        places = [n for n in (len(ladder.steps) - 1, driven, number) if n is not None]
+        having = [n for n in places if name in ladder.steps[n].model.effect_names]
         for place in dict.fromkeys(having[:2]):
             shown = (characteristic(ladder.steps[place].model, name, record) for record in longest)
             one = next((one for one in shown if one is not None), None)
@@ -148,10 +151,6 @@ def gather(
         ladder, tuple(judged), noise_floor(ladder.model, validation or records, refuted), found,
         tuple(_describing([record for _, record in every])), suggestion, provenance or {}, refuted, drawn_at,
     )  # fmt: skip
-
-
-def _has(step: Step, name: str) -> bool:
-    return name in step.model.effect_names
 
 
 def noise_floor(model: Model, records: Sequence[Record], refuted: Iterable[str] = ()) -> dict[str, float]:

@@ -64,26 +64,26 @@ class _Writer:
         """The effect's own, or a function of what the effect depends on."""
         known = active.effect.equation
         if known is not None:
-            text = known.text
+            text, lacking = known.text, []
             for spec in active.effect.parameters:
-                if spec.optional and f"{active.name}.{spec.name}" not in self.model.values:
-                    text = text.replace(known.symbols[spec.name], known.symbols[spec.optional])
-            required = {spec.name for spec in active.effect.parameters if not spec.optional}
-            lacking = [
-                symbol
-                for name, symbol in known.symbols.items()
-                if name in required and f"{active.name}.{name}" not in self.model.values
-            ]
-            text = "".join(part for part in _summands(_CANCELLED.sub("", text)) if not any(s in part for s in lacking))
-            return replace(known, text=text)
+                symbol = known.symbols.get(spec.name)
+                if symbol is not None and f"{active.name}.{spec.name}" not in self.model.values:
+                    if spec.optional:
+                        text = text.replace(symbol, known.symbols[spec.optional])
+                    else:
+                        lacking.append(symbol)
+            kept = (part for part in _summands(_CANCELLED.sub("", text)) if not any(s in part for s in lacking))
+            return replace(known, text="".join(kept))
         name = rf"\text{{{plain_words(active.effect.name)}}}"
         symbols = {spec.name: rf"p_{{\text{{{plain_words(spec.name)}}}}}" for spec in active.effect.parameters}
-        if kind == BODY:
-            return EffectEquation(rf"+@F_{{{name}}}", rf"@F_{{{name}}} = f(@q, @v)", symbols)
-        if kind == COUPLING:
-            return EffectEquation(rf"+@F_{{{name}}}", rf"@F_{{{name}}} = f(\Delta @q)", symbols)
-        letter, mark = ("u", "@u") if kind == INPUT else ("y", "@y")
-        return EffectEquation(rf"{letter}_{{{name}}}", rf"{letter}_{{{name}}} = f({mark})", symbols)
+        letter, of = {
+            BODY: ("@F", "@q, @v"),
+            COUPLING: ("@F", r"\Delta @q"),
+            INPUT: ("u", "@u"),
+            OUTPUT: ("y", "@y"),
+        }[kind]
+        force = rf"{letter}_{{{name}}}"
+        return EffectEquation(f"+{force}" if kind in {BODY, COUPLING} else force, rf"{force} = f({of})", symbols)
 
     def keep_symbols(self, active: ActiveEffect, equation: EffectEquation) -> None:
         """Remember the symbol of each parameter."""
@@ -108,19 +108,10 @@ def plain_words(name: str) -> str:
 
 
 def equations(model: Model, newest: str = "") -> tuple[list[Equation], dict[str, str]]:
-    """Write a model's equations.
+    """Write a model's equations; the term of the effect `newest` in a balance is marked, of the class ``new``.
 
-    Parameters
-    ----------
-    newest : str
-        Effect whose term in a balance is marked, of the class ``new``.
-
-    Returns
-    -------
-    lines : list of Equation
-        Balance of every body, couplings, what happens to the command and to the readings.
-    symbols : dict
-        Symbol of each parameter, by its name.
+    Returns: balance of every body, couplings, what happens to the command and to the readings; and the symbol of each
+    parameter, by its name.
     """
     writer = _Writer(model, newest)
     acting = _command(writer)
@@ -161,11 +152,7 @@ def _balance(writer: _Writer, index: int, body: str, acting: str) -> None:
     inertia, drag = writer.of(writer.inertia, body), writer.of("B", body)
     place, speed = writer.of(writer.q, body), writer.of(writer.v, body)
     writer.symbols |= {f"{body}.inertia": inertia, f"{body}.viscous_friction": drag, "drive.gain": "K"}
-    terms = ""
-    if index == 0:
-        terms += rf"K\,{acting}"
-    else:
-        terms += _between(writer, model.couplings[index - 1])
+    terms = _between(writer, model.couplings[index - 1]) if index else rf"K\,{acting}"
     if index < len(model.couplings):
         terms += f" - {_between(writer, model.couplings[index])}"
     terms += rf" - {drag}\,{speed}"
@@ -222,9 +209,8 @@ def _reading(writer: _Writer, output: OutputSignal) -> None:
         writer.lines.append(Equation(text, f"reading {output.name}", active.name))
         writer.keep_symbols(active, equation)
         signal = equation.term
-    writer.lines.append(
-        Equation(rf"y_{{\text{{{plain_words(output.name)}}}}} = {signal}{noise}", f"reading {output.name}, noise e")
-    )  # fmt: skip
+    reading = rf"y_{{\text{{{plain_words(output.name)}}}}} = {signal}{noise}"
+    writer.lines.append(Equation(reading, f"reading {output.name}, noise e"))
 
 
 @lru_cache(maxsize=512)

@@ -1,31 +1,36 @@
-"""Which figures stand on the page of a report, by the name of their place."""
+"""Which figures a report has: on its page, by the name of their place, and as vector files for a paper."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from idloop.reporting.figures.candidates import candidates_figure, ladder_rows
-from idloop.reporting.figures.characteristic import characteristic_figure, unknown_figure
-from idloop.reporting.figures.comparison import force_figures, overlay
-from idloop.reporting.figures.describing import describing_figures
+from idloop import drawing
+from idloop.reporting.figures.comparison import force_figures, overlay, residual_figures
+from idloop.reporting.figures.curves import characteristic_figure, describing_figures, unknown_figure
+from idloop.reporting.figures.effects import candidates_figure, ladder_rows
 from idloop.reporting.figures.ladder import ladder_figures
 from idloop.reporting.figures.next_experiment import experiment_figures
-from idloop.reporting.figures.residual import residual_figures
-from idloop.reporting.figures.theme import LIGHT, Theme
-from idloop.reporting.figures.thinning import BUCKETS
+from idloop.reporting.figures.theme import BUCKETS, LIGHT, Theme
 from idloop.reporting.figures.where import error_along
-from idloop.reporting.plots.comparison import Panel, make_panel
-from idloop.reporting.residual_findings import FEWEST_FOR_TESTS
+from idloop.reporting.frequency_view import frequency_view
+from idloop.reporting.plots.comparison import plot_frequency, plot_panels, plot_residual
+from idloop.reporting.plots.diagnosis import plot_characteristic, plot_ladder, plot_unknown
+from idloop.reporting.plots.where import plot_where
+from idloop.reporting.terms import effect_words
 from idloop.validation.variables import VARIABLES
 from idloop.validation.where import DRIVE_FORCE
 
 if TYPE_CHECKING:
     from bokeh.plotting import figure
+    from matplotlib.figure import Figure
 
     from idloop.reporting.page.contents import Contents, Judged
-    from idloop.validation.where import ErrorMap
+    from idloop.validation import Where
+
 
 # Records that are drawn; the tables name them all.
 MOST_RECORDS = 3
@@ -35,57 +40,32 @@ _FEWEST = 300
 
 
 def page_figures(contents: Contents, theme: Theme = LIGHT) -> dict[str, list[figure]]:
-    """Draw every figure of a report.
-
-    Returns: figures that stand below one another, by the name of their place.
-    """
+    """Draw every figure of a report: those that stand below one another, by the name of their place."""
     buckets = _buckets(contents)
     places: dict[str, list[figure]] = {"ladder": ladder_figures(contents.ladder, contents.floor, theme)}
     for name, one in contents.characteristics.items():
-        places[effect_place(name)] = [characteristic_figure(one, theme)]
+        places[f"effect-{name}"] = [characteristic_figure(one, theme)]
     candidates = candidates_figure(ladder_rows(contents.ladder), theme)
     if candidates is not None:
         places["candidates"] = [candidates]
     for index, judged in enumerate(contents.judged[:MOST_RECORDS]):
-        record = judged.record
         forces = [(label, c.force) for label, c in judged.force_rows if c.force is not None]
         if forces:
             places[f"force-{index}"] = force_figures(forces, contents.ladder.model.units.force, theme, buckets=buckets)
-        places[f"overlay-{index}"] = overlay(
-            panel_of(judged), record.output_names, record.output_units, record.input_name, record.input_unit,
-            theme, buckets=buckets,
-        )  # fmt: skip
+        places[f"overlay-{index}"] = overlay(judged.panel, theme, buckets=buckets)
     for name, variable in where_places(contents):
-        maps = maps_of(contents.judged[0], name)
-        drawn = error_along(maps, variable, theme)
+        drawn = error_along(contents.judged[0].maps(name), variable, theme)
         if drawn is not None:
-            places[where_place(name, variable)] = [drawn]
+            places[f"where-{name}-{variable}"] = [drawn]
     if contents.ladder.unknown is not None:
         places["unknown"] = [unknown_figure(contents.ladder.unknown, theme)]
-    if contents.judged and len(contents.judged[0].record.time) >= FEWEST_FOR_TESTS:
-        for test in contents.judged[0].rows[-1][1].residual_tests():
-            places[f"residual-{test.name}"] = residual_figures(test, theme)
+    for test in contents.judged[0].residual_tests if contents.judged else ():
+        places[f"residual-{test.name}"] = residual_figures(test, theme)
     for index, measured in enumerate(contents.describing):
         places[f"describing-{index}"] = describing_figures(measured, theme)
     if contents.suggestion is not None:
         places["next"] = experiment_figures(contents.suggestion, theme, buckets=buckets)
     return places
-
-
-def maps_of(judged: Judged, name: str) -> list[tuple[str, ErrorMap]]:
-    """Label and error map of the first and the last model, of one output or the drive force, where known."""
-    rows = judged.force_rows if name == DRIVE_FORCE else judged.rows
-    return [(label, one) for label, c in rows for one in c.where.maps if one.name == name]
-
-
-def effect_place(name: str) -> str:
-    """Place of an effect's characteristic."""
-    return f"effect-{name}"
-
-
-def where_place(name: str, variable: str) -> str:
-    """Place of the error of an output along a variable."""
-    return f"where-{name}-{variable}"
 
 
 def where_places(contents: Contents) -> list[tuple[str, str]]:
@@ -105,11 +85,6 @@ def where_places(contents: Contents) -> list[tuple[str, str]]:
     return found
 
 
-def panel_of(judged: Judged) -> Panel:
-    """Measured and modelled outputs of one record, as the figures of comparisons take them."""
-    return make_panel(judged.title, judged.rows)
-
-
 def _buckets(contents: Contents) -> int:
     """Stretches of time of a line, so that the page stays small enough to be mailed."""
     lines = 1
@@ -120,3 +95,49 @@ def _buckets(contents: Contents) -> int:
         rivals = len(contents.suggestion.rivals)
         lines += (2 + 2 * len(contents.ladder.model.outputs)) * rivals
     return int(np.clip(_ROOM / (2.0 * _POINT * lines), _FEWEST, BUCKETS))
+
+
+def paper_figures(contents: Contents) -> dict[str, Figure]:
+    """Draw the figures for a paper, by the stem of their file."""
+    figures = {"ladder": plot_ladder(contents.ladder, contents.floor)}
+    for index, judged in enumerate(contents.judged, start=1):
+        figures[f"compare_{index}_{judged.use}"] = plot_panels([judged.panel])
+        figures[f"where_{index}_{judged.use}"] = plot_where(_where(judged))
+    for name, one in contents.characteristics.items():
+        figures[f"effect_{name}"] = plot_characteristic(one, effect_words(name))
+    if contents.judged:
+        figures |= _linear(contents.judged[0])
+    if contents.ladder.unknown is not None:
+        figures["unknown"] = plot_unknown(contents.ladder.unknown)
+    if contents.suggestion is not None:
+        from idloop.reporting.plots.suggestion import plot_suggestion
+
+        figures["next"] = plot_suggestion(contents.suggestion)
+    return figures
+
+
+def _linear(judged: Judged) -> dict[str, Figure]:
+    """Frequency response and residual tests of the last model on a record."""
+    comparison, figures = judged.rows[-1][1], {}
+    view = frequency_view(comparison)
+    if view is not None:
+        for number, name in enumerate(comparison.names):
+            figures[f"frequency_{name}"] = plot_frequency(view, number, f"{name}, {judged.title}")
+    for test in judged.residual_tests:
+        figures[f"residual_{test.name}"] = plot_residual(test, f"one-step residual of {test.name}, {judged.title}")
+    return figures
+
+
+def _where(judged: Judged) -> list[tuple[str, Where]]:
+    """Where the models fail; for the drive force also the last one of which it is known."""
+    found = [(label, comparison.where) for label, comparison in judged.rows]
+    if judged.driven is not None:
+        label, comparison = judged.driven
+        force = tuple(one for one in comparison.where.maps if one.name == DRIVE_FORCE)
+        found.insert(1, (label, replace(comparison.where, maps=force)))
+    return found
+
+
+def save_paper_figures(contents: Contents, folder: Path) -> list[Path]:
+    """Write the figures for a paper as SVG into a folder, which is made; IdloopError where one cannot be written."""
+    return [drawing.save(figure, folder / f"{stem}.svg") for stem, figure in paper_figures(contents).items()]

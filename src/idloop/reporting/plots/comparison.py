@@ -1,138 +1,39 @@
-"""Figure: what was measured against what models say, with what is left over and the command below.
-
-One column per record; for every output a row with the lines and a row with the residual and its band.
-"""
+"""Figures of a model beside records: over time, over frequency, and the tests of its one-step residual."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from idloop import drawing
-from idloop.arrays import Array
-from idloop.reporting.frame import Frame, residual_frame, value_frame, widest
-from idloop.reporting.sensor_noise import believed_noise, refuted_noise
-from idloop.validation.words import fit_text
+from idloop.reporting.frequency_view import READABLE, FrequencyView
+from idloop.reporting.panel import Frame, Panel, widest
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from idloop.records import Record
-    from idloop.validation import Comparison
+    from idloop.validation import ResidualTest
 
 
-@dataclass(frozen=True)
-class Panel:
-    """One record and what the models say about it.
-
-    Attributes
-    ----------
-    title : str
-        Name of the record, and what it was used for.
-    time : array, shape (n,)
-        Instants of the outputs [s].
-    output : array, shape (n, p)
-        Measured outputs; NaN where not measured.
-    modelled : mapping of str to array, shape (n, p)
-        Outputs of each model by its label.
-    input_time, input : array, shape (m,)
-        Command and the instants from which it acts [s].
-    band : array, shape (p,), optional
-        Half width of the band in which the residual of a perfect model stays with 95 % probability.
-    notes : mapping of str to sequence of str, optional
-        For each model and output a few words for the legend, such as its FIT.
-
-    The measured range sets the scale of the value axes; a curve that leaves it says in the legend how far it goes.
-    """
-
-    title: str
-    time: Array
-    output: Array
-    modelled: Mapping[str, Array]
-    input_time: Array
-    input: Array
-    band: Array | None = None
-    notes: Mapping[str, Sequence[str]] = field(default_factory=dict)
-
-    def values(self, column: int) -> dict[str, Array]:
-        """Modelled values of one output."""
-        return {label: modelled[:, column] for label, modelled in self.modelled.items()}
-
-    def value_frame(self, column: int) -> Frame | None:
-        """Frame of one output."""
-        return value_frame(self.output[:, column], self.values(column))
-
-    def residual_frame(self, column: int) -> Frame | None:
-        """Frame of what is left of one output."""
-        half = None if self.band is None else float(self.band[column])
-        return residual_frame(self.output[:, column], self.values(column), half)
-
-    def legend_entry(self, label: str, column: int) -> str:
-        """A model's entry in the legend: its note, and how far it and its residual leave their frames."""
-        note, frame, below = self.notes.get(label), self.value_frame(column), self.residual_frame(column)
-        parts = [note[column]] if note else []
-        if frame is not None and label in frame.strays:
-            parts.append(f"leaves the frame, {frame.strays[label]}")
-        elif below is not None and label in below.strays:
-            parts.append(f"residual {below.strays[label]}")
-        return f"{label} ({'; '.join(parts)})" if parts else label
-
-
-def make_panel(title: str, rows: Sequence[tuple[str, Comparison]]) -> Panel:
-    """Column of one record: what was measured, the free run of each model, and the band of the noise.
-
-    `title`: above the column.
-    `rows`: sequence of (str, Comparison). Label of each model and its comparison, all with the same record.
-    Returns: without a band where a model misses less than the noise that is stated.
-    """
-    first = rows[0][1]
-    believed = believed_noise(first.model, refuted_noise(comparison for _, comparison in rows))
-    noise = [believed.get(output.name, np.nan) for output in first.model.outputs]
-    return Panel(
-        title=title,
-        time=first.time,
-        output=first.measured,
-        modelled={label: comparison.simulated for label, comparison in rows},
-        input_time=first.record.input_time,
-        input=first.record.input,
-        band=1.96 * np.array(noise),
-        notes={
-            label: [f"FIT {fit_text(comparison.fit[name], 3, ' %')}" for name in comparison.names]
-            for label, comparison in rows
-        },
-    )
-
-
-def plot_comparison(
-    panels: Sequence[Panel], output_names: Sequence[str], output_units: Sequence[str], input_name: str, input_unit: str
-) -> Figure:
-    """Draw the figure.
-
-    `panels`: one for each record.
-    `output_names`, `output_units`: sequence of str, length p. Such as "motor.position" and "rad".
-    `input_name`, `input_unit`: such as "motor.effort" and "V".
-    """
+def plot_panels(panels: Sequence[Panel]) -> Figure:
+    """Draw the panels of records that have the same signals, a column each."""
+    record = panels[0].record
     with drawing.styled():
-        heights = (2.0, 1.2) * len(output_names) + (1.2,)
+        heights = (2.0, 1.2) * len(record.output_names) + (1.2,)
         figure, axes = drawing.new_figure(len(heights), len(panels), heights)
         for column, panel in enumerate(panels):
-            _draw_panel(axes[:, column], panel, output_names)
-        for row, (name, unit) in enumerate(zip(output_names, output_units, strict=True)):
-            axes[2 * row, 0].set_ylabel(drawing.label(name, unit))
-            axes[2 * row + 1, 0].set_ylabel(drawing.label("residual", unit))
-            _fit_frame(axes[2 * row, 0], widest(panel.value_frame(row) for panel in panels))
-            _fit_frame(axes[2 * row + 1, 0], widest(panel.residual_frame(row) for panel in panels))
-        axes[-1, 0].set_ylabel(drawing.label(input_name, input_unit))
+            _draw_panel(axes[:, column], panel)
+        for row, (name, unit) in enumerate(zip(record.output_names, record.output_units, strict=True)):
+            top, below = axes[2 * row : 2 * row + 2, 0]
+            top.set_ylabel(drawing.label(name, unit))
+            below.set_ylabel(drawing.label("residual", unit))
+            _fit_frame(top, widest(panel.value_frame(row) for panel in panels))
+            _fit_frame(below, widest(panel.residual_frame(row) for panel in panels))
+        axes[-1, 0].set_ylabel(drawing.label(record.input_name, record.input_unit))
         figure.align_ylabels(axes[:, 0])
     return figure
-
-
-def plot_panels(panels: Sequence[Panel], record: Record) -> Figure:
-    """Draw panels of records that have the signals of `record`."""
-    return plot_comparison(panels, record.output_names, record.output_units, record.input_name, record.input_unit)
 
 
 def _fit_frame(axes: Any, frame: Frame | None) -> None:
@@ -141,9 +42,9 @@ def _fit_frame(axes: Any, frame: Frame | None) -> None:
         axes.set_ylim(frame.low, frame.high)
 
 
-def _draw_panel(axes: Any, panel: Panel, output_names: Sequence[str]) -> None:
+def _draw_panel(axes: Any, panel: Panel) -> None:
     axes[0].set_title(panel.title, loc="left", fontweight="bold", pad=20)  # clear of the legend
-    for row in range(len(output_names)):
+    for row in range(len(panel.record.output_names)):
         top, below = axes[2 * row], axes[2 * row + 1]
         drawing.line(top, panel.time, panel.output[:, row], color=drawing.MEASURED, linewidth=1.6, label="measured")
         below.axhline(0.0, color=drawing.MEASURED, linewidth=0.6)
@@ -151,12 +52,11 @@ def _draw_panel(axes: Any, panel: Panel, output_names: Sequence[str]) -> None:
             look = drawing.model_look(index)
             drawing.line(top, panel.time, modelled[:, row], label=panel.legend_entry(label, row), **look)
             drawing.line(below, panel.time, panel.output[:, row] - modelled[:, row], **look)
-        if panel.band is not None and np.isfinite(panel.band[row]):
-            half = float(panel.band[row])
+        if (half := panel.half_band(row)) is not None:
             below.axhspan(-half, half, color=drawing.BAND, alpha=0.25, linewidth=0, label="95 % band of the noise")
             legend_above(below, 1)
         legend_above(top, 1 + len(panel.modelled))
-    drawing.steps(axes[-1], panel.input_time, panel.input, color=drawing.COMMAND)
+    drawing.steps(axes[-1], panel.record.input_time, panel.record.input, color=drawing.COMMAND)
     axes[-1].set_xlabel(drawing.label("time", "s"))
 
 
@@ -168,3 +68,59 @@ def legend_above(axes: Any, entries: int) -> None:
     axes.legend(
         loc="lower right", bbox_to_anchor=(1.0, 0.98), borderaxespad=0.0, ncols=min(entries, 3), columnspacing=1.2
     )
+
+
+def plot_frequency(view: FrequencyView, output: int, title: str) -> Figure:
+    """Draw magnitude, phase and coherence of one output; grey where the coherence does not allow to read it."""
+    measured = view.measured
+    with drawing.styled():
+        figure, axes = drawing.new_figure(3, 1, (2.2, 1.5, 1.3))
+        size, phase, coherence = axes[:, 0]
+        unread = f"coherence below {READABLE:g}: not to be read"
+        for name, line, colour in zip(
+            ("measured", "model"), view.bode(output), (drawing.MEASURED, drawing.MODELS[1]), strict=True
+        ):
+            size.loglog(view.frequency, line.unread, color=drawing.BAND, linewidth=0.6, label=unread)
+            size.loglog(view.frequency, line.read, ".-", markersize=3, color=colour, label=name)
+            phase.semilogx(view.frequency, line.phase, ".-", markersize=3, color=colour)
+            unread = "_"
+        known = view.coherence(output)
+        if known is not None:
+            coherence.semilogx(view.frequency, known, color=drawing.MEASURED)
+            coherence.axhline(READABLE, color=drawing.COMMAND, linewidth=0.7, linestyle="--")
+        unit = f"{measured.output_units[output]}/{measured.input_units[0]}"
+        size.set_ylabel(drawing.label("magnitude", unit))
+        phase.set_ylabel(drawing.label("phase", "deg"))
+        coherence.set(
+            ylabel=drawing.label("coherence", None), xlabel=drawing.label("frequency", "Hz"), ylim=(0.0, 1.05)
+        )
+        size.set_title(title, loc="left", fontweight="bold")
+        size.legend(loc="best")
+        figure.align_ylabels(axes[:, 0])
+    return figure
+
+
+def plot_residual(test: ResidualTest, title: str) -> Figure:
+    """Draw correlations of the one-step residual of an output, with the bands that hold 99 % of those of noise."""
+    with drawing.styled():
+        from matplotlib.figure import Figure as NewFigure
+
+        figure = NewFigure(figsize=(7.5, 4.6), layout="constrained")
+        above, below = figure.subplots(2, 1)
+        own = (test.lag, test.autocorrelation, test.autocorrelation_band, test.white)
+        cross = (test.cross_lag, test.cross_correlation, test.cross_correlation_band, test.input_free)
+        _stems(above, "autocorrelation", *own)
+        _stems(below, f"correlation with {test.against}", *cross)
+        above.set_title(title, loc="left", fontweight="bold")
+        below.set_xlabel(drawing.label("lag", "samples"))
+    return figure
+
+
+def _stems(axes: Any, name: str, lag: Any, value: Any, half: Any, passed: bool) -> None:
+    reach = np.broadcast_to(np.asarray(half, dtype=float), np.shape(lag))
+    axes.fill_between(lag, -reach, reach, color=drawing.BAND, alpha=0.3, linewidth=0, label="99 % of those of noise")
+    axes.vlines(lag, 0.0, value, color=drawing.MODELS[0 if passed else 1])
+    axes.plot(lag, value, ".", color=drawing.MODELS[0 if passed else 1])
+    axes.axhline(0.0, color=drawing.MEASURED, linewidth=0.6)
+    axes.set_ylabel(drawing.label(name, None))
+    axes.legend(loc="best")

@@ -38,6 +38,9 @@ class Drawn:
     score: Score | None  # None for responses
 
 
+Looks = Sequence[tuple[Drawn, dict[str, Any]]]
+
+
 @dataclass(frozen=True)
 class SweepLine:
     """One method over the values of a sweep."""
@@ -52,27 +55,30 @@ class SweepLine:
 def plot_identification(drawn: Sequence[Drawn], data: Sequence[SampledData], title: str = "") -> Figure:
     """Draw Bode diagrams with bands, singular values or impulse responses, the validation data and coefficients.
 
-    A column for each output.
-
-    `data`: on which the models were judged; the longest stretch is drawn.
-    `title`: what the data are.
+    A column for each output. `data`: on which the models were judged; the longest stretch is drawn. `title`: what the
+    data are.
     """
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
     first = data[0]
-    impulses = [one for one in drawn if hasattr(one.found.model, "lag")]
-    responses = [one for one in drawn if not hasattr(one.found.model, "lag")]
-    bode = [one for one in responses if hasattr(one.found.model, "response")]
-    singular = [one for one in drawn if getattr(one.found.linear, "singular_values", None) is not None]
-    judged = [one for one in drawn if one.score is not None]
+    # A result looks the same in every panel.
+    every = [(one, drawing.model_look(index)) for index, one in enumerate(drawn)]
+    impulses = [(one, look) for one, look in every if hasattr(one.found.model, "lag")]
+    bode = [
+        (one, look)
+        for one, look in every
+        if not hasattr(one.found.model, "lag") and hasattr(one.found.model, "response")
+    ]
+    singular = [(one, look) for one, look in every if getattr(one.found.linear, "singular_values", None) is not None]
+    judged = [(one, look) for one, look in every if one.score is not None]
     followed = [one for one in drawn if one.found.history]
-    heights = [h for h, shown in ((2.2, bode), (1.6, bode), (2.0, impulses), (2.2, judged), (1.4, judged)) if shown]
-    heights += [1.5] * (2 * len(followed))
-    extra = 2.0 if singular else 0.0
+    shown = ((2.2, bode), (1.6, bode), (2.0, impulses), (2.2, judged), (1.4, judged))
+    heights = [height for height, panels in shown if panels] + [1.5] * (2 * len(followed)) + [2.0] * bool(singular)
     columns = len(first.output_names)
     with drawing.styled():
-        figure = Figure(figsize=(max(7.5, 4.6 * columns), sum(heights) + extra + 0.9), layout="constrained")
-        grid = figure.add_gridspec(len(heights) + bool(singular), columns, height_ratios=heights + [2.0] * bool(extra))
+        figure = Figure(figsize=(max(7.5, 4.6 * columns), sum(heights) + 0.9), layout="constrained")
+        grid = figure.add_gridspec(len(heights), columns, height_ratios=heights)
         for column in range(columns):
             rows = iter(range(len(heights)))
 
@@ -81,28 +87,27 @@ def plot_identification(drawn: Sequence[Drawn], data: Sequence[SampledData], tit
 
             if bode:
                 magnitude = next_axes()
-                _draw_bode(magnitude, next_axes(magnitude), bode, drawn, first, column)
+                _draw_bode(magnitude, next_axes(magnitude), bode, first, column)
             if impulses:
-                _draw_impulses(next_axes(), impulses, drawn, column)
+                _draw_impulses(next_axes(), impulses, column)
             if judged:
                 top = next_axes()
-                _draw_validation(top, next_axes(top), judged, drawn, data, column, title)
+                _draw_validation(top, next_axes(top), judged, data, column, title)
             for one in followed:
                 top = next_axes()
                 _draw_history(top, next_axes(top), one, column)
         if singular:
-            _draw_singular_values(figure.add_subplot(grid[len(heights), :]), singular, drawn)
+            _draw_singular_values(figure.add_subplot(grid[-1, :]), singular)
         figure.align_ylabels()
-        _legend_of_all(figure, drawn, measured=bool(judged))
+        # One legend above all panels.
+        lines = [Line2D([], [], color=drawing.MEASURED, linewidth=1.6, label="measured")] if judged else []
+        lines += [Line2D([], [], label=one.label, **look) for one, look in every]
+        figure.legend(handles=lines, loc="outside upper left", ncols=min(len(lines), 6))
     return figure
 
 
 def plot_sweep(name: str, unit: str | None, lines: Sequence[SweepLine], steps: int, title: str = "") -> Figure:
-    """Draw FIT over the swept setting, free run above prediction.
-
-    `name`, `unit`: of the setting.
-    `steps`: how far ahead the prediction is [samples].
-    """
+    """Draw FIT over the swept setting, free run above the prediction `steps` samples ahead."""
     with drawing.styled():
         figure, axes = drawing.new_figure(2, 1, (2.2, 2.2))
         top, bottom = axes[:, 0]
@@ -116,13 +121,12 @@ def plot_sweep(name: str, unit: str | None, lines: Sequence[SweepLine], steps: i
         bottom.set_xlabel(drawing.label(name, unit))
         if unit in {None, "samples"}:
             _whole_numbers(bottom)
-        every = np.concatenate([np.concatenate([line.free_run, line.ahead]) for line in lines] or [np.zeros(0)])
-        good = every[np.isfinite(every)]
-        if good.size:
+        good = [fit for line in lines for fit in (*line.free_run, *line.ahead) if np.isfinite(fit)]
+        if good:
             # A model that runs away would press all others onto one line.
-            low = max(float(np.min(good)), float(np.max(good)) - 120.0)
-            span = max(float(np.max(good)) - low, 1.0)
-            top.set_ylim(low - 0.08 * span, float(np.max(good)) + 0.08 * span)
+            low = max(min(good), max(good) - 120.0)
+            room = 0.08 * max(max(good) - low, 1.0)
+            top.set_ylim(low - room, max(good) + room)
         top.legend()
     return figure
 
@@ -133,43 +137,26 @@ def _whole_numbers(axes: Axes) -> None:
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
 
 
-def _legend_of_all(figure: Figure, drawn: Sequence[Drawn], *, measured: bool) -> None:
-    """One legend above all panels: the methods look the same in each of them."""
-    from matplotlib.lines import Line2D
-
-    lines = [Line2D([], [], label=one.label, **_look(one, drawn)) for one in drawn]
-    if measured:
-        lines.insert(0, Line2D([], [], color=drawing.MEASURED, linewidth=1.6, label="measured"))
-    figure.legend(handles=lines, loc="outside upper left", ncols=min(len(lines), 6))
-
-
 def _shown(fit: Array) -> Array:
     return np.where(np.isfinite(fit), fit, np.nan)
 
 
-def _look(one: Drawn, drawn: Sequence[Drawn]) -> dict[str, Any]:
-    """Look of a result, the same in every panel."""
-    return drawing.model_look([other is one for other in drawn].index(True))
-
-
-def _frequencies(bode: Sequence[Drawn], data: SampledData) -> Array:
+def _frequencies(bode: Looks, data: SampledData) -> Array:
     """Where models are drawn: from the lowest line that a response knows, else from the length of the record."""
-    responses: list[Any] = [one.found.model for one in bode if hasattr(one.found.model, "frequency")]
+    responses: list[Any] = [one.found.model for one, _ in bode if hasattr(one.found.model, "frequency")]
     known = [model.frequency[model.resolved][0] for model in responses]
     lowest = min(known) if known else max(1.0 / (len(data) * data.sample_time), _LOWEST / data.sample_time)
     return np.geomspace(lowest, 0.5 / data.sample_time, 400)
 
 
-def _draw_bode(
-    magnitude: Axes, phase: Axes, bode: Sequence[Drawn], drawn: Sequence[Drawn], data: SampledData, column: int
-) -> None:
+def _draw_bode(magnitude: Axes, phase: Axes, bode: Looks, data: SampledData, column: int) -> None:
     grid = _frequencies(bode, data)
     # Models first: a measured phase is drawn at the turn that lies nearest to theirs.
     nearest: tuple[Array, Array] | None = None
     shaded = []
-    for one in sorted(bode, key=lambda one: one.found.linear is None):
+    for one, usual in sorted(bode, key=lambda one: one[0].found.linear is None):
         frequency, value, size_error, angle_error = _response(one.found, column, grid)
-        look = _look(one, drawn)
+        look = usual
         size = np.abs(value)
         angle = _phase(frequency, value, nearest, model=one.found.linear is not None)
         if nearest is None and one.found.linear is not None:
@@ -204,12 +191,11 @@ def _draw_bode(
 
 def _phase(frequency: Array, value: Complex, nearest: tuple[Array, Array] | None, *, model: bool) -> Array:
     """Phase [deg] without jumps; of a measured response the turn next to a model's, else within one turn of -90."""
-    angle = np.degrees(np.angle(value))
+    angle, smooth = np.degrees(np.angle(value)), np.asarray(np.degrees(np.unwrap(np.angle(value))))
     if model:
-        return np.asarray(np.degrees(np.unwrap(np.angle(value))))
-    smooth = np.degrees(np.unwrap(np.angle(value)))
+        return smooth
     if nearest is None and np.ptp(smooth) < 720.0:
-        return np.asarray(smooth)
+        return smooth
     about = np.full(angle.shape, -90.0) if nearest is None else np.interp(frequency, *nearest)
     return np.asarray(about + (angle - about + 180.0) % 360.0 - 180.0)
 
@@ -234,14 +220,13 @@ def _response(found: Identified, column: int, grid: Array) -> tuple[Array, Compl
     return grid, model.response(grid)[:, column, 0], nothing, nothing
 
 
-def _draw_impulses(axes: Axes, impulses: Sequence[Drawn], drawn: Sequence[Drawn], column: int) -> None:
-    for one in impulses:
+def _draw_impulses(axes: Axes, impulses: Looks, column: int) -> None:
+    for one, look in impulses:
         model: Any = one.found.model
-        color = _look(one, drawn)["color"]
         half, null = model.band(0.95)[:, column], float(model.null_band(0.95)[column])
         axes.axhspan(-null, null, color=drawing.BAND, alpha=0.3, linewidth=0, label="no response, 95 %")
         axes.errorbar(
-            model.time, model.response[:, column], half, fmt=".", color=color, markersize=4, linewidth=0.6,
+            model.time, model.response[:, column], half, fmt=".", color=look["color"], markersize=4, linewidth=0.6,
             label="with 95 % bands",
         )  # fmt: skip
         axes.set_ylabel(drawing.label("weight", ratio_unit(model.output_units[column], model.input_unit)))
@@ -251,22 +236,19 @@ def _draw_impulses(axes: Axes, impulses: Sequence[Drawn], drawn: Sequence[Drawn]
 
 
 def _draw_validation(
-    top: Axes, below: Axes, judged: Sequence[Drawn], drawn: Sequence[Drawn], data: Sequence[SampledData], column: int,
-    title: str,
-) -> None:  # fmt: skip
-    longest = max(range(len(data)), key=lambda i: len(data[i]))
-    shown = data[longest]
+    top: Axes, below: Axes, judged: Looks, data: Sequence[SampledData], column: int, title: str
+) -> None:
+    longest, shown = max(enumerate(data), key=lambda one: len(one[1]))
     measured = shown.output[:, column]
     drawing.line(top, shown.time, measured, color=drawing.MEASURED, linewidth=1.6)
     below.axhline(0.0, color=drawing.MEASURED, linewidth=0.6)
     reach = 3.0 * max(float(np.ptp(measured)), 1e-300)
     middle = float(np.mean(measured))
-    for one in judged:
+    for one, look in judged:
         score: Any = one.score
-        look = _look(one, drawn)
+        run = score.simulated[longest][:, column]
         # A free run that runs away is drawn as far as it is of use.
-        run = np.where(np.abs(score.simulated[longest][:, column] - middle) < reach, 1.0, np.nan)
-        run = run * np.clip(score.simulated[longest][:, column], middle - reach, middle + reach)
+        run = np.where(np.abs(run - middle) < reach, run, np.nan)
         drawing.line(top, shown.time, run, label=f"FIT {fit_text(score.free_run[column], 3, ' %')}", **look)
         drawing.line(below, shown.time, measured - run, **look)
     top.set_title(f"{title or shown.name}: free run", loc="left", pad=6 if len(judged) > _MOST_FITS else 20)
@@ -284,28 +266,26 @@ def _draw_history(top: Axes, below: Axes, one: Drawn, column: int) -> None:
     history = one.found.history[column]
     model: Any = one.found.model
     of_command = [index for index, name in enumerate(history.names) if name.startswith("b")]
-    others = [index for index in range(len(history.names)) if index not in of_command]
-    history.draw(top, others)
-    history.draw(below, of_command)
+    others = [index for index, name in enumerate(history.names) if not name.startswith("b")]
+    for axes, coefficients in ((top, others), (below, of_command)):
+        history.draw(axes, coefficients)
+        if coefficients:
+            legend_above(axes, min(len(coefficients), 3))
     top.set_title(f"{one.label}: coefficients as they went; the free run has the last ones", loc="left", pad=20)
     top.set_ylabel(drawing.label("coefficient", None))
     top.tick_params(labelbottom=False)
     below.set_ylabel(drawing.label("coefficient", ratio_unit(model.output_units[column], model.input_units[0])))
     below.set_xlabel(drawing.label("time of the fit", "s"))
-    for axes, count in ((top, len(others)), (below, len(of_command))):
-        if count:
-            legend_above(axes, min(count, 3))
 
 
-def _draw_singular_values(axes: Axes, singular: Sequence[Drawn], drawn: Sequence[Drawn]) -> None:
-    for one in singular:
+def _draw_singular_values(axes: Axes, singular: Looks) -> None:
+    for one, look in singular:
         model: Any = one.found.model
         number = np.arange(1, len(model.singular_values) + 1)
         relative = model.singular_values / model.singular_values[0]
-        color = _look(one, drawn)["color"]
         kept = number <= model.order
-        axes.semilogy(number[kept], relative[kept], "o", color=color, markersize=5)
-        axes.semilogy(number[~kept], relative[~kept], "o", color=color, markersize=4, fillstyle="none")
+        axes.semilogy(number[kept], relative[kept], "o", color=look["color"], markersize=5)
+        axes.semilogy(number[~kept], relative[~kept], "o", color=look["color"], markersize=4, fillstyle="none")
     axes.set_xlabel(drawing.label("number", None))
     axes.set_ylabel(drawing.label("singular value, relative", None))
     axes.set_title("filled: kept", loc="left")

@@ -7,6 +7,7 @@ for the width of a page, a second column shows the stretch in which the rivals d
 
 from __future__ import annotations
 
+import textwrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from idloop import drawing
 from idloop.arrays import Array
 from idloop.reporting.experiment_rows import Curve, Row, reach, rival_name, rows_of, sent_unit
+from idloop.reporting.terms import sentence
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
 
     from idloop.diagnosis.design.suggest import Suggestion
 
+Entries = list[tuple[str, str]]
 
 # Inches: left of a column for its labels (how far out they are), a column alone, the two of a dense experiment, beside
 # and below them.
@@ -32,28 +35,32 @@ _GAP, _LINE, _HEAD, _MARGIN = 0.14, 0.17, 0.12, 0.2
 _MANY, _SMALLER = 6, 0.8
 # Beside the words of an entry of a legend: its line and the spaces about it.
 _HANDLE = 0.55
-# Points of the letters of the title, the text and the legends.
-_TITLE_SIZE, _TEXT_SIZE, _LEGEND_SIZE = 10.0, 9.0, 8.0
+# Points of the letters of the title, the text and the legends; width of a letter as a share of its size.
+_TITLE_SIZE, _TEXT_SIZE, _LEGEND_SIZE, _LETTER = 10.0, 9.0, 8.0, 0.6
 # Turns of a curve that an inch still shows, and those that the second column shows.
 _TURNS_PER_INCH, _TURNS_SHOWN = 12.0, 48
 # Shares of the duration that it shows: a chirp turns seldom at one end, and slow outputs need some time.
 _LEAST_SHOWN, _MOST_SHOWN = 0.04, 0.33
+_FAINT_TURN = 0.02  # of the range of a curve: no eye would see it
+
+_SENT: dict[str, Any] = {"color": drawing.COMMAND, "linewidth": 1.1}
+_LIMIT: dict[str, Any] = {"color": drawing.MEASURED, "linewidth": 0.9, "linestyle": (0, (6, 2, 1, 2))}
+_BAND: dict[str, Any] = {"facecolor": drawing.BAND, "alpha": 0.4, "edgecolor": drawing.COMMAND, "linewidth": 0.5}
 
 
 def plot_suggestion(suggestion: Suggestion) -> Figure:
-    """Draw the figure.
-
-    `suggestion`: with its rivals.
-    """
+    """Draw the figure of a suggestion with its rivals."""
     rows, duration = rows_of(suggestion), suggestion.experiment.duration
-    whole, stretch = (0.0, duration), _stretch(rows, duration)
+    stretch = _stretch(rows, duration)
+    widths = (_ALONE,) if stretch is None else _PAIR
     with drawing.styled(), drawing.short_numbers():
-        figure, grid = _new_page(suggestion, rows, (_ALONE,) if stretch is None else _PAIR)
+        figure, grid = _new_page(suggestion, rows, widths)
         for row, axes in zip(rows, grid, strict=True):
-            _draw(axes[0], row, whole, limits=row.limits, dense=stretch is not None)
+            _draw(axes[0], row, (0.0, duration), limits=row.limits, dense=stretch is not None)
             axes[0].set_ylabel(row.label)
             if row.entries:
-                _legend(axes[0], row, _ALONE if stretch is None else _PAIR[0])
+                # Outside the axes: inside, it would lie on the curves somewhere.
+                _add_legend(axes[0], row.entries, widths[0], loc="lower right", bbox_to_anchor=(1.0, 1.01))
             if stretch is not None:
                 axes[0].axvspan(*stretch, color=drawing.MODELS[4], alpha=0.25, linewidth=0.0, zorder=0.5)
                 _draw(axes[1], row, stretch)
@@ -72,13 +79,12 @@ def _new_page(suggestion: Suggestion, rows: list[Row], widths: tuple[float, ...]
 
     width = sum(widths) + _LEFT * len(widths) + _RIGHT
     inside = width - 2.0 * _MARGIN
-    title, text = _title(suggestion, inside), _text(suggestion, inside)
+    title, text = _wrapped(_title(suggestion), inside, _TITLE_SIZE), _wrapped(_text(suggestion), inside, _TEXT_SIZE)
     names = [(rival_name(suggestion, index), str(index)) for index in range(len(suggestion.rivals))]
-    columns = _legend_columns(names, inside)
     below_title = _HEAD + 1.2 * _LINE * len(title)
     below_text = below_title + _LINE * (len(text) + 0.3)
-    top = below_text + _LINE * (-(-len(names) // columns) + 0.3)
-    gaps = [_GAP + _LINE * -(-len(row.entries) // _legend_columns(row.entries, widths[0])) for row in rows]
+    top = below_text + _LINE * (_legend_lines(names, inside) + 0.3)
+    gaps = [_GAP + _LINE * _legend_lines(row.entries, widths[0]) for row in rows]
     talls = [_TALL[row.kind] * (_SMALLER if len(rows) > _MANY else 1.0) for row in rows]
     height = top + sum(gaps) + sum(talls) + _BELOW
 
@@ -86,10 +92,8 @@ def _new_page(suggestion: Suggestion, rows: list[Row], widths: tuple[float, ...]
     left: dict[str, Any] = {"x": _MARGIN / width, "ha": "left", "va": "top"}
     figure.text(y=1.0 - _HEAD / height, s="\n".join(title), fontsize=_TITLE_SIZE, fontweight="bold", **left)
     figure.text(y=1.0 - below_title / height, s="\n".join(text), fontsize=_TEXT_SIZE, linespacing=1.25, **left)
-    figure.legend(
-        *_handles(names), loc="upper left", bbox_to_anchor=(_MARGIN / width, 1.0 - below_text / height), ncols=columns,
-        **_LEGEND,
-    )  # fmt: skip
+    corner = (_MARGIN / width, 1.0 - below_text / height)
+    _add_legend(figure, names, inside, loc="upper left", bbox_to_anchor=corner)
     grid = np.empty((len(rows), len(widths)), dtype=object)
     for row, (gap, tall) in enumerate(zip(gaps, talls, strict=True)):
         top += gap + tall
@@ -100,11 +104,8 @@ def _new_page(suggestion: Suggestion, rows: list[Row], widths: tuple[float, ...]
     return figure, grid
 
 
-# ---------------------------------------------------------------- words
-
-
-def _title(suggestion: Suggestion, wide: float) -> list[str]:
-    """The experiment and its expected discrimination, in lines that fit a width [inches]."""
+def _title(suggestion: Suggestion) -> str:
+    """The experiment and its expected discrimination."""
     from idloop.diagnosis.design.expected_outcome import lead_text
 
     signal, unit = suggestion.signal, sent_unit(suggestion)
@@ -114,55 +115,26 @@ def _title(suggestion: Suggestion, wide: float) -> list[str]:
     shown = [outcome.in_favour for outcome in suggestion.outcomes[1:]] if suggestion.against_first else []
     expected = [min(shown), max(shown)] if len(shown) > 1 else [suggestion.discrimination]
     numbers = " to ".join(dict.fromkeys(lead_text(value) for value in expected))
-    title = f"{', '.join(parts)}, {suggestion.duration:.3g} s: expected discrimination {numbers} in log-likelihood"
-    return _wrapped(title, wide, _TITLE_SIZE, "bold")
+    return f"{', '.join(parts)}, {suggestion.duration:.3g} s: expected discrimination {numbers} in log-likelihood"
 
 
-def _text(suggestion: Suggestion, wide: float) -> list[str]:
-    """What is below the title, in lines that fit a width [inches]."""
-    first = f"{suggestion.text[:1].upper()}{suggestion.text[1:]}."
-    second = (
+def _text(suggestion: Suggestion) -> str:
+    """What is below the title: paragraphs."""
+    text = (
+        f"{sentence(suggestion.text)}\n"
         "Curves: the rivals as they are now. Leads: log-likelihood after the others are refitted to this experiment."
     )
-    names = suggestion.rivals[0][1].output_names
-    if any(
-        name not in names for outcome in suggestion.outcomes for errors in outcome.errors.values() for name in errors
-    ):
-        second += " What decides is the drive force that stays unexplained."
-    return [line for text in (first, second) for line in _wrapped(text, wide, _TEXT_SIZE)]
+    judged = {name for outcome in suggestion.outcomes for errors in outcome.errors.values() for name in errors}
+    if judged - set(suggestion.rivals[0][1].output_names):
+        text += " What decides is the drive force that stays unexplained."
+    return text
 
 
-def _wrapped(text: str, wide: float, size: float, weight: str = "normal") -> list[str]:
+def _wrapped(text: str, wide: float, size: float) -> list[str]:
     """Lines of whole words that fit a width [inches] in letters of a size [points]."""
-    lines: list[str] = []
-    for word in text.split():
-        if lines and _width(f"{lines[-1]} {word}", size, weight) <= wide:
-            lines[-1] += f" {word}"
-        else:
-            lines.append(word)
-    return lines
-
-
-def _width(text: str, size: float, weight: str = "normal") -> float:
-    """Width of a text as it is printed [inches]."""
-    from matplotlib.font_manager import FontProperties
-    from matplotlib.textpath import text_to_path
-
-    wide, _, _ = text_to_path.get_text_width_height_descent(
-        text, FontProperties(size=size, weight=weight), ismath=False
-    )
-    return float(wide) / 72.0
-
-
-# ---------------------------------------------------------------- looks
-
-
-def _look(index: int) -> dict[str, Any]:
-    """The first rival is wide and below, so that one that agrees with it is seen on it."""
-    return {**drawing.model_look(index), "linewidth": 2.2 if index == 0 else 1.1, "alpha": 0.6 if index == 0 else 1.0}
-
-
-# ---------------------------------------------------------------- dense experiments
+    letters = int(72.0 * wide / (_LETTER * size))
+    wrapper = textwrap.TextWrapper(letters, break_on_hyphens=False)
+    return [line for paragraph in text.split("\n") for line in wrapper.wrap(paragraph)]
 
 
 def _stretch(rows: list[Row], duration: float) -> tuple[float, float] | None:
@@ -186,31 +158,18 @@ def _stretch(rows: list[Row], duration: float) -> tuple[float, float] | None:
 
 
 def _turns(curve: Curve) -> Array:
-    """Instants at which a curve turns round, those left out that no eye would see [s]."""
+    """Instants at which a curve visibly turns round [s]."""
+    from scipy.signal import find_peaks
+
     low, high = reach([curve])
-    least = 0.02 * (high - low)
-    found, extreme, at, up = [], curve.value[0], curve.time[0], 0
-    for instant, value in zip(curve.time, curve.value, strict=True):
-        if up >= 0 and value < extreme - least:
-            found.append(at)
-            extreme, at, up = value, instant, -1
-        elif up <= 0 and value > extreme + least:
-            found.append(at)
-            extreme, at, up = value, instant, 1
-        elif (up > 0 and value > extreme) or (up < 0 and value < extreme):
-            extreme, at = value, instant
-    return np.array(found[1:])
+    least = max(_FAINT_TURN * (high - low), 1e-300)
+    turns = [find_peaks(sign * curve.value, prominence=least)[0] for sign in (1.0, -1.0)]
+    return np.asarray(curve.time[np.sort(np.concatenate(turns))])
 
 
-# ---------------------------------------------------------------- drawing
-
-
-_SENT: dict[str, Any] = {"color": drawing.COMMAND, "linewidth": 1.1}
-_LIMIT: dict[str, Any] = {"color": drawing.MEASURED, "linewidth": 0.9, "linestyle": (0, (6, 2, 1, 2))}
-_BAND: dict[str, Any] = {"facecolor": drawing.BAND, "alpha": 0.4, "edgecolor": drawing.COMMAND, "linewidth": 0.5}
-_LEGEND: dict[str, Any] = {
-    "borderaxespad": 0.0, "borderpad": 0.0, "handlelength": 2.6, "columnspacing": 1.2, "fontsize": _LEGEND_SIZE,
-}  # fmt: skip
+def _look(index: int) -> dict[str, Any]:
+    """The first rival is wide and below, so that one that agrees with it is seen on it."""
+    return {**drawing.model_look(index), "linewidth": 2.2 if index == 0 else 1.1, "alpha": 0.6 if index == 0 else 1.0}
 
 
 def _draw(
@@ -233,12 +192,21 @@ def _draw(
         low, high = min(low, -1.3 * row.band), max(high, 1.3 * row.band)
     low, high = min((low, *limits)), max((high, *limits))
     room = 0.06 * (high - low) or max(0.1 * abs(high), 1e-3)
-    axes.set_ylim(low - room, high + room)
-    axes.set_xlim(*stretch)
+    axes.set(xlim=stretch, ylim=(low - room, high + room))
 
 
-def _handles(entries: list[tuple[str, str]]) -> tuple[list[Any], list[str]]:
-    """What stands for the entries of a legend, and what they say."""
+def _legend_columns(entries: Entries, wide: float) -> int:
+    """Columns of a legend, filled one after the other, that fit a width [inches]."""
+    widths = [len(text) * _LETTER * _LEGEND_SIZE / 72.0 + _HANDLE for text, _ in entries]
+    fitting = (n for n in range(len(entries), 1, -1) if sum(map(max, np.array_split(widths, n))) <= wide)
+    return next(fitting, 1)
+
+
+def _legend_lines(entries: Entries, wide: float) -> int:
+    return -(-len(entries) // _legend_columns(entries, wide))
+
+
+def _add_legend(place: Axes | Figure, entries: Entries, wide: float, **where: Any) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -246,21 +214,7 @@ def _handles(entries: list[tuple[str, str]]) -> tuple[list[Any], list[str]]:
     for _, which in entries:
         look = _LIMIT if which == "limit" else _look(int(which)) if which != "band" else {}
         signs.append(Patch(**_BAND) if which == "band" else Line2D([], [], **look))
-    return signs, [text for text, _ in entries]
-
-
-def _legend_columns(entries: list[tuple[str, str]], wide: float) -> int:
-    """Columns of a legend, filled one after the other, that fit a width [inches]."""
-    widths = [_width(text, _LEGEND_SIZE) + _HANDLE for text, _ in entries]
-    for columns in range(len(entries), 1, -1):
-        if sum(map(max, np.array_split(widths, columns))) <= wide:
-            return columns
-    return 1
-
-
-def _legend(axes: Axes, row: Row, wide: float) -> None:
-    # Outside the axes: inside, it would lie on the curves somewhere.
-    axes.legend(
-        *_handles(row.entries), loc="lower right", bbox_to_anchor=(1.0, 1.01),
-        ncols=_legend_columns(row.entries, wide), **_LEGEND,
+    place.legend(
+        signs, [text for text, _ in entries], ncols=_legend_columns(entries, wide), borderaxespad=0.0, borderpad=0.0,
+        handlelength=2.6, columnspacing=1.2, fontsize=_LEGEND_SIZE, **where,
     )  # fmt: skip

@@ -23,12 +23,7 @@ _THIN, _BROAD = 0.6, 4.0
 def plot_tracking(
     without: Tracking, compensated: Tracking, output: str, input_name: str, input_unit: str, settle: float = 0.0
 ) -> Figure:
-    """Draw the figure.
-
-    `output`: the output to show.
-    `input_name`, `input_unit`: of the command.
-    `settle`: seconds at the start that the errors in the legend leave out.
-    """
+    """Draw one output; `settle`: seconds at the start that the errors in the legend leave out."""
     column = without.names.index(output)
     unit = without.units[column]
     runs = (("without compensation", without, 1), ("with compensation", compensated, 0))

@@ -38,10 +38,7 @@ _BELOW, _HEAD, _RIGHT = 0.75, 0.35, 0.12
 
 
 def plot_where(models: Sequence[tuple[str, Where]]) -> Figure:
-    """Draw the figure.
-
-    `models`: sequence of (str, Where). Label of each model and where it fails, all on the same record.
-    """
+    """Draw where models fail on the same record, by their labels."""
     from matplotlib.figure import Figure
 
     names = list(dict.fromkeys(one.name for _, where in models for one in where.maps))
@@ -62,18 +59,14 @@ def plot_where(models: Sequence[tuple[str, Where]]) -> Figure:
 
 def _new_block(figure: Figure, width: float, height: float, top: float) -> Any:
     """Axes of one block, (rows, columns), at fixed places: equal figures are equal files, and quickly drawn."""
-    axes = np.empty((len(_ROWS), len(_COLUMNS)), dtype=object)
-    below = top
-    for row, (room, tall) in enumerate(_ROWS):
-        below += room + tall
-        left = 0.0
-        for column, (gap, wide) in enumerate(_COLUMNS):
-            left += gap
-            axes[row, column] = figure.add_axes(
-                (left / width, 1.0 - below / height, wide / width, tall / height)
-            )  # fmt: skip
-            left += wide
-    return axes
+    bottom = top + sum(room + tall for room, tall in _ROWS)
+    grid = figure.add_gridspec(
+        2 * len(_ROWS), 2 * len(_COLUMNS), wspace=0.0, hspace=0.0, left=0.0, right=1.0 - _RIGHT / width,
+        top=1.0 - top / height, bottom=1.0 - bottom / height,
+        width_ratios=np.ravel(_COLUMNS), height_ratios=np.ravel(_ROWS),
+    )  # fmt: skip
+    rows, columns = range(len(_ROWS)), range(len(_COLUMNS))
+    return np.array([[figure.add_subplot(grid[2 * r + 1, 2 * c + 1]) for c in columns] for r in rows])
 
 
 def _draw_block(axes: Any, maps: list[Named]) -> None:
@@ -111,14 +104,11 @@ def _link(axes: list[Any]) -> None:
     """Give axes one scale, labelled once."""
     if not axes:
         return
-    low, high = (
-        f(limits) for f, limits in zip((min, max), zip(*(a.get_ylim() for a in axes), strict=True), strict=True)
-    )
-    for index, one in enumerate(axes):
-        if index:
-            one.sharey(axes[0])
-            one.tick_params(labelleft=False)
-    axes[0].set_ylim(low, high)
+    limits = np.array([one.get_ylim() for one in axes])
+    for one in axes[1:]:
+        one.sharey(axes[0])
+        one.tick_params(labelleft=False)
+    axes[0].set_ylim(np.min(limits), np.max(limits))
 
 
 def _draw_shares(axes: Any, breakdown: Breakdown, label: str, color: str, first: bool) -> None:
@@ -138,7 +128,7 @@ def _draw_values(axes: Any, one: ErrorMap, breakdown: Breakdown, color: str, ran
     if breakdown.variable == "time":
         drawing.line(axes, one.time, one.error, color=color, linewidth=0.7)
         if rank:
-            _mark_worst(axes, one, color)
+            _mark_worst(axes, one)
         return
     edges = bin_edges(breakdown)
     if breakdown.variable == "frequency":
@@ -150,7 +140,7 @@ def _draw_values(axes: Any, one: ErrorMap, breakdown: Breakdown, color: str, ran
     axes.stairs(breakdown.mean, edges, color=color, linewidth=1.6, baseline=None)
 
 
-def _mark_worst(axes: Any, one: ErrorMap, color: str) -> None:
+def _mark_worst(axes: Any, one: ErrorMap) -> None:
     for number, stretch in enumerate(one.loud_stretches[:MARKED_STRETCHES], start=1):
         axes.axvspan(stretch.start, stretch.stop, color=drawing.MODELS[1], alpha=0.25, linewidth=0.0)
         axes.annotate(
@@ -164,12 +154,11 @@ def _label(top: Any, below: Any, breakdown: Breakdown, unit: str) -> None:
     variable = breakdown.variable
     top.tick_params(labelbottom=False)
     below.set_xlabel(drawing.label(*axis_name(breakdown)))
+    if variable in {"frequency", "time"}:
+        below.set_ylabel(drawing.label("rms" if variable == "frequency" else "error", unit))
     if variable == "frequency":
-        below.set_ylabel(drawing.label("rms", unit))
         below.set_ylim(bottom=0.0)
-    elif variable == "time":
-        below.set_ylabel(drawing.label("error", unit))
-    if variable != "frequency":
+    else:
         below.axhline(0.0, color=drawing.MEASURED, linewidth=0.6)
     ticks = named_ticks(breakdown)
     for axes in (top, below) if ticks else ():

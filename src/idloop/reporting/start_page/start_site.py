@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import functools
 import json
 import os
@@ -18,15 +17,15 @@ from typing import Any
 from tornado.httpserver import HTTPServer
 from tornado.ioloop import IOLoop
 from tornado.netutil import bind_sockets
-from tornado.web import Application, HTTPError, RequestHandler, StaticFileHandler
+from tornado.web import Application, HTTPError, StaticFileHandler
 
 from idloop.errors import IdloopError, InputError
+from idloop.reporting.serving import JsonHandler, ServerThread
 
 HERE = Path(__file__).parent
 SHARED = HERE.parent / "workbench" / "assets"
 KEY_HEADER = "X-Idloop-Key"
 MOST_BYTES = 1 << 30  # of a file
-_START_TIMEOUT = 30.0
 
 
 @dataclass(frozen=True)
@@ -48,23 +47,9 @@ def plain_names(text: str, files: list[Path]) -> str:
 
 
 class StartSite:
-    """The running page.
+    """The running page; `address` is what to open in a browser on this machine.
 
-    Parameters
-    ----------
-    steps : Steps
-    port : int
-        0 takes any that is free.
-
-    Attributes
-    ----------
-    address : str
-        What to open in a browser on this machine.
-
-    Raises
-    ------
-    InputError
-        The port cannot be listened on.
+    `port`: 0 takes any that is free. Raises InputError: the port cannot be listened on.
     """
 
     def __init__(self, steps: Steps, port: int = 0) -> None:
@@ -83,23 +68,14 @@ class StartSite:
             ) from None
         self.host = f"127.0.0.1:{self._sockets[0].getsockname()[1]}"
         self.address = f"http://{self.host}/"
-        self._loop: IOLoop | None = None
-        self._ready = threading.Event()
-        self._thread = threading.Thread(target=self._serve, name="start page", daemon=True)
-        self._thread.start()
-        if not self._ready.wait(_START_TIMEOUT):
-            raise IdloopError(f"the page was not served within {_START_TIMEOUT:g} s")
+        self._thread = ServerThread("start page", self._serve, self._end)
 
     def close(self) -> None:
         """End the server, and remove the copies of the files."""
-        if self._loop is not None:
-            self._loop.add_callback(self._loop.stop)
-            self._thread.join(timeout=5.0)
+        self._thread.close()
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def _serve(self) -> None:
-        asyncio.set_event_loop(asyncio.new_event_loop())
-        self._loop = IOLoop.current()
         own = {"site": self}
         application = Application(
             [
@@ -113,41 +89,28 @@ class StartSite:
             # What is refused is said on the page; a fault is logged by tornado all the same.
             log_function=lambda _: None,
         )
-        server = HTTPServer(application, max_body_size=MOST_BYTES, max_buffer_size=MOST_BYTES)
-        server.add_sockets(self._sockets)
-        self._loop.add_callback(self._ready.set)
-        self._loop.start()
-        server.stop()
-        self._loop.close()
+        self._server = HTTPServer(application, max_body_size=MOST_BYTES, max_buffer_size=MOST_BYTES)
+        self._server.add_sockets(self._sockets)
+
+    async def _end(self) -> None:
+        self._server.stop()
 
 
-class _Handler(RequestHandler):
+class _Handler(JsonHandler[StartSite]):
     """A request of the page: of this machine alone, whatever name another site gives it."""
 
-    site: StartSite
-
-    def initialize(self, site: StartSite) -> None:
-        self.site = site
-
     def prepare(self) -> None:
+        super().prepare()
         own = {self.site.host, self.site.host.replace("127.0.0.1", "localhost")}
-        if self.request.host not in own:
+        key = self.request.headers.get(KEY_HEADER, "")
+        ordered = self.request.method != "POST" or secrets.compare_digest(key.encode(), self.site.key.encode())
+        if self.request.host not in own or not ordered:
             raise HTTPError(403)
-        if self.request.method == "POST" and not secrets.compare_digest(
-            self.request.headers.get(KEY_HEADER, "").encode(), self.site.key.encode()
-        ):
-            raise HTTPError(403)
-        self.set_header("Cache-Control", "no-store")
         self.set_header("X-Frame-Options", "DENY")
         self.set_header(
             "Content-Security-Policy",
             "default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; form-action 'none'",
         )
-
-    def answer(self, document: dict[str, Any], status: int = 200) -> None:
-        self.set_status(status)
-        self.set_header("Content-Type", "application/json")
-        self.finish(json.dumps(document))
 
 
 class PageHandler(_Handler):

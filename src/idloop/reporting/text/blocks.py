@@ -4,19 +4,14 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table with one header line.
-
-    Attributes
-    ----------
-    header : tuple of str
-    rows : tuple of tuple of str
-    """
+    """A table with one header line."""
 
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
@@ -26,6 +21,11 @@ class Table:
         """Table of any iterables; cells become text."""
         return cls(tuple(header), tuple(tuple(map(str, row)) for row in rows))
 
+    @classmethod
+    def by_column(cls, columns: Mapping[str, Callable[..., str]], items: Iterable[tuple[Any, ...]]) -> Table:
+        """Table with a row for each item: each column is its title and what it shows of the parts of an item."""
+        return cls.of(columns, [[show(*item) for show in columns.values()] for item in items])
+
 
 # A line of text, an empty one between two parts, or a table.
 Block = str | Table
@@ -34,11 +34,6 @@ Block = str | Table
 def number(value: float | None, digits: int = 4) -> str:
     """Text of a number in tables; "-" where there is none."""
     return "-" if value is None or not math.isfinite(value) else f"{value:.{digits}g}"
-
-
-def format_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Text of aligned columns: words to the left, numbers to the right."""
-    return _table_text(Table.of(header, rows))
 
 
 def as_text(blocks: Iterable[Block]) -> str:

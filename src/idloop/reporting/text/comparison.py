@@ -1,4 +1,4 @@
-"""A model beside records in words: measures of every output, residual tests, where the model fails."""
+"""A model beside records in words: measures, residual tests, where it fails, and what a first fit is worth."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from idloop.reporting.residual_findings import residual_findings
+from idloop.records.inspection.grade import EVERYTHING, NOT_USABLE
+from idloop.reporting.residual_findings import residual_findings, residual_line
 from idloop.reporting.text.blocks import Block, Table, number
-from idloop.spelling import listed
+from idloop.spelling import joined_names, listed
 from idloop.validation.words import fit_text, force_text
 
 if TYPE_CHECKING:
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
     from idloop.validation.where import ErrorMap
 
     Rows = Sequence[tuple[str, Comparison]]
+    from idloop.physics import Model
+    from idloop.records.inspection.inspection import Inspection
+
 
 # Of what stands out: so much of the first error, the drive force where there is one, and of every further one.
 _FIRST, _FURTHER = 2, 1
@@ -25,29 +29,17 @@ _GOOD, _MISSES = 90.0, 20.0
 
 
 def measures_of(rows: Rows) -> Iterator[Block]:
-    """Yield the table of measures, one line for each output.
-
-    `rows`: sequence of (str, Comparison). What the first column says, and the comparison.
-    """
+    """Yield the table of measures, one line for each output; a row is what the first column says and a comparison."""
     table = []
     for label, comparison in rows:
         measures = zip(comparison.names, comparison.model.outputs, strict=True)
         for index, (name, output) in enumerate(measures):
-            force = comparison.force
-            table.append(
-                (
-                    label,
-                    comparison.record.name,
-                    name,
-                    fit_text(comparison.fit[name]),
-                    number(comparison.nrmse[name]),
-                    number(comparison.rmse[name]),
-                    output.unit,
-                    fit_text(comparison.fit_ahead[name]),
-                    # One force for the whole record: printed once.
-                    "-" if force is None or index else force_text(force.relative, 4),
-                )
-            )
+            # One force for the whole record: printed once.
+            force = None if index else comparison.force
+            fit, ahead = fit_text(comparison.fit[name]), fit_text(comparison.fit_ahead[name])
+            errors = (number(comparison.nrmse[name]), number(comparison.rmse[name]), output.unit, ahead)
+            relative = "-" if force is None else force_text(force.relative, 4)
+            table.append((label, comparison.record.name, name, fit, *errors, relative))
     steps = rows[0][1].steps
     header = ("", "record", "output", "FIT %", "NRMSE", "RMSE", "unit", f"FIT % {steps} ahead", "force error %")
     yield Table.of(header, table)
@@ -117,18 +109,11 @@ def hint(rows: Rows) -> Iterator[Block]:
 def details(rows: Rows) -> Iterator[Block]:
     """Yield every residual test and every share of the error by region of motion."""
     for label, comparison in rows:
-        for test in (one.test for one in residual_findings([comparison])):
-            white = "white" if test.white else "not white"
-            free = f" (p {test.cross_p:.2g})" if test.decided else ""
-            yield (
-                f"{label}: residual of {test.name} is {white} (Ljung-Box p {test.ljung_box_p:.2g})"
-                f" and {test.freedom}{free}"
-            )
+        for one in residual_findings([comparison]):
+            yield residual_line(label, one.test)
         for name, regions in comparison.share.items():
-            parts = (
-                f"{region} {100 * part['error']:.0f} % (of time {100 * part['time']:.0f} %)"
-                for region, part in regions.items()
-            )
+            shares = {region: (100 * part["error"], 100 * part["time"]) for region, part in regions.items()}
+            parts = (f"{region} {error:.0f} % (of time {time:.0f} %)" for region, (error, time) in shares.items())
             yield f"{label}: squared error of {name}: {', '.join(parts)}"
 
 
@@ -172,3 +157,83 @@ def brief_map(one: ErrorMap, most: int) -> list[str]:
         shown += [line for line in rest if line.startswith("  a curve over one variable")]
         shown += [f"  worst: {stretch.line()}" for stretch in one.loud_stretches[:1]]
     return shown
+
+
+_GAIN, _LOOP_GAIN = "drive.gain", "drive.proportional"
+_FORCE = 0.1  # force error above which a model lacks something, however well its free run follows
+
+
+def verdict(inspections: Sequence[Inspection], rows: Sequence[tuple[str, Comparison]]) -> str:
+    """One sentence that weighs the fit and the faults of what was fitted; `rows` as `measures_of` takes them."""
+    worst = worst_output(rows)
+    if worst is None:
+        model = "no free run could be judged"
+    elif worst.good and (forces := [force for _, one in rows if (force := _force_left(one)) > _FORCE]):
+        model = (
+            f"the free run follows the motion (FIT {fit_text(worst.fit, 4, ' %')} or more), but the force error is"
+            f" up to {force_text(max(forces), 3, ' %')}: a diagnosis looks for the physical effect that the model lacks"
+        )
+    elif worst.good:
+        model = f"the model describes what was recorded (FIT of the free run {fit_text(worst.fit, 4, ' %')} or more)"
+    else:
+        model = f"{worst.text}: a diagnosis looks for the physical effect that the model lacks"
+    return f"{model}; {_recordings(inspections)}"
+
+
+def _force_left(one: Comparison) -> float:
+    """Force error of a record that sensor noise does not explain; 0 where there is none."""
+    return one.force.relative if one.force is not None and one.force.trusted else 0.0
+
+
+def _recordings(inspections: Sequence[Inspection]) -> str:
+    # What one record does not show another may.
+    spoilt = [{name: None for fault in one.faults for name in fault.spoils} for one in inspections]
+    everywhere = [name for name in spoilt[0] if all(name in one for one in spoilt)]
+    said = []
+    if everywhere:
+        which = "the recording is not" if len(inspections) == 1 else "no recording is"
+        said.append(f"{which} usable for {joined_names(everywhere)}, whatever FIT and intervals say")
+    if alone := [one.path.name for one in inspections if one.grade == f"{NOT_USABLE} {EVERYTHING}"]:
+        said.append(f"{listed(alone, 3)} can be used beside others only")
+    if said:
+        return "; ".join(said)
+    return "mind the warnings above" if any(one.faults for one in inspections) else "the recording shows no fault"
+
+
+def referred_load(model: Model) -> Iterator[Block]:
+    """Yield how far a load moves beside the axis that drives it, and that its values are those that the axis feels."""
+    first = model.bodies[0]
+    for output in model.outputs:
+        body = output.body
+        if body != first and output.field == "position" and output.scale != 1.0:
+            yield (
+                f"{output.joint}.position moves {output.scale:.6g} times as far as {first}, which the data show:"
+                f" inertia, friction and stiffness at {body} are those that {first} feels; divide them by"
+                f" {output.scale**2:.6g} for those at {body} itself"
+            )
+
+
+def held_inertia(model: Model) -> Iterator[Block]:
+    """Yield that the inertia is not known, where the command is no force and only ratios to it show."""
+    if model.loop is not None and _LOOP_GAIN in model.free:
+        command = "the gain of the loop in the drive is not known, and a set-point"
+    elif _GAIN in model.free:
+        command = "a command without a unit" if model.input.unit == "-" else f"a command in {model.input.unit}"
+    else:
+        return
+    # A time does not depend on the scale of forces.
+    scaled = [name for name in model.free if model.parameter(name).unit != "s"]
+    free = joined_names(scaled)
+    for name in (f"{body}.inertia" for body in model.bodies):
+        one = model.parameter(name)
+        if name not in model.free:
+            yield (
+                f"{name} is held at {one.value:g} {one.unit}: {command} is no force, so the data show"
+                f" only ratios to the inertia. If it is larger by a factor, {free}"
+                f" {'is' if len(scaled) == 1 else 'are'} larger by the same factor"
+            )
+    if model.loop is not None:
+        yield (
+            "gains of the drive that are known tell friction, delay and lag apart: write them into model.yaml"
+            " (`drive: {proportional: ..., derivative: ...}`), and let the inertia be estimated"
+        )

@@ -1,4 +1,4 @@
-"""A diagnosis in words: what the data can show, the ranked effects, ties, the verdict."""
+"""A diagnosis and a ladder in words: effects and ties, steps and parameters, the verdict, what would be next."""
 
 from __future__ import annotations
 
@@ -6,15 +6,37 @@ from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from idloop.diagnosis.equivalence.equivalent_effects import without_equivalents
+from idloop.diagnosis.equivalence.equivalent_effects import equivalent_effects_of_ladder, without_equivalents
+from idloop.estimation.statistics.interval_text import interval_text
 from idloop.p_values import p_value_text
+from idloop.reporting.estimates import (
+    held_parameters,
+    not_determined,
+    parameter_estimates,
+    parameters_text,
+    read_off_parameters,
+    tie_text,
+)
+from idloop.reporting.next_experiment import experiment_blocks
 from idloop.reporting.residual_findings import residual_warnings
-from idloop.reporting.text.blocks import Block, Table
-from idloop.reporting.text.parameters import parameters_text, tie_text
-from idloop.reporting.verdicts import MISSING, basis, explained_of, reserved_ending, scope_text
+from idloop.reporting.scores import disagreements, judging, step_scores
+from idloop.reporting.terms import DATA_USE
+from idloop.reporting.text.blocks import Block, Table, number
+from idloop.reporting.verdicts import (
+    CRITERIA,
+    MISSING,
+    basis,
+    conclusion,
+    explained_of,
+    reserved_ending,
+    scope_text,
+    significant_not_added,
+    undetectable,
+)
+from idloop.validation.where import DRIVE_FORCE
 
 if TYPE_CHECKING:
-    from idloop.diagnosis import Candidate, Diagnosis
+    from idloop.diagnosis import Candidate, Diagnosis, Ladder
     from idloop.diagnosis.equivalence.equivalent_effects import EquivalentEffects
     from idloop.diagnosis.evidence.detection_limit import DetectionLimit
     from idloop.diagnosis.worsened import Worsened
@@ -82,21 +104,13 @@ def _candidates(
     candidates: Sequence[Candidate], tied: Sequence[str], limits: Mapping[str, DetectionLimit], *, everything: bool
 ) -> Iterator[Block]:
     rows = []
-    for candidate in candidates:
-        if candidate.model is None and not everything:
-            continue
-        mark = "*" if tied and candidate.name == tied[0] else "=" if candidate.name in tied else ""
-        rows.append(
-            (
-                mark,
-                candidate.name,
-                p_value_text(candidate.p_value),
-                f"{100.0 * candidate.explains:.1f}" if candidate.model is not None else "-",
-                parameters_text(candidate.parameters) if candidate.model is not None else "-",
-                candidate.testable,
-                limits[candidate.name].short if candidate.name in limits else "-",
-            )
-        )
+    for one in candidates:
+        fitted = one.model is not None
+        if fitted or everything:
+            mark = "*" if tied and one.name == tied[0] else "=" if one.name in tied else ""
+            shown = (f"{100.0 * one.explains:.1f}", parameters_text(one.parameters)) if fitted else ("-", "-")
+            limit = limits[one.name].short if one.name in limits else "-"
+            rows.append((mark, one.name, p_value_text(one.p_value), *shown, one.testable, limit))
     if rows:
         yield Table.of(("", "effect", "p", "explains %", "parameters (95 %)", "testable", "would show with"), rows)
     screened = sum(candidate.model is None for candidate in candidates)
@@ -112,3 +126,73 @@ def _tie(text: str, tied: Sequence[str], twins: Sequence[EquivalentEffects]) -> 
     for group in twins:
         if group.names[0] in tied:
             yield from group.lines
+
+
+def ladder_blocks(ladder: Ladder, left: Sequence[ResidualFinding] = ()) -> Iterator[Block]:
+    """Yield the table of steps, the verdict with its physics and caveats, and what would be next.
+
+    `left`: residual tests of the last model on the fitted data.
+    """
+    yield from ladder.findings
+    kind = judging(ladder)
+    names = list(ladder.steps[0].model.output_names)
+    scores = [step_scores(step, kind) for step in ladder.steps]
+    forces = any(DRIVE_FORCE in found for found in scores)
+    rows = []
+    for step, found in zip(ladder.steps, scores, strict=True):
+        added, shown = step.added, (*names, *([DRIVE_FORCE] if forces else []))
+        evidence = "-" if added is None else "own choice" if step.chosen_by == "user" else p_value_text(step.p_value)
+        cells = (found[name].cell if name in found else "-" for name in shown)
+        what, parameters = ("start", "") if added is None else (f"+ {added.name}", parameters_text(added.parameters))
+        rows.append((what, evidence, *cells, parameters))
+    measured = [*(f"FIT % {name}" for name in names), *(["force error %"] if forces else [])]
+    yield Table.of(("step", "p", *measured, "parameters at that step (95 %)"), rows)
+    yield f"(fitted to {CRITERIA[ladder.criterion]}; errors of the {DATA_USE[kind]} data)"
+    for step in ladder.steps:
+        others = ladder.rivals(step)
+        if step.added is not None:
+            yield f"{step.added.name}: {step.added.text}"
+            if replaced := ladder.replaced(step):
+                yield f"  {replaced}"
+        if others:
+            yield f"  this data cannot tell it from {', '.join(others)}"
+    for group in equivalent_effects_of_ladder(ladder):
+        yield from group.lines
+    yield f"verdict: {conclusion(ladder, left, scope_text(ladder))}"
+    for one in ladder.worsened:
+        yield f"warning: {one.text}"
+    yield from disagreements(ladder)
+    if ladder.unknown is not None:
+        yield ladder.unknown.text
+    yield from residual_warnings(ladder.verdict, left)
+    over = ", ".join(f"{one.name} (p {p_value_text(one.p_value)})" for one in significant_not_added(ladder))
+    if over and ladder.verdict == "missing":
+        yield f"significant as well: {over}"
+    for name, why in ladder.passed_over.items():
+        yield f"significant on the fitted data, yet not added: {name}: {why}"
+    hidden = undetectable(ladder)
+    if hidden:
+        lacking = ["what is still missing"] if ladder.verdict == "missing" else []
+        yield f"{basis(lacking)}this data cannot show: {', '.join(hidden)}"
+    suggested = ladder.suggested_experiment
+    if suggested is not None:
+        yield from experiment_blocks(suggested)
+
+
+def parameter_blocks(ladder: Ladder) -> Iterator[Block]:
+    """Yield the last model's parameters: those of a step are biased by what was still missing then."""
+    rows = []
+    for name, one in parameter_estimates(ladder.model).items():
+        interval = "not determined" if None in one["interval"] else interval_text(*one["interval"])
+        unit = f"{one['unit']}{'  at its bound' if one['at_bound'] else ''}"
+        rows.append((name, number(one["value"], 6), interval, unit))
+    if rows:
+        yield ""
+        yield "parameters of the last model, all refitted:"
+        yield Table.of(("parameter", "value", "95 % interval", "unit"), rows)
+    yield from not_determined(ladder.model)
+    for name, read in read_off_parameters(ladder).items():
+        yield f"read off the readings: {name} {number(read.value, 6)} {read.unit}"
+    held = [f"{name} {number(one.value)} {one.unit}".rstrip(" -") for name, one in held_parameters(ladder).items()]
+    if held:
+        yield f"held, not estimated: {', '.join(held)}"

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from idloop.p_values import p_text
+from idloop.reporting.residual_findings import residual_line
 from idloop.reporting.text.blocks import Block, Table, number
 from idloop.spelling import listed
 from idloop.validation.identification_outcome import Outcome, best_values, mean
@@ -19,6 +20,7 @@ _AT_ZERO = 1e-12
 _SURE = 0.3  # of a response's size, its standard error where the response is known
 _LOUD = 1e-3  # share of the command's power that is noise: less biases no more than other errors do
 _SEEN = 0.05  # probability of so much by chance below which nonlinearity is seen
+_CRITERIA = ("loss", "FPE", "AIC", "BIC")
 _EDGE = 1e-3  # a pole this close to the unit circle is as good as on it
 
 
@@ -38,24 +40,14 @@ def outcomes_blocks(outcomes: Sequence[Outcome], steps: int) -> Iterator[Block]:
     for one in outcomes:
         if one.score is None:
             continue
-        said = _criteria(one)
-        for index, name in enumerate(one.score.output_names):
-            first = index == 0
-            rows.append(
-                (
-                    one.label if first else "",
-                    _text(one.states) if first else "",
-                    _text(None if one.found is None else one.found.delay) if first else "",
-                    name,
-                    fit_text(float(one.score.free_run[index])),
-                    fit_text(float(one.score.ahead[index])),
-                    *(said if first else [""] * len(said)),
-                    _stability(one) if first else "",
-                )
-            )
+        delay = None if one.found is None else one.found.delay
+        head, tail = [one.label, _text(one.states), _text(delay)], [*_criteria(one), _stability(one)]
+        for name, free_run, ahead in zip(one.score.output_names, one.score.free_run, one.score.ahead, strict=True):
+            rows.append([*head, name, fit_text(float(free_run)), fit_text(float(ahead)), *tail])
+            head, tail = [""] * len(head), [""] * len(tail)
     if rows:
         header = ("method", "states", "delay", "output", "FIT % free run", f"FIT % {steps} ahead")
-        yield Table.of([*header, "loss", "FPE", "AIC", "BIC", "stable"], rows)
+        yield Table.of([*header, *_CRITERIA, "stable"], rows)
 
 
 def responses_blocks(outcomes: Sequence[Outcome]) -> Iterator[Block]:
@@ -66,24 +58,22 @@ def responses_blocks(outcomes: Sequence[Outcome]) -> Iterator[Block]:
             continue
         model: Any = one.found.model
         impulse = hasattr(model, "lag")
-        fine = None if impulse else model.resolution
         for column, name in enumerate(model.output_names):
+            unit, smoothed, heard = ("s" if impulse else "Hz"), "-", None
             if impulse:
                 size, at = abs(model.response[:, column]), model.time
-                row = (f"{at[0]:.4g} to {at[-1]:.4g} s", "-", "-")
-                peak = (number(float(size.max())), f"{number(at[size.argmax()])} s")
+                sure = slice(None)
             else:
                 kept = model.resolved
                 size, at = abs(model.response[kept, column, 0]), model.frequency[kept]
                 heard = None if model.coherence is None else sorted(model.coherence[kept, column])[len(at) // 2]
-                smoothed = "-" if fine is None else f"{number(fine)} Hz"
-                row = (f"{at[0]:.4g} to {at[-1]:.4g} Hz", smoothed, number(heard))
+                smoothed = "-" if model.resolution is None else f"{number(model.resolution)} Hz"
                 # Where next to nothing was sent in, what is largest is an error.
                 sure = model.stderr[kept, column, 0] < _SURE * size
-                peak = ("-", "-")
-                if sure.any():
-                    peak = (number(float(size[sure].max())), f"{number(at[sure][size[sure].argmax()])} Hz")
-            rows.append((one.label, name, str(len(at)), row[0], row[1], *peak, row[2]))
+            known, where = size[sure], at[sure]
+            peak = (number(float(known.max())), f"{number(where[known.argmax()])} {unit}") if len(known) else ("-", "-")
+            span = f"{at[0]:.4g} to {at[-1]:.4g} {unit}"
+            rows.append((one.label, name, str(len(at)), span, smoothed, *peak, number(heard)))
     if rows:
         yield Table.of(["method", "output", "points", "range", "resolution", "largest", "at", "median coherence"], rows)
 
@@ -218,12 +208,7 @@ def notes_blocks(outcomes: Sequence[Outcome]) -> Iterator[Block]:
             if note:
                 yield f"{one.label}: {note}"
         for test in one.score.tests if one.score is not None else ():
-            white = "white" if test.white else "not white"
-            free = f" (p {test.cross_p:.2g})" if test.decided else ""
-            yield (
-                f"{one.label}: residual of {test.name} is {white} (Ljung-Box p {test.ljung_box_p:.2g})"
-                f" and {test.freedom}{free}"
-            )
+            yield residual_line(one.label, test)
 
 
 def loop_text(loop: Loop, biased: Sequence[str]) -> str:
@@ -248,38 +233,25 @@ def sweep_blocks(
     name: str, unit: str | None, rows: Sequence[tuple[float, Outcome]], steps: int, smallest: Mapping[str, float]
 ) -> Iterator[Block]:
     """Yield one line for each value and method, then the best value of each method, and a lower order as good."""
+    of_records, failed = any(one.record for _, one in rows), any(one.error for _, one in rows)
     table = []
-    of_records = any(one.record for _, one in rows)
     for value, one in rows:
-        table.append(
-            (
-                *((one.record, number(value, 4)) if of_records else (number(value, 6),)),
-                one.label,
-                _text(one.states),
-                fit_text(mean(one, "free_run")),
-                fit_text(mean(one, "ahead")),
-                *_criteria(one),
-                _stability(one),
-                one.error,
-            )
-        )
+        swept = (one.record, number(value, 4)) if of_records else (number(value, 6),)
+        fits = (fit_text(mean(one, kind)) for kind in ("free_run", "ahead"))
+        error = [one.error] if failed else []
+        table.append((*swept, one.label, _text(one.states), *fits, *_criteria(one), _stability(one), *error))
     swept = ("record", f"{name} [{unit}]") if of_records else (name,)
-    header = (*swept, "method", "states", "mean FIT % free run", f"mean FIT % {steps} ahead")
-    failed = any(row[-1] for row in table)
-    every = [*header, "loss", "FPE", "AIC", "BIC", "stable", *(["failed"] if failed else [])]
-    yield Table.of(every, table if failed else [row[:-1] for row in table])
+    header = (*swept, "method", "states", "mean FIT % free run", f"mean FIT % {steps} ahead", *_CRITERIA, "stable")
+    yield Table.of([*header, "failed"] if failed else header, table)
     yield ""
     for label, value in best_values(rows).items():
-        fit = next(mean(one, "free_run") for at, one in rows if one.label == label and at == value)
+        runs = {at: mean(one, "free_run") for at, one in reversed(rows) if one.label == label}
         at_best = f"{value:.4g} {unit}" if of_records else f"{value:g}"
-        yield f"{label}: best free run at {name} {at_best}: mean FIT {fit_text(fit, 4, ' %')}"
+        yield f"{label}: best free run at {name} {at_best}: mean FIT {fit_text(runs[value], 4, ' %')}"
         least = smallest.get(label, value)
         if least != value:
-            close = next(mean(one, "free_run") for at, one in rows if one.label == label and at == least)
-            yield (
-                f"{label}: {name} {least:g} is as good as that within what these data tell:"
-                f" mean FIT {fit_text(close, 4, ' %')}"
-            )
+            close = fit_text(runs[least], 4, " %")
+            yield f"{label}: {name} {least:g} is as good as that within what these data tell: mean FIT {close}"
 
 
 def _criteria(one: Outcome) -> list[str]:

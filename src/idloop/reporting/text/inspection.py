@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 from idloop.records.inspection.grade import what
 from idloop.reporting.text.blocks import Block, Table, number
@@ -13,33 +14,68 @@ from idloop.spelling import listed
 if TYPE_CHECKING:
     from idloop.records import Finding, Inspection
 
-_TOPICS = (
-    "topic",
-    "type",
-    "messages",
-    "rate Hz",
-    "period ms",
-    "jitter p50 ms",
-    "p99 ms",
-    "max ms",
-    "lost",
-    "stamps",
-    "delay p99 ms",
-)
-_COMMANDS = (
-    "command",
-    "min",
-    "max",
-    "rms about mean",
-    "crest",
-    "levels",
-    "90 % band Hz",
-    "sign changes",
-    "at limits %",
-    "zero %",
-)
 _NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
-_MEASURED = ("measured", "topic", "min", "max", "step", "moves", "reversals")
+
+
+def _milli(seconds: float | None) -> str:
+    return number(None if seconds is None else 1e3 * seconds, 3)
+
+
+_JOINTS: dict[str, Callable[[str, Any], str]] = {
+    "joint": lambda name, joint: name,
+    "command": lambda name, joint: joint.command or "-",
+    "grade": lambda name, joint: joint.grade,
+    "faults": lambda name, joint: ", ".join(joint.faults) or "-",
+}
+_RECORDINGS: dict[str, Callable[[Inspection], str]] = {
+    "recording": lambda one: one.path.name,
+    "samples": lambda one: str(max((axis.time.size for axis in one.axes), default=0)),
+    "s": lambda one: number(max((float(axis.time[-1] - axis.time[0]) for axis in one.axes), default=math.nan)),
+    "period ms": lambda one: _milli(min((axis.period for axis in one.axes), default=None)),
+    "joints": lambda one: ", ".join(one.joints) or "-",
+    "grade": lambda one: one.grade,
+    "reason": lambda one: one.grade_reason if len(one.grade_reason) < 60 else one.grade_reason[:57] + "...",
+}
+_TOPICS: dict[str, Callable[[Any], str]] = {
+    "topic": lambda topic: topic.name,
+    "type": lambda topic: topic.type,
+    "messages": lambda topic: str(topic.count),
+    "rate Hz": lambda topic: number(topic.stamps.rate),
+    "period ms": lambda topic: _milli(topic.stamps.period),
+    "jitter p50 ms": lambda topic: _milli(topic.stamps.jitter["p50"]),
+    "p99 ms": lambda topic: _milli(topic.stamps.jitter["p99"]),
+    "max ms": lambda topic: _milli(topic.stamps.jitter["max"]),
+    "lost": lambda topic: str(topic.stamps.lost) if topic.stamps.regular else "-",
+    "stamps": lambda topic: "header" if topic.stamped else "receive",
+    "delay p99 ms": lambda topic: _milli(topic.delay.get("p99")),
+}
+_COMMANDS: dict[str, Callable[[str, Any], str]] = {
+    "command": lambda name, one: name,
+    "min": lambda name, one: number(one.minimum),
+    "max": lambda name, one: number(one.maximum),
+    "rms about mean": lambda name, one: number(one.rms),
+    "crest": lambda name, one: number(one.crest_factor, 3),
+    "levels": lambda name, one: "many" if one.levels > 64 else str(one.levels),
+    "90 % band Hz": lambda name, one: f"{one.band_hz[0]:.3g} to {one.band_hz[1]:.3g}",
+    "sign changes": lambda name, one: str(one.sign_changes),
+    "at limits %": lambda name, one: number(100 * one.limit_share, 3),
+    "zero %": lambda name, one: number(100 * one.zero_share, 3),
+}
+_MEASURED: dict[str, Callable[[str, str, Any], str]] = {
+    "measured": lambda name, topic, one: name,
+    "topic": lambda name, topic, one: topic,
+    "min": lambda name, topic, one: number(one.minimum),
+    "max": lambda name, topic, one: number(one.maximum),
+    "step": lambda name, topic, one: number(one.resolution, 3),
+    "moves": lambda name, topic, one: "yes" if one.moves else "no",
+    "reversals": lambda name, topic, one: str(one.reversals),
+}
+_CONDITIONS: dict[str, Callable[[str, Any], str]] = {
+    "condition": lambda name, one: f"{name} [{one.unit or '?'}]",
+    "values": lambda name, one: str(one.count),
+    "min": lambda name, one: number(one.minimum),
+    "max": lambda name, one: number(one.maximum),
+}
 
 
 def inspection_blocks(inspection: Inspection) -> Iterator[Block]:
@@ -49,14 +85,24 @@ def inspection_blocks(inspection: Inspection) -> Iterator[Block]:
     yield from _lines([one for one in inspection.findings if one.level != "warning"])
     if len(inspection.joints) > 1:
         yield ""
-        yield Table.of(
-            ["joint", "command", "grade", "faults"],
-            [
-                (name, joint.command or "-", joint.grade, ", ".join(joint.faults) or "-")
-                for name, joint in inspection.joints.items()
-            ],
-        )
-    yield from _tables(inspection)
+        yield Table.by_column(_JOINTS, inspection.joints.items())
+    yield ""
+    yield Table.by_column(_TOPICS, zip(inspection.topics, strict=True))
+    commands = [(_with_unit(name, inspection), one) for name, one in inspection.commands.items()]
+    measured = [
+        (_with_unit(name, inspection), topic, one)
+        for topic, found in inspection.signals.items()
+        for name, one in found.items()
+    ]
+    tables: tuple[tuple[Mapping[str, Callable[..., str]], Iterable[tuple[Any, ...]]], ...] = (
+        (_COMMANDS, commands),
+        (_MEASURED, measured),
+        (_CONDITIONS, inspection.conditions.items()),
+    )
+    for columns, items in tables:
+        if items:
+            yield ""
+            yield Table.by_column(columns, items)
     if inspection.insights:
         yield ""
     for sentence in inspection.insights:
@@ -65,21 +111,7 @@ def inspection_blocks(inspection: Inspection) -> Iterator[Block]:
 
 def comparison_blocks(inspections: Sequence[Inspection], between: Sequence[Finding]) -> Iterator[Block]:
     """Yield a row for each recording, then the faults between them, then those of each."""
-    yield Table.of(
-        ["recording", "samples", "s", "period ms", "joints", "grade", "reason"],
-        [
-            (
-                one.path.name,
-                str(max((axis.time.size for axis in one.axes), default=0)),
-                number(max((float(axis.time[-1] - axis.time[0]) for axis in one.axes), default=float("nan"))),
-                _milli(min((axis.period for axis in one.axes), default=None)),
-                ", ".join(one.joints) or "-",
-                one.grade,
-                one.grade_reason if len(one.grade_reason) < 60 else one.grade_reason[:57] + "...",
-            )
-            for one in inspections
-        ],
-    )
+    yield Table.by_column(_RECORDINGS, zip(inspections, strict=True))
     yield ""
     yield from _lines(between) if between else ["No fault between the recordings: joints, units, sample times, gains."]
     if faulty := [one for one in inspections if one.faults]:
@@ -107,9 +139,8 @@ def recording_lines(inspections: Sequence[Inspection], count: int = 0) -> Iterat
         names = list(dict.fromkeys(name for name, _ in those))
         name, worst = max(those, key=lambda one: one[1].count)
         every = count or len(inspections)
-        where = (
-            f"all {every} records" if len(names) == every else f"{len(names)} of {every} records ({listed(names, 6)})"
-        )
+        part = f"{len(names)} of {every} records ({listed(names, 6)})"
+        where = f"all {every} records" if len(names) == every else part
         yield from _lines([worst], f" in {where}, here {name}")
 
 
@@ -133,78 +164,6 @@ def _lines(findings: Sequence[Finding], where: str = "") -> Iterator[str]:
     for finding in findings:
         more = "" if finding.cure in finding.text else f"; {finding.cure}"
         yield f"{finding.level}{where}: {finding.text}{more}"
-
-
-def _tables(inspection: Inspection) -> Iterator[Block]:
-    yield ""
-    yield Table.of(
-        _TOPICS,
-        [
-            (
-                topic.name,
-                topic.type,
-                str(topic.count),
-                number(topic.stamps.rate),
-                _milli(topic.stamps.period),
-                _milli(topic.stamps.jitter["p50"]),
-                _milli(topic.stamps.jitter["p99"]),
-                _milli(topic.stamps.jitter["max"]),
-                str(topic.stamps.lost) if topic.stamps.regular else "-",
-                "header" if topic.stamped else "receive",
-                _milli(topic.delay.get("p99")),
-            )
-            for topic in inspection.topics
-        ],
-    )
-    if inspection.commands:
-        yield ""
-        yield Table.of(
-            _COMMANDS,
-            [
-                (
-                    _with_unit(name, inspection),
-                    number(item.minimum),
-                    number(item.maximum),
-                    number(item.rms),
-                    number(item.crest_factor, 3),
-                    "many" if item.levels > 64 else str(item.levels),
-                    f"{item.band_hz[0]:.3g} to {item.band_hz[1]:.3g}",
-                    str(item.sign_changes),
-                    number(100 * item.limit_share, 3),
-                    number(100 * item.zero_share, 3),
-                )
-                for name, item in inspection.commands.items()
-            ],
-        )
-    rows = [
-        (
-            _with_unit(name, inspection),
-            topic,
-            number(item.minimum),
-            number(item.maximum),
-            number(item.resolution, 3),
-            "yes" if item.moves else "no",
-            str(item.reversals),
-        )
-        for topic, found in inspection.signals.items()
-        for name, item in found.items()
-    ]
-    if rows:
-        yield ""
-        yield Table.of(_MEASURED, rows)
-    if inspection.conditions:
-        yield ""
-        yield Table.of(
-            ["condition", "values", "min", "max"],
-            [
-                (f"{name} [{one.unit or '?'}]", str(one.count), number(one.minimum), number(one.maximum))
-                for name, one in inspection.conditions.items()
-            ],
-        )
-
-
-def _milli(seconds: float | None) -> str:
-    return number(None if seconds is None else 1e3 * seconds, 3)
 
 
 def _with_unit(name: str, inspection: Inspection) -> str:

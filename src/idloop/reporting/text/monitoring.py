@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from idloop.reporting.text.blocks import Block, Table, number
@@ -12,6 +12,32 @@ if TYPE_CHECKING:
     from idloop.records import Record
 
 _MOST_ALARMS = 12  # in the table; the JSON document has all
+
+
+def _interval(growth: Any) -> str:
+    return f"{growth.low:.3g} .. {growth.high:.3g}"
+
+
+_STATES: dict[str, Callable[[WatchState], str]] = {
+    "watched": lambda state: state.parameter,
+    "unit": lambda state: state.unit,
+    "healthy": lambda state: number(state.value),
+    "noticed": lambda state: f"{state.watched:+.3g}",
+    "state": lambda state: state.state.replace("_", " "),
+    "newest growth": lambda state: "-" if state.growth is None else f"{state.growth.value:+.3g}",
+    "95 %": lambda state: "-" if state.growth is None else _interval(state.growth),
+    "delay here s": lambda state: number(state.delay, 3),
+    "in reference s": lambda state: number(state.reference_delay, 3),
+}
+_ALARMS: dict[str, Callable[[dict[str, Any]], str]] = {
+    "record": lambda alarm: alarm["record"],
+    "alarm at s": lambda alarm: f"{alarm['time']:.1f}",
+    "since s": lambda alarm: f"{alarm['onset']:.1f}",
+    "watched": lambda alarm: alarm["parameter"],
+    "growth by then": lambda alarm: number(alarm["growth"].value, 3),
+    "95 %": lambda alarm: _interval(alarm["growth"]),
+    "unit": lambda alarm: alarm["unit"],
+}
 
 
 def alarm_rows(baseline: Baseline, records: Sequence[Record], traces: Sequence[Trace]) -> list[dict[str, Any]]:
@@ -46,28 +72,11 @@ def monitoring_blocks(
     yield f"reference: {baseline.duration:.4g} s of the healthy machine; may vary without being wear: {vary}"
     yield f"promised: one false alarm in {baseline.false_alarm_hours:.4g} h of running as in the reference"
     yield ""
-    header = (
-        "watched", "unit", "healthy", "noticed", "state", "newest growth", "95 %", "delay here s", "in reference s",
-    )  # fmt: skip
-    yield Table.of(header, map(_row, states))
+    yield Table.by_column(_STATES, zip(states, strict=True))
     rows = alarm_rows(baseline, records, traces)
     if rows:
         yield ""
-        yield Table.of(
-            ("record", "alarm at s", "since s", "watched", "growth by then", "95 %", "unit"),
-            [
-                (
-                    row["record"],
-                    f"{row['time']:.1f}",
-                    f"{row['onset']:.1f}",
-                    row["parameter"],
-                    number(row["growth"].value, 3),
-                    _interval(row["growth"]),
-                    row["unit"],
-                )
-                for row in rows[:_MOST_ALARMS]
-            ],
-        )
+        yield Table.by_column(_ALARMS, zip(rows[:_MOST_ALARMS], strict=True))
         if len(rows) > _MOST_ALARMS:
             yield f"and {len(rows) - _MOST_ALARMS} more alarms"
     yield ""
@@ -79,25 +88,6 @@ def monitoring_blocks(
                 f"{normal.offset / normal.sensitivity:.3g} "
                 f"{normal.watch.unit}: fit the model to the healthy machine first"
             )
-
-
-def _row(state: WatchState) -> tuple[str, ...]:
-    growth = state.growth
-    return (
-        state.parameter,
-        state.unit,
-        number(state.value),
-        f"{state.watched:+.3g}",
-        state.state.replace("_", " "),
-        "-" if growth is None else f"{growth.value:+.3g}",
-        "-" if growth is None else _interval(growth),
-        number(state.delay, 3),
-        number(state.reference_delay, 3),
-    )
-
-
-def _interval(growth: Any) -> str:
-    return f"{growth.low:.3g} .. {growth.high:.3g}"
 
 
 def _sentence(state: WatchState) -> str:

@@ -43,15 +43,11 @@ def stands(run: Tracking, output: str) -> bool:
 def tracking_blocks(
     runs: Sequence[Tracking | None], plan: Any, reference: str, followed: str, settle: float, model: str, unit: str
 ) -> Iterator[Block]:
-    """Yield what is cancelled and how, the tracking errors, and the size of the command.
+    """Yield what is cancelled and how, the tracking errors, and the size of the command [`unit`].
 
-    `runs`: without compensation, with it, and without the effects.
-    `plan`: what the controller cancels and what it leaves.
-    `reference`: what is followed, in words.
-    `followed`: output that follows it.
-    `settle`: seconds at the start that the errors leave out.
-    `model`: name of the compensating model.
-    `unit`: of the command.
+    `runs`: without compensation, with it, and without the effects. `plan`: what the controller cancels and what it
+    leaves. `reference`: what is followed, in words; `followed`: output that follows it. `settle`: seconds at the start
+    that the errors leave out. `model`: name of the compensating model.
     """
     from idloop.control.compensation import WORDS
 
@@ -60,11 +56,8 @@ def tracking_blocks(
     assert compensated is not None  # noqa: S101
     cancelled = [(one.active.name, WORDS[one.how]) for one in plan.cancelled]
     cancelled += [(name, f"not cancelled: {reason}") for name, reason in plan.left.items()]
-    yield (
-        Table.of(("effect", "cancelled by"), cancelled)
-        if cancelled
-        else f"model {model} has no effects: nothing is cancelled"
-    )
+    nothing = f"model {model} has no effects: nothing is cancelled"
+    yield Table.of(("effect", "cancelled by"), cancelled) if cancelled else nothing
     yield ""
     yield f"reference: {reference}"
     yield ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import socket
 import struct
 from collections.abc import Awaitable, Callable, Mapping
@@ -39,10 +40,7 @@ class Admission(HTTPServerConnectionDelegate):
     """
 
     def __init__(
-        self,
-        application: HTTPServerConnectionDelegate,
-        rule: Rule,
-        headers: Callable[[HTTPHeaders], Mapping[str, str]],
+        self, application: HTTPServerConnectionDelegate, rule: Rule, headers: Callable[[HTTPHeaders], Mapping[str, str]]
     ) -> None:
         self._application = application
         self.rule = rule
@@ -59,7 +57,7 @@ class Admission(HTTPServerConnectionDelegate):
         stream = getattr(request_conn, "stream")  # noqa: B009  (every connection that a server makes has one)
         stream.max_write_buffer_size = BACKLOG
         self._streams.setdefault(stream, 0)
-        return _Visitor(self, self._application, server_conn, request_conn)
+        return _Visitor(self, functools.partial(self._application.start_request, server_conn), request_conn)
 
     def put_out_the_slow(self) -> None:
         """Close the connections to which something has been waiting to be sent at so many looks in a row."""
@@ -76,15 +74,10 @@ class _Visitor(HTTPMessageDelegate):
     """One request: handed on to the application, or answered here and its body thrown away."""
 
     def __init__(
-        self,
-        admission: Admission,
-        application: HTTPServerConnectionDelegate,
-        server_conn: object,
-        request_conn: HTTPConnection,
+        self, admission: Admission, enter: Callable[[HTTPConnection], HTTPMessageDelegate], request_conn: HTTPConnection
     ) -> None:
         self._admission = admission
-        self._application = application
-        self._server_conn = server_conn
+        self._enter = enter
         self._request_conn = request_conn
         self._inside: HTTPMessageDelegate | None = None
 
@@ -99,8 +92,7 @@ class _Visitor(HTTPMessageDelegate):
         if status:
             self._refuse(status, more)
             return None
-        connection = _WithHeaders(self._request_conn, more)
-        self._inside = self._application.start_request(self._server_conn, connection)
+        self._inside = self._enter(_WithHeaders(self._request_conn, more))
         return self._inside.headers_received(start_line, headers)
 
     def _refuse(self, status: int, more: Mapping[str, str]) -> None:

@@ -68,18 +68,10 @@ def assess(model: Model, record: Record, report: Report, measures: Mapping[str, 
     report(0.5, "where it fails")
     found = comparison.where
     return Assessment(
-        model,
-        record.name,
-        record.absolute(record.time),
-        simulated,
-        comparison.predicted,
-        comparison.innovation,
-        comparison.measured - simulated,
-        comparison_errors(comparison),
-        found,
-        frequency_view(comparison),
+        model, record.name, record.absolute(record.time), simulated, comparison.predicted, comparison.innovation,
+        comparison.measured - simulated, comparison_errors(comparison), found, frequency_view(comparison),
         tuple(residual_findings([comparison])),
-    )
+    )  # fmt: skip
 
 
 def draw_characteristics(candidates: Sequence[Candidate], record: Record, report: Report) -> dict[str, Characteristic]:

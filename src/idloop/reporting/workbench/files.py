@@ -34,24 +34,17 @@ def offered(snapshot: Snapshot) -> list[str]:
 
 
 def content(name: str, snapshot: Snapshot, study: Study | None) -> bytes:
-    """Content of one of the files that are `offered`.
-
-    Raises
-    ------
-    InputError
-        There is no such file now.
-    """
-    if name not in offered(snapshot) or snapshot.model is None or (study is None and name in (REPORT, FIGURES)):
-        raise InputError(f"there is no {name} now")
-    if name == MODEL:
-        return snapshot.model.to_yaml().encode()
-    ladder = snapshot.ladder
-    assert ladder is not None  # noqa: S101 - it is offered
-    if name == LADDER:
-        return json.dumps(to_json(ladder.to_dict()), indent=2, ensure_ascii=False).encode()
-    assert study is not None  # noqa: S101 - asked above
-    make: Callable[[Contents], bytes] = _report if name == REPORT else _figures
-    return make(_contents(snapshot, ladder, study))
+    """Content of one of the files that are `offered`; InputError where there is no such file now."""
+    model, ladder = snapshot.model, snapshot.ladder
+    if name in offered(snapshot):
+        if name == MODEL and model is not None:
+            return model.to_yaml().encode()
+        if name == LADDER and ladder is not None:
+            return json.dumps(to_json(ladder.to_dict()), indent=2, ensure_ascii=False).encode()
+        if ladder is not None and study is not None:
+            make: Callable[[Contents], bytes] = _report if name == REPORT else _figures
+            return make(_contents(snapshot, ladder, study))
+    raise InputError(f"there is no {name} now")
 
 
 def _contents(snapshot: Snapshot, ladder: Ladder, study: Study) -> Contents:
@@ -70,7 +63,7 @@ def _report(contents: Contents) -> bytes:
 
 
 def _figures(contents: Contents) -> bytes:
-    from idloop.reporting.page.paper import save_paper_figures
+    from idloop.reporting.page.page_figures import save_paper_figures
 
     packed = io.BytesIO()
     with tempfile.TemporaryDirectory() as folder, zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from idloop.errors import InputError
+from idloop.reporting.figures.effects import Decided
 from idloop.reporting.terms import FITTED, UNSEEN, effect_words
 from idloop.reporting.workbench.assessment import assess
 from idloop.reporting.workbench.coordinator import Coordinator
 from idloop.reporting.workbench.files import content
-from idloop.reporting.workbench.recorded_evidence import recorded_evidence
 from idloop.reporting.workbench.signals import Signals
-from idloop.reporting.workbench.state import OK, Missing, Note, Snapshot, State, model_version
+from idloop.reporting.workbench.state import OK, Evidence, Missing, Note, Snapshot, State, model_version
 from idloop.reporting.workbench.steps import Found, Study, add, find_missing, fitted_records, suggest
 
 if TYPE_CHECKING:
@@ -28,11 +29,8 @@ Keep = Callable[["Ladder"], None]
 class OfflineSource:
     """Recordings and a model; implements `idloop.reporting.workbench.state.Source`.
 
-    `study`: data and how they are judged.
-    `ladder`: to go on with.
-    `keep`: called with the ladder after every step.
-    `paths`: of the recordings that are fitted, and of those that no fit sees.
-    `model_file`: that holds the model.
+    `study`: data and how they are judged. `ladder`: to go on with. `keep`: called with the ladder after every step.
+    `paths`: of the recordings that are fitted, and of those that no fit sees. `model_file`: that holds the model.
     `inspected`: what the inspection says of the recordings that are fitted.
     """
 
@@ -55,10 +53,8 @@ class OfflineSource:
         self._measures: dict[int, dict[str, str]] = {}
         # What the fits do not see says most about the model: it is shown first.
         self._records: Sequence[Record] = (*study.validation, *study.records)
-        names = [
-            f"{record.name} ({UNSEEN if number < len(study.validation) else FITTED})"
-            for number, record in enumerate(self._records)
-        ]
+        uses = [UNSEEN] * len(study.validation) + [FITTED] * len(study.records)
+        names = [f"{record.name} ({use})" for record, use in zip(self._records, uses, strict=True)]
         longest = max(max(r.time.size, r.input_time.size) for r in self._records)
         self.signals = Signals(model, capacity=longest)
         self.signals.load(self._records[0])
@@ -97,10 +93,8 @@ class OfflineSource:
             if ladder is None:
                 raise InputError("there is no step to take back")
             shorter = ladder.undo()
-            back = self._computing(
-                "the last step taken back", lambda: self._climb(shorter, "the last step was taken back")
-            )
-            self._coordinator.order("taking the last step back", back)
+            back = functools.partial(self._climb, shorter, "the last step was taken back")
+            self._coordinator.order("taking the last step back", self._computing("the last step taken back", back))
         elif verb == "experiment":
             if self._found is None or self._found.verdict == "adequate":
                 raise InputError("nothing is undecided: find what is missing first")
@@ -110,10 +104,11 @@ class OfflineSource:
         elif verb == "show":
             if not what.isdigit() or int(what) >= len(self._records):
                 raise InputError(f"there is no recording {what}")
-            self._coordinator.order(f"reading {self._records[int(what)].name}", lambda: self._show(int(what)))
+            show = functools.partial(self._show_model, self._model, int(what))
+            self._coordinator.order(f"reading {self._records[int(what)].name}", show)
         else:
             raise InputError("recordings have no motor: this works on a live graph only")
-        return f"{self._coordinator.busy or 'done'}"
+        return self._coordinator.busy or "done"
 
     def stop(self) -> str:
         """There is nothing to stop."""
@@ -157,9 +152,6 @@ class OfflineSource:
             self.signals.load(self._records[shown])
         self.signals.show(found, every=True)
 
-    def _show(self, number: int) -> None:
-        self._show_model(self._model, number)
-
     def _diagnose(self) -> None:
         if self.state.snapshot.ladder is None:  # its parameters are fitted first, and that is a step of the page
             fitting = f"start: fitted to {fitted_records(self._study)}"
@@ -168,21 +160,11 @@ class OfflineSource:
 
     def _look_for_effects(self) -> None:
         found: Found = self._coordinator.work(find_missing, self._study, self._model, self.state.snapshot.ladder)
-        diagnosis = self._found = found.diagnosis
+        one = self._found = found.diagnosis
+        answer = (one.verdict, "", one.candidates, one.set, one.pair or (), one.untestable, one.gate.findings)
         changes: dict[str, Any] = {
-            "missing": Missing(
-                diagnosis.verdict,
-                "",
-                diagnosis.candidates,
-                diagnosis.set,
-                diagnosis.pair or (),
-                diagnosis.untestable,
-                diagnosis.gate.findings,
-                diagnosis.unknown,
-                passed_over=diagnosis.passed_over,
-                left=found.left,
-            ),
-            "evidence": recorded_evidence(diagnosis, self._study.records),
+            "missing": Missing(*answer, one.unknown, passed_over=one.passed_over, left=found.left),
+            "evidence": recorded_evidence(one, self._study.records),
             "looks": self.state.snapshot.looks + 1,
             "pictures": found.pictures,
             "ladder": found.ladder,
@@ -227,3 +209,41 @@ class OfflineSource:
     def _kept(self, ladder: Ladder) -> None:
         if self._keep is not None:
             self._keep(ladder)
+
+
+def recorded_evidence(found: Diagnosis, records: Sequence[Record]) -> Evidence | None:
+    """Return a line for each effect that was evaluated; None where none was.
+
+    `records`: what it was made of: the samples that it scored, of all or some, are spread over their time.
+    """
+    courses = {
+        one.name: one.course
+        for one in found.candidates
+        if one.course is not None and one.course.log_e and all(map(math.isfinite, one.course.log_e))
+    }
+    if not courses:
+        return None
+    # Two effects that show only together have courses of their own where one was evaluated alone.
+    samples = next(iter(courses.values())).samples
+    courses = {name: course for name, course in courses.items() if course.samples == samples}
+    duration = sum(float(record.time[-1] - record.time[0]) for record in records)
+    seconds = tuple(duration * one / samples[-1] for one in samples)
+    reached = {name: course.decided(found.threshold) for name, course in courses.items()}
+    # What the diagnosis has a reason against, or does not find significant beside its scatter, is not decided.
+    named = found.best is not None
+    decided = {
+        name: Decided(seconds[place], samples[place], courses[name].log_e[place])
+        for name, place in reached.items()
+        if place is not None and named and name not in found.passed_over
+    }
+    first = min(decided, key=lambda name: (name not in found.set, decided[name].seconds), default=None)
+    above = sum(place is not None for place in reached.values())
+    line = f"no effect is decided in {duration:.3g} s"
+    if first is not None:
+        tied = len(found.set) > 1 and not found.pair
+        what = f"one of the {len(found.set)} effects that tie" if tied else effect_words(first)
+        line = f"{what} is decided after {decided[first].seconds:.3g} of {duration:.3g} s"
+    elif above:
+        line += f"; the threshold is reached by {above} that {'is' if above < 2 else 'are'} not added"
+    lines = {name: course.log_e for name, course in courses.items()}
+    return Evidence(line, found.model.effect_names, seconds, lines, found.threshold, decided, recorded=True)

@@ -17,55 +17,51 @@ from markupsafe import Markup
 
 from idloop.documents import read_json
 from idloop.errors import InputError
-from idloop.reporting.figures.characteristic import unknown_figure
-from idloop.reporting.figures.evidence import evidence_figure
-from idloop.reporting.figures.frequency import frequency_figures
+from idloop.reporting.figures.comparison import frequency_figures, residual_figures
+from idloop.reporting.figures.curves import unknown_figure
+from idloop.reporting.figures.effects import evidence_figure
 from idloop.reporting.figures.ladder import ladder_figures
 from idloop.reporting.figures.next_experiment import experiment_figures
-from idloop.reporting.figures.residual import residual_figures
 from idloop.reporting.figures.theme import LIGHT, THEMES
 from idloop.reporting.figures.where import error_along
-from idloop.reporting.sensor_noise import REFUTED, least_error
+from idloop.reporting.residual_findings import REFUTED, least_error
 from idloop.reporting.workbench.redraw import Canvas, Drawn, drawn
 from idloop.reporting.workbench.state_json import answered
 from idloop.validation.variables import TITLES, VARIABLES
 
 if TYPE_CHECKING:
     from bokeh.document import Document
-    from bokeh.plotting import figure
 
     from idloop.diagnosis import Ladder
+    from idloop.diagnosis.design.suggest import Suggestion
+    from idloop.reporting.workbench.assessment import Assessment
     from idloop.reporting.workbench.signals import Signals
-    from idloop.reporting.workbench.state import Snapshot, Source
+    from idloop.reporting.workbench.state import Evidence, Snapshot, Source
 
 PERIOD = 250  # milliseconds between two looks at what is new
 SPANS = (2, 5, 10, 20, 60, 120)  # seconds that a running page shows
 FIGURES = ("where", "frequency", "residual", "evidence", "next", "ladder")
-Figures = Callable[["Snapshot"], list[Any]]
+Figures = Callable[[Any], list[Any]]
 ASSETS = Path(__file__).with_name("assets")
 
 
 def judged_spread(ladder: Ladder, name: str) -> float:
     """Standard deviation of an output on the data that judge the last step; 0 where its errors do not say."""
-    last = ladder.steps[-1]
-    errors = last.validation or last.train
-    missed, relative = (errors.get(measure, {}).get(name) for measure in ("rmse", "nrmse"))
-    if not missed or not relative or not np.isfinite(missed / relative):
-        return 0.0
-    return float(missed / relative)
+    errors = ladder.steps[-1].validation or ladder.steps[-1].train
+    missed, relative = (errors.get(measure, {}).get(name) or np.nan for measure in ("rmse", "nrmse"))
+    return float(missed / relative) if np.isfinite(missed / relative) else 0.0
 
 
-def _made(make: Figures, snapshot: Snapshot) -> tuple[list[Any], Drawn]:
-    figures = make(snapshot)
+def _made(make: Figures, finding: Any) -> tuple[list[Any], Drawn]:
+    figures = [] if finding is None else make(finding)
     return figures, drawn(figures)
 
 
 def make_page(doc: Document, source: Source, key: str, run: str, stop_port: int) -> None:
     """Fill the document of one browser.
 
-    `key`: without it no order is taken.
-    `run`: of the server: a page of another run loads itself anew.
-    `stop_port`: port of `StopServer`.
+    `key`: without it no order is taken. `run`: of the server: a page of another run loads itself anew. `stop_port`:
+    port of `StopServer`.
     """
     request = getattr(doc.session_context, "request", None)
     cookies = {} if request is None else request.cookies
@@ -101,16 +97,8 @@ def _template() -> jinja2.Template:
 class Page:
     """What one browser shows.
 
-    Parameters
-    ----------
-    theme : str
-        ``light`` or ``dark``.
-
-    Attributes
-    ----------
-    look : dict
-        What the reader has chosen: theme, error and variable of where it fails; whether the page can be seen at all;
-        and the places of figures that have come near to sight.
+    `look` is what the reader has chosen: theme, error and variable of where it fails; whether the page can be seen at
+    all; and the places of figures that have come near to sight.
     """
 
     def __init__(self, doc: Document, source: Source, theme: str) -> None:
@@ -139,7 +127,6 @@ class Page:
 
     def _checked(self, look: dict[str, Any]) -> dict[str, Any]:
         """What the browser says, with what makes no sense left as it was."""
-        new = dict(self.look)
         rules: dict[str, Callable[[Any], bool]] = {
             "theme": lambda v: v in THEMES,
             "error": lambda v: isinstance(v, str),
@@ -147,10 +134,7 @@ class Page:
             "seen": lambda v: isinstance(v, bool),
             "near": lambda v: isinstance(v, list) and set(map(str, v)) <= set(FIGURES),
         }
-        for name, fits in rules.items():
-            if name in look and fits(look[name]):
-                new[name] = look[name]
-        return new
+        return self.look | {name: look[name] for name, fits in rules.items() if name in look and fits(look[name])}
 
     @property
     def _theme(self) -> Any:
@@ -167,10 +151,10 @@ class Page:
         new = self._new_finding(snapshot) if self.look["seen"] and not self._making else None
         if new is None:
             return
-        name, make, anew = new
+        name, make, finding, anew = new
         self._making = True
         try:
-            figures, wanted = await asyncio.to_thread(_made, make, snapshot)
+            figures, wanted = await asyncio.to_thread(_made, make, finding)
         finally:
             self._making = False
         self._doc.hold("combine")
@@ -183,7 +167,7 @@ class Page:
     def _tick_soon(self) -> None:
         self._doc.add_next_tick_callback(self.tick)  # type: ignore[arg-type] # Bokeh awaits it
 
-    def _new_finding(self, snapshot: Snapshot) -> tuple[str, Figures, bool] | None:
+    def _new_finding(self, snapshot: Snapshot) -> tuple[str, Figures, Any, bool] | None:
         """Place of the first finding that is new, what makes its figures, and whether they are drawn anew.
 
         A figure costs the browser 5 MB: those of a live graph, which is watched for hours, are drawn from when the
@@ -205,67 +189,44 @@ class Page:
             before = self._drawn.get(name)
             if before is None or before[0] is not finding or before[1] != look:
                 self._drawn[name] = finding, look
-                return name, make, before is not None and before[1][0] != theme
+                return name, make, finding, before is not None and before[1][0] != theme
         return None
 
     # on a thread of its own
 
-    def _next(self, snapshot: Snapshot) -> list[Any]:
-        found = snapshot.suggestion
-        return [] if found is None else list(experiment_figures(found, self._theme))
+    def _next(self, found: Suggestion) -> list[Any]:
+        return list(experiment_figures(found, self._theme))
 
-    def _where(self, snapshot: Snapshot) -> list[Any]:
-        found = snapshot.assessment
-        if found is None or not found.where.maps:
+    def _where(self, found: Assessment) -> list[Any]:
+        if not found.where.maps:
             return []
         names = [one.name for one in found.where.maps]
-        name = self.look["error"] if self.look["error"] in names else names[0]
-        variable = self.look["variable"] or "velocity"
-        one = found.where[name]
-        plot = error_along([(found.model.name, one)], variable, self._theme)
+        one = found.where[self.look["error"] if self.look["error"] in names else names[0]]
+        plot = error_along([(found.model.name, one)], self.look["variable"] or "velocity", self._theme)
         return [] if plot is None else [plot]
 
-    def _frequency(self, snapshot: Snapshot) -> list[Any]:
-        found = snapshot.assessment
-        if found is None or found.frequency is None:
+    def _frequency(self, found: Assessment) -> list[Any]:
+        if found.frequency is None:
             return []
-        return frequency_figures(
-            found.frequency, self.signals.names.index(found.looked_at(self.look["error"])), self._theme
-        )
+        output = self.signals.names.index(found.looked_at(self.look["error"]))
+        return frequency_figures(found.frequency, output, self._theme)
 
-    def _residual(self, snapshot: Snapshot) -> list[Any]:
-        found = snapshot.assessment
-        if found is None:
-            return []
-        name = found.looked_at(self.look["error"])
-        return [
-            plot
-            for one in found.residual_tests
-            if one.test.name == name
-            for plot in residual_figures(one.test, self._theme)
-        ]
+    def _residual(self, found: Assessment) -> list[Any]:
+        tests = {one.test.name: one.test for one in found.residual_tests}
+        test = tests.get(found.looked_at(self.look["error"]))
+        return [] if test is None else residual_figures(test, self._theme)
 
-    def _evidence(self, snapshot: Snapshot) -> list[Any]:
-        found = snapshot.evidence
-        if found is None or not found.lines:
-            return []
-        return [
-            evidence_figure(
-                found.seconds, found.lines, found.threshold, found.decided, self._theme, recorded=found.recorded
-            )
-        ]
+    def _evidence(self, found: Evidence) -> list[Any]:
+        grown = (found.seconds, found.lines, found.threshold, found.decided)
+        return [evidence_figure(*grown, self._theme, recorded=found.recorded)] if found.lines else []
 
-    def _ladder(self, snapshot: Snapshot) -> list[Any]:
-        ladder = snapshot.ladder
-        if ladder is None or not ladder.steps:
+    def _ladder(self, ladder: Ladder) -> list[Any]:
+        if not ladder.steps:
             return []
-        floor = {
-            name: value for name, value in self._floor(ladder).items() if value * REFUTED <= least_error(ladder, name)
-        }
-        plots: list[figure] = ladder_figures(ladder, floor, self._theme)
-        if ladder.unknown is not None:
-            plots.append(unknown_figure(ladder.unknown, self._theme))
-        return list(plots)
+        every = self._floor(ladder).items()
+        floor = {name: value for name, value in every if value * REFUTED <= least_error(ladder, name)}
+        unknown = [] if ladder.unknown is None else [unknown_figure(ladder.unknown, self._theme)]
+        return [*ladder_figures(ladder, floor, self._theme), *unknown]
 
     def _floor(self, ladder: Ladder) -> dict[str, float]:
         """What the noise of each output alone leaves, relative to the spread of what the ladder is judged on."""

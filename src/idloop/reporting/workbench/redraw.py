@@ -23,10 +23,7 @@ Drawn = list[tuple[Model, dict[str, Any]]]
 
 
 class Canvas:
-    """Figures in one place of the page.
-
-    `place`: where they are.
-    """
+    """Figures in one place of the page."""
 
     def __init__(self, place: Column) -> None:
         self._place = place
@@ -84,10 +81,7 @@ def _kind(column: Any) -> str:
 def drawn(figures: Sequence[Model]) -> Drawn:
     """List the models of figures with their values as they are now, in an order that their structure gives.
 
-    Returns
-    -------
-    list of (bokeh.model.Model, dict)
-        In the values a model is its place in this list.
+    In the values a model is its place in this list.
     """
     places: dict[int, int] = {}
     found: list[Model] = []

@@ -16,11 +16,8 @@ class Ring:
     """Keeps the newest samples by stamp; what is older is forgotten.
 
     The arrays are longer than what is kept by a part of it: a window is then one contiguous view, and samples move
-    only when that part is full.
-
-    `columns`: values of a sample.
-    `capacity`: samples that are kept.
-    `drawn`: they are drawn and no more: in the precision in which a browser gets them, half the memory.
+    only when that part is full. `drawn`: they are drawn and no more: in the precision in which a browser gets them,
+    half the memory.
     """
 
     def __init__(self, columns: int, capacity: int, *, drawn: bool = False) -> None:
@@ -53,11 +50,7 @@ class Ring:
         self._first = self._end = 0
 
     def extend(self, stamps: ArrayLike, values: ArrayLike) -> int:
-        """Take samples in; those that are not newer than the newest are left out.
-
-        `stamps` (m,): nanoseconds.
-        Returns: samples taken in.
-        """
+        """Take in samples with stamps [ns] newer than the newest; the number of those taken in."""
         new: Stamps = np.asarray(stamps, dtype=np.int64).reshape(-1)
         rows: Array = np.asarray(values, dtype=float).reshape(len(new), self._values.shape[1])
         if not len(new):

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
-import errno
 import functools
 import ipaddress
 import json
@@ -12,7 +10,6 @@ import logging
 import re
 import secrets
 import socket
-import threading
 import uuid
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -29,10 +26,11 @@ from tornado.httputil import HTTPHeaders
 from tornado.ioloop import IOLoop
 from tornado.iostream import StreamBufferFullError
 from tornado.netutil import bind_sockets
-from tornado.web import HTTPError, RequestHandler, StaticFileHandler
+from tornado.web import HTTPError, StaticFileHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
-from idloop.errors import IdloopError, InputError
+from idloop.errors import InputError
+from idloop.reporting.serving import JsonHandler, ServerThread
 from idloop.reporting.workbench.admission import Admission
 from idloop.reporting.workbench.files import TYPES
 from idloop.reporting.workbench.page import make_page
@@ -43,8 +41,6 @@ from idloop.reporting.workbench.strips import Question, answer
 
 ASSETS = Path(__file__).with_name("assets")
 KEY_HEADER = "X-Idloop-Key"
-TRIES = 20  # free ports that are tried
-START_TIMEOUT = 120.0
 LONGEST_QUESTION = 10_000  # bytes of what a browser asks for at once
 LONGEST_ORDER = 10_000  # bytes of the body of an order
 POSTS = ("order", "stop")
@@ -62,31 +58,17 @@ class Place:
     @property
     def local(self) -> bool:
         """Whether only this machine can reach it."""
-        if self.address == "localhost":
-            return True
-        try:
+        with contextlib.suppress(ValueError):
             return ipaddress.ip_address(self.address).is_loopback
-        except ValueError:
-            return False
+        return self.address == "localhost"
 
 
 class Site:
-    """The running page.
+    """The running page of a source.
 
-    Parameters
-    ----------
-    source : Source
-        What it shows.
-
-    Attributes
-    ----------
-    address : str
-        What to open in a browser; outside this machine it holds a random token, without which nothing is served.
-
-    Raises
-    ------
-    InputError
-        The address or port cannot be listened on.
+    `address` is what to open in a browser; outside this machine it holds a random token, without which nothing is
+    served.
+    Raises InputError: the address or port cannot be listened on.
     """
 
     def __init__(self, source: Source, place: Place) -> None:
@@ -99,27 +81,14 @@ class Site:
         self.hosts: set[str] = set()
         self._server: BaseServer | None = None
         self._stop: StopServer | None = None
-        self._loop: IOLoop | None = None
-        self._failure: Exception | None = None
-        self._ready = threading.Event()
-        _check(place)
-        self._thread = threading.Thread(target=self._serve, name="workbench page", daemon=True)
-        self._thread.start()
-        if not self._ready.wait(START_TIMEOUT):
-            raise IdloopError(f"the page was not served within {START_TIMEOUT:g} s")
-        if self._failure is not None:
-            raise IdloopError(f"the page cannot be served: {self._failure}") from self._failure
+        self._sockets = _bound(place)
+        self._thread = ServerThread("workbench page", self._serve, self._end)
 
     @property
     def sessions(self) -> int:
         """Browsers that look on."""
         server = self._server
         return 0 if server is None else len(server.get_sessions("/"))
-
-    @property
-    def netloc(self) -> str:
-        """Host and port of the page."""
-        return urlsplit(self.address).netloc
 
     @property
     def stop_port(self) -> int:
@@ -130,51 +99,26 @@ class Site:
         """End the server; browsers say that they lost it."""
         if self._stop is not None:
             self._stop.close()
-        loop, server = self._loop, self._server
-        if loop is None or server is None or not self._thread.is_alive():
+        self._thread.close()
+
+    async def _end(self) -> None:
+        server = self._server
+        if server is None:
             return
-
-        async def end() -> None:
-            if hasattr(server, "stop_async"):  # from Bokeh 3.10 on a stop has something to wait for
-                await server.stop_async()
-            else:
-                server.stop()
-            # A connection that is kept open would let the browser wait for an answer that never comes.
-            await server._http.close_all_connections()  # noqa: SLF001  (Bokeh has no other way to it)
-            loop.stop()
-
-        loop.add_callback(end)
-        self._thread.join(timeout=5.0)
+        if hasattr(server, "stop_async"):  # from Bokeh 3.10 on a stop has something to wait for
+            await server.stop_async()
+        else:
+            server.stop()
+        # A connection that is kept open would let the browser wait for an answer that never comes.
+        await server._http.close_all_connections()  # noqa: SLF001  (Bokeh has no other way to it)
 
     def _serve(self) -> None:
         for name in ("bokeh", "tornado.access", "tornado.application"):
             logging.getLogger(name).setLevel(logging.ERROR)
-        asyncio.set_event_loop(asyncio.new_event_loop())
-        self._loop = IOLoop.current()
-        try:
-            self._server = self._found_a_place(self._loop)
-            self._server.start()
-        except Exception as error:  # noqa: BLE001  (raised by the one who waits for this thread)
-            self._failure = error
-            self._ready.set()
-            return
-        self._ready.set()
-        self._loop.start()
-        self._loop.close()
+        self._server = self._make(self._sockets[0].getsockname()[1])
+        self._server.start()
 
-    def _found_a_place(self, loop: IOLoop) -> BaseServer:
-        """The server at the port asked for, or at any: one that was free may be taken by somebody who was quicker."""
-        port = self.place.port
-        tries = 1 if port else TRIES
-        while True:
-            tries -= 1
-            try:
-                return self._make(loop, port or _free_port(self.place.address))
-            except OSError as error:
-                if tries == 0 or error.errno != errno.EADDRINUSE:
-                    raise
-
-    def _make(self, loop: IOLoop, port: int) -> BaseServer:
+    def _make(self, port: int) -> BaseServer:
         place = self.place
         name = f"[{place.address}]" if ":" in place.address else place.address
         self.hosts = {f"{name}:{port}"} | ({f"localhost:{port}", f"127.0.0.1:{port}"} if place.local else set())
@@ -184,10 +128,8 @@ class Site:
             name = socket.gethostname()
         prefix = f"/{self.prefix}" if self.prefix else ""
         self.address = f"http://{name}:{port}{prefix}/"
-        sockets = bind_sockets(port, place.address)
-        if self._stop is None:
-            names = {urlsplit(f"//{host}").hostname or "" for host in self.hosts}
-            self._stop = StopServer(self.source.stop, self.key, place.address, names)
+        names = {urlsplit(f"//{host}").hostname or "" for host in self.hosts}
+        self._stop = StopServer(self.source.stop, self.key, place.address, names)
         page = functools.partial(make_page, source=self.source, key=self.key, run=self.run, stop_port=self._stop.port)
         own: dict[str, Any] = {"site": self}
         application = BokehTornado(
@@ -209,9 +151,9 @@ class Site:
         )
         admission = Admission(application, self._refusal, self._headers)
         http = HTTPServer(admission, max_body_size=LONGEST_ORDER, max_header_size=65_536, body_timeout=10.0)
-        http.add_sockets(sockets)
+        http.add_sockets(self._sockets)
         admission.start()
-        return BaseServer(loop, application, http)
+        return BaseServer(IOLoop.current(), application, http)
 
     def _refusal(self, method: str, path: str, headers: HTTPHeaders) -> int:
         """Status with which a request is refused, from its head alone; 0 for none."""
@@ -253,13 +195,10 @@ class Site:
         }
 
 
-def _check(place: Place) -> None:
-    """Refuse a place that cannot be listened on, in one line."""
+def _bound(place: Place) -> list[socket.socket]:
+    """Sockets that listen at a place, or one line on why nothing can."""
     try:
-        family = socket.getaddrinfo(place.address, place.port, type=socket.SOCK_STREAM)[0]
-        with socket.socket(family[0], socket.SOCK_STREAM) as one:
-            one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            one.bind(family[4])
+        return bind_sockets(place.port, place.address)
     except (OSError, OverflowError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError(
@@ -267,28 +206,8 @@ def _check(place: Place) -> None:
         ) from error
 
 
-def _free_port(address: str) -> int:
-    family = socket.getaddrinfo(address, 0, type=socket.SOCK_STREAM)[0]
-    with socket.socket(family[0], socket.SOCK_STREAM) as one:
-        one.bind(family[4])
-        return int(one.getsockname()[1])
-
-
-class _Handler(RequestHandler):
+class _Handler(JsonHandler[Site]):
     """A request of the page itself."""
-
-    site: Site
-
-    def initialize(self, site: Site) -> None:
-        self.site = site
-
-    def prepare(self) -> None:
-        self.set_header("Cache-Control", "no-store")
-
-    def answer(self, document: dict[str, Any], status: int = 200) -> None:
-        self.set_status(status)
-        self.set_header("Content-Type", "application/json")
-        self.finish(json.dumps(document, allow_nan=False))
 
     def attempt(self, action: Callable[[], str]) -> None:
         try:

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from idloop.arrays import Array
+from idloop.reporting.decimation import extremes
 from idloop.reporting.estimates import NORMAL_95
-from idloop.reporting.sensor_noise import FEWEST, REFUTED
-from idloop.reporting.workbench.decimation import extremes, held_steps
+from idloop.reporting.residual_findings import FEWEST, REFUTED
 from idloop.reporting.workbench.ring import Ring
 
 if TYPE_CHECKING:
@@ -184,10 +184,12 @@ class Signals:
                 # By the rule of the buckets themselves: one that is cut would lose its extremes.
                 old = int(np.searchsorted(np.floor(seconds / width), np.floor(known[name] / width)))
                 old = min(old, max(len(seconds) - 1, 0))
-            few = extremes(seconds[old:], values[old:], width)
-            if name == "command" and end is not None:
-                few = held_steps(*few, min(self.seconds(end), stop))
-            points[name] = few
+            few, kept = extremes(seconds[old:], values[old:], width)
+            now = -np.inf if end is None else min(self.seconds(end), stop)
+            # A command holds until now.
+            if name == "command" and len(few) and now > few[-1]:
+                few, kept = np.append(few, now), np.concatenate([kept, kept[-1:]])
+            points[name] = few, kept
         return View(points, start, stop, newest, band)
 
     def _band(self, first: int, last: int) -> Array:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from idloop.diagnosis import Candidate, Ladder, Step, UnknownStructure
     from idloop.diagnosis.design.suggest import Suggestion
     from idloop.physics import Model
-    from idloop.reporting.figures.evidence import Decided
+    from idloop.reporting.figures.effects import Decided
     from idloop.reporting.residual_findings import ResidualFinding
     from idloop.reporting.workbench.assessment import Assessment
     from idloop.reporting.workbench.signals import Signals
@@ -33,19 +33,18 @@ _LATELY = 2.0  # seconds; a page that can be seen asks more often
 ORDERS = ("assess", "diagnose", "add", "undo", "experiment", "refit", "reset", "show", "automatic")
 
 
-# Models with their versions: a page asks for those of the same two or three of them several times a second.
+# By the identity of a model, which is kept: a page asks for the same two or three of them several times a second.
 _versions: dict[int, tuple[Model, str]] = {}
 _MOST_VERSIONS = 8
 
 
 def model_version(model: Model) -> str:
     """Short checksum of a model with its values: equal for what is computed from the same model."""
-    known = _versions.get(id(model))
-    if known is None or known[0] is not model:
+    if id(model) not in _versions:
         if len(_versions) >= _MOST_VERSIONS:
             _versions.clear()
-        known = _versions[id(model)] = model, hashlib.sha256(model.to_yaml().encode()).hexdigest()[:8]
-    return known[1]
+        _versions[id(model)] = model, hashlib.sha256(model.to_yaml().encode()).hexdigest()[:8]
+    return _versions[id(model)][1]
 
 
 @dataclass(frozen=True)
@@ -60,25 +59,14 @@ class Health:
 
 @dataclass(frozen=True)
 class Fit:
-    """What the newest fit is worth on samples that it did not use.
+    """What the newest fit is worth on samples that it did not use."""
 
-    Attributes
-    ----------
-    unseen, seen : dict of str to float
-        FIT by output [%] on samples after the fit's window, and on those of the fit.
-    seconds : float
-        Length of the unseen samples [s].
-    effects : tuple of str
-        In the model that was fitted.
-    error : str
-        Why there is no fit; empty when there is one.
-    """
-
+    # FIT by output [%] on samples after the fit's window, and on those of the fit
     unseen: Mapping[str, float] = field(default_factory=dict)
     seen: Mapping[str, float] = field(default_factory=dict)
-    seconds: float = 0.0
-    effects: tuple[str, ...] = ()
-    error: str = ""
+    seconds: float = 0.0  # length of the unseen samples [s]
+    effects: tuple[str, ...] = ()  # in the model that was fitted
+    error: str = ""  # why there is no fit; empty when there is one
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,8 @@ from idloop.diagnosis.equivalence.equivalent_effects import find_equivalent_effe
 from idloop.diagnosis.search.step import NOISE_VERDICTS
 from idloop.p_values import p_text
 from idloop.reporting.breakdowns import along_text, is_notable, shown_first
-from idloop.reporting.estimates import held_parameters, parameter_rows
-from idloop.reporting.figures.evidence import drawn_lines
-from idloop.reporting.ladder_errors import step_evidence, step_title
+from idloop.reporting.estimates import held_parameters, parameter_rows, parameter_text
+from idloop.reporting.figures.effects import drawn_lines
 from idloop.reporting.page.equations import equations, to_mathml
 from idloop.reporting.residual_findings import residual_warnings
 from idloop.reporting.same_force import same_forces
@@ -28,11 +27,12 @@ from idloop.reporting.scores import (
     disagreements,
     judging,
     scores_of,
+    step_evidence,
     step_scores,
+    step_title,
     unknown_force,
 )
 from idloop.reporting.terms import DATA_USE, FITTED, UNSEEN, capitalised, effect_words, in_words, sentence, unbroken
-from idloop.reporting.text.parameters import parameter_text
 from idloop.reporting.verdicts import CRITERIA, basis, conclusion, ending, explained_of, scope_text
 from idloop.reporting.workbench.files import MODEL, commands, named_model, offered
 from idloop.reporting.workbench.state import model_version
@@ -68,23 +68,15 @@ ONE_SIGN = 0.6  # share of its root mean square from which on the mean of an err
 
 
 def answered(source: Source, run: str, have: str = "") -> dict[str, Any]:
-    """Answer a browser that asks what is new.
-
-    `run`: of the server.
-    `have`: run and version of the state that the browser has.
-    Returns: with run and version alone where it has the newest state already.
-    """
+    """Answer a browser that asks what is new: run and version alone where it has the newest state, `have`, already."""
     snapshot = source.state.look()
     head = {"run": run, "change": snapshot.version}
     return head if have == f"{run}:{snapshot.version}" else {**head, **page_state(snapshot, source.signals)}
 
 
 def page_state(snapshot: Snapshot, signals: Signals) -> dict[str, Any]:
-    """Return everything that the page shows in words.
-
-    `signals`: for names and units.
-    Returns: JSON without NaN.
-    """
+    """Everything that the page shows in words, as JSON without NaN; `signals`: for names and units."""
+    model, ladder, missing = snapshot.model, snapshot.ladder, snapshot.missing
     state = {
         "live": snapshot.live,
         "title": snapshot.title,
@@ -92,12 +84,12 @@ def page_state(snapshot: Snapshot, signals: Signals) -> dict[str, Any]:
         "stop": snapshot.stop,
         "automatic": None if snapshot.automatic is None else list(snapshot.automatic),
         "effects": [effect_words(name) for name in snapshot.effects],
-        "version": "" if snapshot.model is None else model_version(snapshot.model),
+        "version": "" if model is None else model_version(model),
         "reason": snapshot.reason,
         "computing": snapshot.computing,
         "pending": snapshot.pending,
-        "parameters": [] if snapshot.model is None else parameter_rows(snapshot.model, _held(snapshot)),
-        "equations": [] if snapshot.model is None else _equations(snapshot.model, snapshot.ladder),
+        "parameters": [] if model is None else parameter_rows(model, () if ladder is None else held_parameters(ladder)),
+        "equations": [] if model is None else _equations(model, ladder),
         "files": offered(snapshot),
         "commands": commands(snapshot),
         "downloaded": named_model(snapshot) == MODEL,
@@ -107,34 +99,20 @@ def page_state(snapshot: Snapshot, signals: Signals) -> dict[str, Any]:
         "input": {"name": signals.input_name, "unit": signals.input_unit},
         "followed": signals.followed,
         "head": _head(snapshot),
-        "missing": None
-        if snapshot.missing is None
-        else _missing(snapshot.missing, snapshot.pictures, snapshot.ladder, _remainders(snapshot))
-        | {"elsewhere": _elsewhere(snapshot)},
+        "missing": None if missing is None else _missing(missing, snapshot),
         "evidence": None if snapshot.evidence is None else _evidence(snapshot.evidence, snapshot.effects),
         "looks": snapshot.looks,
         "recordings": list(snapshot.recordings),
         "shown": snapshot.shown,
-        "ladder": None
-        if snapshot.ladder is None
-        else _ladder(snapshot.ladder, snapshot.recordings, snapshot.given, live=snapshot.live),
+        "ladder": None if ladder is None else _ladder(ladder, snapshot.recordings, snapshot.given, live=snapshot.live),
         "suggested": None if snapshot.suggested is None else _suggested(snapshot.suggested),
         "limits": [{"name": name, "value": value} for name, value in snapshot.limits],
-        "activity": None
-        if snapshot.activity is None
-        else {"text": snapshot.activity.text, "share": snapshot.activity.share, "then": snapshot.activity.then},
-        "note": None if snapshot.note is None else {"text": snapshot.note.text, "level": snapshot.note.level},
+        "activity": None if snapshot.activity is None else dict(vars(snapshot.activity)),
+        "note": None if snapshot.note is None else dict(vars(snapshot.note)),
         "health": [
-            {
-                "name": one.name,
-                "level": one.level,
-                "message": one.message,
-                "trouble": trouble(one.values),
-                "values": dict(one.values),
-            }
-            for one in snapshot.health
+            {**vars(one), "trouble": trouble(one.values), "values": dict(one.values)} for one in snapshot.health
         ],
-        "assessment": None if snapshot.assessment is None else _assessment(snapshot),
+        "assessment": None if snapshot.assessment is None else _assessment(snapshot, snapshot.assessment),
     }
     return {name: part if name in _AS_THEY_ARE else _unbroken(part) for name, part in state.items()}
 
@@ -161,19 +139,12 @@ def _count(recordings: Sequence[str], use: str) -> int:
 
 def trouble(values: Mapping[str, str]) -> list[str]:
     """Say which counters of a check are not at zero: missed deadlines, drops, losses, limits."""
-    return [f"{name.replace('_', ' ')} {value}" for name, value in values.items() if _counts_trouble(name, value)]
-
-
-def _counts_trouble(name: str, value: str) -> bool:
-    return (name in TROUBLE or name.startswith("lost/")) and value not in ("", "0")
+    counters = {name: value for name, value in values.items() if name in TROUBLE or name.startswith("lost/")}
+    return [f"{name.replace('_', ' ')} {value}" for name, value in counters.items() if value not in ("", "0")]
 
 
 def _parameters(parameters: Mapping[str, Mapping[str, Any]]) -> list[str]:
     return [parameter_text(name.replace("_", " "), entry) for name, entry in parameters.items()]
-
-
-def _finite(value: float | None) -> float | None:
-    return None if value is None or not math.isfinite(value) else float(value)
 
 
 def _band(noise: Array) -> str:
@@ -202,10 +173,6 @@ def _head(snapshot: Snapshot) -> dict[str, Any]:
     return {"scores": [one.to_dict() for one in scores.values()], "pending": pending, "why": why, "judged": judged}
 
 
-def _held(snapshot: Snapshot) -> tuple[str, ...]:
-    return () if snapshot.ladder is None else tuple(held_parameters(snapshot.ladder))
-
-
 def _equations(model: Model, ladder: Ladder | None) -> list[dict[str, Any]]:
     """Equations of the present model; what the newest step has added is marked."""
     steps = () if ladder is None else ladder.steps
@@ -221,20 +188,17 @@ def _equations(model: Model, ladder: Ladder | None) -> list[dict[str, Any]]:
     ]
 
 
-def _missing(
-    found: Missing,
-    pictures: Mapping[str, Characteristic] | None,
-    ladder: Ladder | None,
-    left: Sequence[ResidualFinding] = (),
-) -> dict[str, Any]:
+def _missing(found: Missing, snapshot: Snapshot) -> dict[str, Any]:
+    ladder, pictures = snapshot.ladder, snapshot.pictures
     lacking = [effect_words(name) for name in found.pair or found.set] if found.verdict == "missing" else []
     lacking = ["what is missing"] if len(found.set) > 1 and not found.pair else lacking
     level = LEVEL if ladder is None else ladder.level
     twins = () if ladder is None else find_equivalent_effects(ladder.model, found.set)
     twins += same_forces(found.candidates, without_equivalents(found.set, twins))
+    why = {one.name: one.why for one in found.candidates}
     return {
         "verdict": found.verdict,
-        "conclusion": _conclusion(found.verdict, ladder, left),
+        "conclusion": _conclusion(found.verdict, ladder, _remainders(found, snapshot)),
         "explains": f"of {explained_of('' if ladder is None else ladder.criterion)}",
         "basis": capitalised(f"{basis(lacking)}this data cannot show"),
         "line": found.line,
@@ -247,12 +211,9 @@ def _missing(
             {"text": sentence(in_words(one.text)), "checks": [sentence(check) for check in one.checks]} for one in twins
         ],
         "candidates": [_candidate(one, place, found, pictures, level) for place, one in enumerate(found.candidates)],
-        "untestable": [
-            {"name": effect_words(name), "why": next((c.why for c in found.candidates if c.name == name), "")}
-            for name in found.untestable
-        ],
-        "findings": list(found.findings),
+        "untestable": [{"name": effect_words(name), "why": why.get(name, "")} for name in found.untestable],
         "unknown": sentence("" if found.unknown is None else found.unknown.text),
+        "elsewhere": _elsewhere(found, snapshot),
     }
 
 
@@ -282,12 +243,7 @@ def _evidence(found: Evidence, effects: Sequence[str]) -> dict[str, Any]:
         "effects": rows,
         "ended": in_words(found.ended),
         "estimates": [
-            {
-                "name": effect_words(one.name.replace(".", " ")),
-                "text": one.text,
-                "trusted": one.trusted,
-                "why": capitalised(in_words(one.why)),
-            }
+            {**vars(one), "name": effect_words(one.name.replace(".", " ")), "why": capitalised(in_words(one.why))}
             for one in found.estimates
         ],
     }
@@ -300,31 +256,28 @@ def _evidence_hint(found: Evidence) -> str:
     compared = "Where several are decided, a diagnosis compares them with one another."
     line = f"An effect is decided where log E reaches the dashed line, log(m/α) = {found.threshold:.1f}"
     if found.recorded:
-        return (
-            f"Fits to the other stretches of the records score each stretch. {line}, and stays there, unless the answer"
-            f" says why it is not added. {compared}"
-        )
-    return (
-        f"Fits to earlier samples score each stretch of new ones. {line}; this threshold holds at any time. {compared}"
-    )
+        reserve = "and stays there, unless the answer says why it is not added"
+        return f"Fits to the other stretches of the records score each stretch. {line}, {reserve}. {compared}"
+    holds = "this threshold holds at any time"
+    return f"Fits to earlier samples score each stretch of new ones. {line}; {holds}. {compared}"
 
 
-def _remainders(snapshot: Snapshot) -> Sequence[ResidualFinding]:
+def _remainders(missing: Missing, snapshot: Snapshot) -> Sequence[ResidualFinding]:
     """Residual tests of the diagnosed model; a live graph sends none, and those of its newest samples serve."""
-    if snapshot.missing is None or not snapshot.live:
-        return () if snapshot.missing is None else snapshot.missing.left
+    if not snapshot.live:
+        return missing.left
     return snapshot.assessment.residual_tests if snapshot.assessment is not None and snapshot.assessed else ()
 
 
-def _elsewhere(snapshot: Snapshot) -> str:
+def _elsewhere(missing: Missing, snapshot: Snapshot) -> str:
     """What the residual tests of an unseen record that is shown say against a verdict on the fitted ones."""
-    found, missing = snapshot.assessment, snapshot.missing
-    unseen = snapshot.recordings[snapshot.shown : snapshot.shown + 1]
-    if missing is None or found is None or not snapshot.assessed or not all(o.endswith(f"({UNSEEN})") for o in unseen):
+    found, shown = snapshot.assessment, snapshot.recordings[snapshot.shown : snapshot.shown + 1]
+    unseen = all(one.endswith(f"({UNSEEN})") for one in shown)
+    if found is None or not snapshot.assessed or not unseen or snapshot.live or missing.verdict not in NOISE_VERDICTS:
         return ""
     known = {one.test.name for one in missing.left if one.test.follows}
     follows = [one for one in found.residual_tests if one.test.follows and one.test.name not in known]
-    if snapshot.live or missing.verdict not in NOISE_VERDICTS or not follows:
+    if not follows:
         return ""
     return (
         f"On {found.record}, which is unseen, the one-step error of {joined_names([o.test.name for o in follows])}"
@@ -413,35 +366,31 @@ def _ladder(
     found = [step_scores(step, kind) for step in every]
     known = [DRIVE_FORCE in one for one in found]
     # What is known of one step has its place in all of them.
-    rows = [[*(o.to_dict() for o in one.values()), *([_UNKNOWN_FORCE] if any(known) and not has else [])]
-            for one, has in zip(found, known, strict=True)]  # fmt: skip
+    rows = [[one.to_dict() for one in scores.values()] for scores in found]
+    for row, has in zip(rows, known, strict=True):
+        if any(known) and not has:
+            row.append(_UNKNOWN_FORCE)
+    errors = f"Errors of the {DATA_USE[kind]} data{together}{_SEARCHED if live else ''}."
+    texts = (errors, _judged_by(ladder, force_known=any(known)), unknown_force(every, kind))
+    beware = list(_fitted_and_worse(found)) if given is not None and len(ladder.steps) == 1 else []
+    beware += [f"warning: {one.text}" for one in ladder.worsened] + disagreements(ladder)
     return {
         # Before the fit, with its own errors: what the fit has done is no part of what an effect has done.
         "given": None if given is None else rows.pop(0),
         "steps": [
             {
-                **_step(number, step, ladder),
+                "number": number,
+                "words": step_title(step),
+                "by": "the same model, fitted" if number == 0 and given is not None else step_evidence(step),
+                "ties": [effect_words(name) for name in ladder.rivals(step)],
+                "parameters": [] if step.added is None else _parameters(step.added.parameters),
                 "scores": rows[number],
-                **({} if number or given is None else {"by": "the same model, fitted"}),
             }
             for number, step in enumerate(ladder.steps)
         ],
         "verdict": ladder.verdict,
-        "data": " ".join(
-            [
-                f"Errors of the {DATA_USE[kind]} data{together}{_SEARCHED if live else ''}.",
-                _judged_by(ladder, force_known=any(known)),
-            ]
-            + [why for why in [unknown_force(every, kind)] if why]
-        ),
-        "beware": [
-            sentence(in_words(text))
-            for text in (
-                *(_fitted_and_worse(found) if given is not None and len(ladder.steps) == 1 else ()),
-                *(f"warning: {one.text}" for one in ladder.worsened),
-                *disagreements(ladder),
-            )
-        ],
+        "data": " ".join(filter(None, texts)),
+        "beware": [sentence(in_words(text)) for text in beware],
     }
 
 
@@ -461,33 +410,18 @@ def _judged_by(ladder: Ladder, *, force_known: bool) -> str:
     return f"Effects are judged by {by}{'; its error is not shown, too much of it is sensor noise' if hidden else ''}."
 
 
-def _step(number: int, step: Step, ladder: Ladder) -> dict[str, Any]:
-    added = step.added
-    return {
-        "number": number,
-        "words": step_title(step),
-        "by": step_evidence(step),
-        "ties": [effect_words(name) for name in ladder.rivals(step)],
-        "parameters": [] if added is None else _parameters(added.parameters),
-    }
-
-
 def _suggested(found: Mapping[str, Any]) -> dict[str, Any]:
-    signal, adds_to = found.get("signal"), found.get("adds_to")
+    signal, adds_to, duration = (found.get(name) for name in ("signal", "adds_to", "duration"))
+    described = describe_signal(signal, str(adds_to), str(found.get("unit", ""))) if signal and adds_to else ""
     return {
-        "signal": capitalised(describe_signal(signal, str(adds_to), str(found.get("unit", ""))))
-        if signal and adds_to
-        else "",
+        "signal": capitalised(described),
         "text": capitalised(in_words(str(found.get("text", "")))),
-        "duration": _finite(found.get("duration")),
+        "duration": duration if duration is not None and math.isfinite(duration) else None,
         "outcomes": [capitalised(in_words(str(one.get("text", "")))) for one in found.get("outcomes", ())],
     }
 
 
-def _assessment(snapshot: Snapshot) -> dict[str, Any] | None:
-    found = snapshot.assessment
-    if found is None:
-        return None
+def _assessment(snapshot: Snapshot, found: Assessment) -> dict[str, Any]:
     first = shown_first(found.where.maps)
     return {
         "record": found.record,
@@ -503,13 +437,10 @@ def _assessment(snapshot: Snapshot) -> dict[str, Any] | None:
 
 def _outputs(found: Assessment) -> list[dict[str, str]]:
     """What the tests say of the one-step error of each output, the numbers beside its figures."""
-    tests = {one.test.name: one.test for one in found.residual_tests}
+    tests = {one.test.name: _tests(one.test) for one in found.residual_tests}
+    readable = (lambda number: "") if found.frequency is None else found.frequency.frequency_note
     return [
-        {
-            "name": output.name,
-            "tests": "" if output.name not in tests else _tests(tests[output.name]),
-            "readable": "" if found.frequency is None else found.frequency.frequency_note(number),
-        }
+        {"name": output.name, "tests": tests.get(output.name, ""), "readable": readable(number)}
         for number, output in enumerate(found.model.outputs)
     ]
 

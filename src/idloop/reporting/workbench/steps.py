@@ -39,20 +39,15 @@ class Study:
     @property
     def options(self) -> tuple[str, ...]:
         """Words of the command line for how the data are judged; none for what is left as usual."""
-        given = {
-            "--level": self.level,
-            "--criterion": self.criterion,
-            "--seed": self.seed,
-            "--minimum-improvement": 100.0 * self.minimum_improvement,
-        }
-        usual = (0.01, "auto", 0, 1.0)
-        words = [
-            w
-            for (name, value), plain in zip(given.items(), usual, strict=True)
-            if value != plain
-            for w in (name, f"{value}")
-        ]
-        return (*words, *(word for name in self.effects for word in ("--effects", name)))
+        given = (
+            ("--level", self.level, 0.01),
+            ("--criterion", self.criterion, "auto"),
+            ("--seed", self.seed, 0),
+            ("--minimum-improvement", 100.0 * self.minimum_improvement, 1.0),
+        )
+        words = [(name, f"{value}") for name, value, usual in given if value != usual]
+        words += [("--effects", name) for name in self.effects]
+        return tuple(word for pair in words for word in pair)
 
 
 @dataclass(frozen=True)
@@ -184,7 +179,5 @@ def _step(study: Study, model: Model, added: Candidate | None = None) -> Step:
     from idloop.diagnosis import Step
     from idloop.diagnosis.model_errors import model_errors
 
-    return Step(
-        added=added, model=model, train=model_errors(model, study.records),
-        validation=model_errors(model, study.validation),
-    )  # fmt: skip
+    train, unseen = (model_errors(model, records) for records in (study.records, study.validation))
+    return Step(added, model, train=train, validation=unseen)

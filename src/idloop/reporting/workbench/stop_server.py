@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import asyncio
 import secrets
-import threading
 from collections.abc import Callable, Mapping
 from urllib.parse import urlsplit
 
 from tornado.httpserver import HTTPServer
 from tornado.httputil import HTTPHeaders
-from tornado.ioloop import IOLoop
 from tornado.netutil import bind_sockets
 from tornado.web import Application, RequestHandler
 
+from idloop.reporting.serving import ServerThread
 from idloop.reporting.workbench.admission import Admission
 
 
@@ -31,32 +29,22 @@ class StopServer:
         self._hosts = hosts
         sockets = bind_sockets(0, address)
         self.port = int(sockets[0].getsockname()[1])
-        self._loop: IOLoop | None = None
-        ready = threading.Event()
+        admission = Admission(Application([(r"/stop/.*", _StopHandler, {"stop": stop})]), self._refusal, self._headers)
 
         def serve() -> None:
-            asyncio.set_event_loop(asyncio.new_event_loop())
-            self._loop = IOLoop.current()
-            application = Application([(r"/stop/.*", _StopHandler, {"stop": stop})])
-            admission = Admission(application, self._refusal, self._headers)
-            server = HTTPServer(
+            self._server = HTTPServer(
                 admission, max_body_size=16_384, max_header_size=16_384, body_timeout=10.0, idle_connection_timeout=60.0
             )
-            server.add_sockets(sockets)
-            ready.set()
-            self._loop.start()
-            server.stop()
-            self._loop.close()
+            self._server.add_sockets(sockets)
 
-        self._thread = threading.Thread(target=serve, name="stop", daemon=True)
-        self._thread.start()
-        ready.wait()
+        self._thread = ServerThread("stop", serve, self._end)
 
     def close(self) -> None:
         """End the server."""
-        if self._loop is not None:
-            self._loop.add_callback(self._loop.stop)
-            self._thread.join(timeout=5.0)
+        self._thread.close()
+
+    async def _end(self) -> None:
+        self._server.stop()
 
     def _refusal(self, method: str, path: str, headers: HTTPHeaders) -> int:
         host = urlsplit(f"//{headers.get('Host', '')}").hostname or ""

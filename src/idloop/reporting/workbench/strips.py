@@ -63,23 +63,15 @@ class Question:
 def answer(signals: Signals, question: Question) -> bytes:
     """Return what a browser lacks.
 
-    Returns
-    -------
-    bytes
-        Length of the head (32 bits), the head as JSON, and for each of its ``streams`` the ``count`` instants [s]
-        as 64-bit floats and its ``columns`` one after the other as 32-bit floats; all little-endian, head and
-        streams filled up to multiples of 8 bytes. The samples of a stream replace those that the browser has
-        from the first of them on; where ``whole`` is true, all of them.
+    Returns: length of the head (32 bits), the head as JSON, and for each of its ``streams`` the ``count`` instants [s]
+    as 64-bit floats and its ``columns`` one after the other as 32-bit floats; all little-endian, head and streams
+    filled up to multiples of 8 bytes. The samples of a stream replace those that the browser has from the first of them
+    on; where ``whole`` is true, all of them.
     """
     start, stop = _stretch(signals, question)
     model, residual = SHOWN[question.shown]
-    roles = {
-        "measured": "measured",
-        "model": model,
-        "residual": residual,
-        "command": "command",
-        "reference": "reference",
-    }
+    roles = {name: name for name in ("measured", "model", "residual", "command", "reference")}
+    roles |= {"model": model, "residual": residual}
     ends = "newest" if question.follow is not None else f"{start}:{stop}"
     epoch = f"{signals.version} {question.shown} {(stop - start):.9g} {question.buckets} {ends}"
     known = {roles[name]: seconds for name, seconds in question.have.items() if name in roles}

@@ -14,7 +14,7 @@ from idloop.diagnosis import Candidate, Ladder, UnknownStructure
 from idloop.documents import read_json
 from idloop.physics.model_file import from_text
 from idloop.reporting.estimates import with_interval
-from idloop.reporting.figures.evidence import Decided
+from idloop.reporting.figures.effects import Decided
 from idloop.reporting.terms import effect_words
 from idloop.reporting.workbench.state import (
     AUTOMATIC,

@@ -420,14 +420,14 @@
         c.passed_over ? ` Significant, but not chosen: ${c.passed_over}.` : ""));
   }
 
+  function node(tag, attributes, text) {
+    const one = document.createElementNS("http://www.w3.org/2000/svg", tag);
+    for (const [name, value] of Object.entries(attributes)) one.setAttribute(name, value);
+    if (text) one.textContent = text;
+    return one;
+  }
+
   function drawing(picture) {
-    const NS = "http://www.w3.org/2000/svg";
-    const node = (tag, attributes, text) => {
-      const one = document.createElementNS(NS, tag);
-      for (const [name, value] of Object.entries(attributes)) one.setAttribute(name, value);
-      if (text) one.textContent = text;
-      return one;
-    };
     const svg = node("svg", { viewBox: "0 0 150 92", role: "img", "aria-label": `${picture.y} over ${picture.x}` });
     const xs = [...picture.curve, ...picture.data].map((p) => p[0]);
     const ys = [0, ...[...picture.curve, ...picture.data].map((p) => p[1])];
@@ -493,11 +493,7 @@
   const DASHES = ["", "10 4", "3 3", "10 3 3 3"];
   const MARKS = ["M-4 0a4 4 0 1 0 8 0a4 4 0 1 0 -8 0", "M-4 -4h8v8h-8z", "M0 -4L4 4H-4z", "M0 -5L4 0L0 5L-4 0z", "M0 4L4 -4H-4z", "M-4 0L-2 -4H2L4 0L2 4H-2z"];
   function lineKey(index) {
-    const NS = "http://www.w3.org/2000/svg";
-    const svg = document.createElementNS(NS, "svg");
-    svg.setAttribute("viewBox", "-16 -6 32 12");
-    svg.setAttribute("class", "key");
-    svg.setAttribute("aria-hidden", "true");
+    const svg = node("svg", { viewBox: "-16 -6 32 12", class: "key", "aria-hidden": "true" });
     if (index == null) return svg;
     svg.style.color = `var(--series${index % 5})`;
     svg.innerHTML = `<path d="M-16 0H16" stroke="currentColor" stroke-width="2" stroke-dasharray="${DASHES[index % 4]}"/><path d="${MARKS[index % 6]}" fill="currentColor"/>`;

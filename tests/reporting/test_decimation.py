@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from idloop.reporting.workbench.decimation import extremes, held_steps
+from idloop.reporting.decimation import extremes
 
 VALUES = st.floats(-1e9, 1e9) | st.just(float("nan"))
 
@@ -69,9 +69,3 @@ def test_no_sample_is_no_point():
     time, values = extremes(np.empty(0), np.empty((0, 2)), 0.1)
     assert time.shape == (0,)
     assert values.shape == (0, 2)
-
-
-def test_a_held_value_reaches_to_the_end():
-    time, values = held_steps(np.array([0.0, 1.0]), np.array([[3.0], [4.0]]), 2.5)
-    assert time.tolist() == [0.0, 1.0, 2.5]
-    assert values.ravel().tolist() == [3.0, 4.0, 4.0]

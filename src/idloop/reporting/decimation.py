@@ -12,11 +12,9 @@ def extremes(time: Array, values: Array, width: float) -> tuple[Array, Array]:
 
     The buckets lie on whole multiples of `width`, so that a window that moves on shows the same points again.
 
-    `time` (n,): not decreasing [s].
-    `values` (n, k): NaN where there is none; a bucket without any stays NaN.
-    `width`: length of a bucket [s].
-    Returns `time` (m,): first and last instant of every bucket that holds samples; the samples themselves where buckets
-    would not make them fewer.
+    `time` (n,): not decreasing [s]. `values` (n, k): NaN where there is none; a bucket without any stays NaN. `width`:
+    length of a bucket [s]. Returns: first and last instant of every bucket that holds samples, and its values; the
+    samples themselves where buckets would not make them fewer.
     """
     n = len(time)
     if n == 0 or width <= 0.0:
@@ -37,10 +35,3 @@ def extremes(time: Array, values: Array, width: float) -> tuple[Array, Array]:
     instants = np.empty(2 * len(starts))
     instants[0::2], instants[1::2] = time[starts], time[ends - 1]
     return instants, few
-
-
-def held_steps(time: Array, values: Array, until: float) -> tuple[Array, Array]:
-    """Add the last value once more at `until`, for a signal that holds."""
-    if len(time) == 0 or until <= time[-1]:
-        return time, values
-    return np.append(time, until), np.concatenate([values, values[-1:]])

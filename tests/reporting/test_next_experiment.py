@@ -1,7 +1,7 @@
 """The next experiment for the terminal: what is sent, what it decides, a row for each rival."""
 
+from idloop.reporting.next_experiment import experiment_blocks
 from idloop.reporting.text.blocks import Table, as_text
-from idloop.reporting.text.next_experiment import experiment_blocks
 
 ERRORS = {"saturation@input": {"motor.position": {"value": 0.34, "unit": "rad", "noise": 0.001}}}
 SUGGESTED = {

@@ -1,18 +1,25 @@
-"""The frame of a comparison: the measured range sets the scale, so that no stray of a free run spoils it.
+"""One record beside what models say about it, as every figure of a comparison draws it, and the frame of its values.
 
-A free run may start absurdly (of a velocity that hardly shows in quantised positions anything will do) or run away;
-either would press what was measured into a line.
+The measured range sets the scale, so that no stray of a free run spoils it: a free run may start absurdly (of a
+velocity that hardly shows in quantised positions anything will do) or run away, and would press what was measured
+into a line.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from idloop.arrays import Array
-from idloop.validation.words import figure_text
+from idloop.reporting.residual_findings import believed_noise, refuted_noise
+from idloop.validation.words import figure_text, fit_text
+
+if TYPE_CHECKING:
+    from idloop.records import Record
+    from idloop.validation import Comparison
 
 # A curve may leave the measured range by this many times its width before it is cut off.
 _BEYOND, _RESIDUAL = 1.0, 2.0
@@ -114,3 +121,54 @@ def widest(frames: Iterable[Frame | None]) -> Frame | None:
 def _reach(values: Array) -> tuple[float, float]:
     known = values[np.isfinite(values)]
     return (float(np.min(known)), float(np.max(known))) if len(known) else (0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One record and what the models say about it; a curve that leaves its frame says in the legend how far it goes."""
+
+    title: str  # name of the record, and what it was used for
+    record: Record  # names and units of its signals, its command
+    time: Array  # shape (n,): instants of the outputs [s]
+    output: Array  # shape (n, p): NaN where not measured
+    modelled: Mapping[str, Array]  # shape (n, p): outputs of each model by its label
+    # shape (p,): half width of the band in which the residual of a perfect model stays with 95 % probability
+    band: Array | None = None
+    notes: Mapping[str, Sequence[str]] = field(default_factory=dict)  # words for the legend by model and output
+
+    def values(self, column: int) -> dict[str, Array]:
+        """Modelled values of one output."""
+        return {label: modelled[:, column] for label, modelled in self.modelled.items()}
+
+    def half_band(self, column: int) -> float | None:
+        """Half width of the band of one output; None where it is not known."""
+        known = self.band is not None and np.isfinite(self.band[column])
+        return float(self.band[column]) if known and self.band is not None else None
+
+    def value_frame(self, column: int) -> Frame | None:
+        """Frame of one output."""
+        return value_frame(self.output[:, column], self.values(column))
+
+    def residual_frame(self, column: int) -> Frame | None:
+        """Frame of what is left of one output."""
+        return residual_frame(self.output[:, column], self.values(column), self.half_band(column))
+
+    def legend_entry(self, label: str, column: int) -> str:
+        """A model's entry in the legend: its note, and how far it and its residual leave their frames."""
+        note, frame, below = self.notes.get(label), self.value_frame(column), self.residual_frame(column)
+        parts = [note[column]] if note else []
+        if frame is not None and label in frame.strays:
+            parts.append(f"leaves the frame, {frame.strays[label]}")
+        elif below is not None and label in below.strays:
+            parts.append(f"residual {below.strays[label]}")
+        return f"{label} ({'; '.join(parts)})" if parts else label
+
+
+def make_panel(title: str, rows: Sequence[tuple[str, Comparison]]) -> Panel:
+    """Panel of the free run of each model on one record, by its label; without the band of a refuted noise."""
+    first = rows[0][1]
+    believed = believed_noise(first.model, refuted_noise(comparison for _, comparison in rows))
+    noise = np.array([believed.get(output.name, np.nan) for output in first.model.outputs])
+    notes = {label: [f"FIT {fit_text(one.fit[name], 3, ' %')}" for name in one.names] for label, one in rows}
+    modelled = {label: one.simulated for label, one in rows}
+    return Panel(title, first.record, first.time, first.measured, modelled, 1.96 * noise, notes)

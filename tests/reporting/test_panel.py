@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from idloop.records import Record
 from idloop.reporting.figures.comparison import overlay
-from idloop.reporting.frame import residual_frame, value_frame, widest
-from idloop.reporting.plots.comparison import Panel, plot_comparison
+from idloop.reporting.panel import Panel, residual_frame, value_frame, widest
+from idloop.reporting.plots.comparison import plot_panels
 
 TIME = np.linspace(0.0, 10.0, 1001)
 MEASURED = 5.0 * np.sin(TIME)
@@ -65,29 +66,26 @@ def test_linked_axes_have_one_frame():
 
 
 def panel(modelled: np.ndarray) -> Panel:
-    column = modelled[:, None]
-    return Panel(
-        "train", TIME, MEASURED[:, None], {"model": column}, TIME, np.sign(MEASURED), np.array([0.02]),
-        {"model": ["FIT 96 %"]},
-    )  # fmt: skip
+    measured, names, units = MEASURED[:, None], ("motor.velocity",), ("rad/s",)
+    record = Record("train", TIME, np.sign(MEASURED), TIME, measured, "motor.effort", "V", names, units)
+    notes = {"model": ["FIT 96 %"]}
+    return Panel("train", record, TIME, measured, {"model": modelled[:, None]}, np.array([0.02]), notes)
 
 
 def test_both_figures_keep_the_measured_scale_and_say_how_far_the_model_goes():
-    figure = plot_comparison([panel(absurd())], ["motor.velocity"], ["rad/s"], "motor.effort", "V")
+    figure = plot_panels([panel(absurd())])
     top, below = figure.axes[:2]
     assert -8.0 < top.get_ylim()[0] < top.get_ylim()[1] < 8.0
     assert below.get_ylim()[1] < 0.2
     assert [text.get_text() for text in top.get_legend().get_texts()][
         1
     ] == "model (FIT 96 %; leaves the frame, to −540)"
-    drawn = overlay(panel(absurd()), ["motor.velocity"], ["rad/s"], "motor.effort", "V")
+    drawn = overlay(panel(absurd()))
     assert -8.0 < drawn[0].y_range.start < drawn[0].y_range.end < 8.0
     assert drawn[1].y_range.end < 0.2
 
 
 def test_figures_of_models_that_stay_near_find_their_own_scale():
-    figure = plot_comparison([panel(NEAR)], ["motor.velocity"], ["rad/s"], "motor.effort", "V")
+    figure = plot_panels([panel(NEAR)])
     assert figure.axes[0].get_autoscaley_on()
-    assert type(overlay(panel(NEAR), ["motor.velocity"], ["rad/s"], "motor.effort", "V")[0].y_range).__name__ == (
-        "DataRange1d"
-    )
+    assert type(overlay(panel(NEAR))[0].y_range).__name__ == ("DataRange1d")
