@@ -16,8 +16,8 @@ from idloop.documents import MOST_COLUMNS, MOST_TABLE
 from idloop.errors import InputError
 from idloop.records.formats.form import Form, Options, needs
 from idloop.records.formats.isolated import read_isolated
+from idloop.records.tables.base_units import is_unit_key
 from idloop.records.tables.table import Table
-from idloop.records.tables.unit_words import is_unit_key
 from idloop.spelling import listed
 
 _STREAM = b"\xff\xff\xff\xff"

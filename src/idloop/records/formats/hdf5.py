@@ -16,8 +16,8 @@ from idloop.records.formats.hdf5_heaps import heap_damage
 from idloop.records.formats.isolated import read_isolated
 from idloop.records.formats.pickle_data import read_pickle
 from idloop.records.formats.tree import table_of_tree
+from idloop.records.tables.base_units import is_unit_key
 from idloop.records.tables.table import Table
-from idloop.records.tables.unit_words import is_unit_key
 
 if TYPE_CHECKING:
     import h5py

@@ -14,9 +14,8 @@ from idloop.errors import InputError
 from idloop.records.formats.clock_names import TIME_WORDS, clock_unit, known_clock_unit
 from idloop.records.recognition.column_name import parse_column_name
 from idloop.records.recognition.roles import role_by_name
-from idloop.records.tables.base_units import known_unit
+from idloop.records.tables.base_units import is_unit_key, known_unit
 from idloop.records.tables.table import Table
-from idloop.records.tables.unit_words import is_unit_key
 
 # Entries of a structure or cell array that become columns of their own; a longer one is a list of samples.
 _MOST_PARTS = 256

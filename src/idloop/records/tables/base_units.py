@@ -1,81 +1,137 @@
-"""Units of foreign files, and the units of the topics."""
+"""Units of foreign files, in the languages and spellings of logs, and the units of the topics."""
 
 from __future__ import annotations
 
+import re
 from math import pi
+from unicodedata import normalize
 
 from idloop.errors import InputError
 from idloop.physics.units import ALIASES
-from idloop.records.tables.unit_words import multiple, unit_by_words
 from idloop.spelling import did_you_mean_or_known
 
-_MINUTE = 60.0
-_INCH, _POUND = 0.0254, 4.4482216152605  # exact by definition [m], [N]
-_MILLI, _MICRO, _KILO = 1e-3, 1e-6, 1e3
+_INCH, _POUND, _GRAVITY = 0.0254, 4.4482216152605, 9.80665  # exact by definition [m], [N], [m/s²]
+_DEGREE, _TURN, _MINUTE = pi / 180.0, 2.0 * pi, 60.0
 
-# Unit of a file: the topics' unit and the factor to it.
-_BASE: dict[str, tuple[str, float]] = {
-    "rad": ("rad", 1.0),
-    "mrad": ("rad", _MILLI),
-    "deg": ("rad", pi / 180.0),
-    "arcmin": ("rad", pi / 180.0 / 60.0),
-    "arcsec": ("rad", pi / 180.0 / 3600.0),
-    "rev": ("rad", 2.0 * pi),
-    "m": ("m", 1.0),
-    "cm": ("m", 1e-2),
-    "mm": ("m", _MILLI),
-    "um": ("m", _MICRO),
-    "rad/s": ("rad/s", 1.0),
-    "mrad/s": ("rad/s", _MILLI),
-    "deg/s": ("rad/s", pi / 180.0),
-    "rev/s": ("rad/s", 2.0 * pi),
-    "rpm": ("rad/s", 2.0 * pi / _MINUTE),
-    "m/s": ("m/s", 1.0),
-    "cm/s": ("m/s", 1e-2),
-    "mm/s": ("m/s", _MILLI),
-    "um/s": ("m/s", _MICRO),
-    "m/min": ("m/s", 1.0 / _MINUTE),
-    "mm/min": ("m/s", _MILLI / _MINUTE),
-    "V": ("V", 1.0),
-    "mV": ("V", _MILLI),
-    "V/s": ("V/s", 1.0),
-    "A": ("A", 1.0),
-    "mA": ("A", _MILLI),
-    "N·m": ("N·m", 1.0),
-    "mN·m": ("N·m", _MILLI),
-    "kN·m": ("N·m", _KILO),
-    "N": ("N", 1.0),
-    "mN": ("N", _MILLI),
-    "kN": ("N", _KILO),
-    "in": ("m", _INCH),
-    "in/s": ("m/s", _INCH),
-    "lbf": ("N", _POUND),
-    "kip": ("N", 1e3 * _POUND),
-    "lbf·in": ("N·m", _POUND * _INCH),
-    "lbf·ft": ("N·m", _POUND * 12.0 * _INCH),
-    "ozf·in": ("N·m", _POUND * _INCH / 16.0),
-    "°C": ("°C", 1.0),
-    "-": ("-", 1.0),
-    "%": ("-", 1e-2),
+_ANGLES = {"rad": 1.0, "mrad": 1e-3, "deg": _DEGREE, "arcmin": _DEGREE / 60.0, "arcsec": _DEGREE / 3600.0, "rev": _TURN}
+_LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": _INCH}
+# Units of files by the unit of the topics, with the factor to it.
+_QUANTITIES = {
+    "rad": _ANGLES,
+    "m": _LENGTHS,
+    "rad/s": {f"{unit}/s": factor for unit, factor in _ANGLES.items()} | {"rpm": _TURN / _MINUTE},
+    "m/s": {f"{unit}/s": factor for unit, factor in _LENGTHS.items()}
+    | {"m/min": 1.0 / _MINUTE, "mm/min": 1e-3 / _MINUTE},
+    "V": {"V": 1.0, "mV": 1e-3},
+    "V/s": {"V/s": 1.0},
+    "A": {"A": 1.0, "mA": 1e-3},
+    "N·m": {
+        "N·m": 1.0,
+        "mN·m": 1e-3,
+        "kN·m": 1e3,
+        "lbf·in": _POUND * _INCH,
+        "lbf·ft": _POUND * 12.0 * _INCH,
+        "ozf·in": _POUND * _INCH / 16.0,
+    },
+    "N": {"N": 1.0, "mN": 1e-3, "kN": 1e3, "lbf": _POUND, "kip": 1e3 * _POUND},
+    "°C": {"°C": 1.0},
+    "-": {"-": 1.0, "%": 1e-2},
 }
+_BASE = {unit: (base, factor) for base, units in _QUANTITIES.items() for unit, factor in units.items()}
 _ALIASES = ALIASES | {
     "°": "deg", "degree": "deg", "degrees": "deg", "°/s": "deg/s", "turn": "rev", "turns": "rev", "turn/s": "rev/s",
     "rev/min": "rpm", "1/min": "rpm", "µm": "um", "µm/s": "um/s", "mNm": "mN·m", "mN.m": "mN·m", "kNm": "kN·m",
     "degC": "°C", "℃": "°C",
 }  # fmt: skip
-# Further abbreviations that logs use, in small letters.
-_SPELLINGS = {
-    "radps": "rad/s", "degps": "deg/s", "dps": "deg/s", "rps": "rev/s", "mps": "m/s", "rpm": "rpm", "r.p.m.": "rpm",
-    "umin": "rpm", "upm": "rpm", "min-1": "rpm", "min⁻¹": "rpm", "min^-1": "rpm", "mv": "mV", "millivolt": "mV",
-    "millivolts": "mV", "ma": "mA", "milliamp": "mA", "milliamps": "mA", "newton meter": "N·m", "mnm": "mN·m",
-    "lbs": "lbf", "lb": "lbf", "in-lb": "lbf·in", "lb-in": "lbf·in", "ft-lb": "lbf·ft", "oz-in": "ozf·in",
-    "ozin": "ozf·in",
-}  # fmt: skip
 # Units of time [s].
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-
-
 COUNTS = ("counts", "counts/s")  # steps of an encoder, of a size that the user has to say
+_SECONDS = (
+    "s sec secs second seconds sek sekunde sekunden seconde secondes secondo secondi seg segundo segundos sekunda"
+    " sekundy sekund sn с сек секунда секунды секунд 秒"
+)
+# Words of units without accents, in small letters. Those of `_OF_RATES` mean it before a time only: U/min, r/s.
+_WORDS: dict[str, str] = {
+    "rad": "rad radian radians radiant radianti radianes radianos radiani radianten radianer radiany radiaali rads"
+    " рад радиан радианы радиан弧度 弧度 ラジアン",
+    "deg": "deg degs degree degrees dg ° º grad grade grado grados gradi graus grau degre degres graden graad grader"
+    " stopien stopnie stopni stopnia stupen stupne stupnu stupnov derece aste astetta astetta fok град градус градусы"
+    " градусов 度",
+    "rev": "rev revs revolution revolutions rot rots rotation rotations turn turns tour tours tr trs giro giri vuelta"
+    " vueltas volta voltas rpt umdrehung umdrehungen umdr umdr. omwenteling omwentelingen omw omdrejning omdrejninger"
+    " omdr varv obrot obroty obrotow obr otacka otacky otacek ot ot. kierros kierrosta devir об оборот обороты"
+    " оборотов 转 圈 回転",
+    "m": "m meter meters metre metres metro metros metri metr metry metrow metra mtr м метр метры метров 米",
+    "cm": "cm centimeter centimeters centimetre centimetres centimetro centimetros centimetri zentimeter см",
+    "mm": "mm millimeter millimeters millimetre millimetres milimetro milimetros millimetro millimetri milimetr"
+    " milimetry мм миллиметр миллиметры 毫米",
+    "um": "um µm μm micron microns micrometer micrometers micrometre micrometres mikrometer micra мкм 微米",
+    "in": "in inch inches pulgada pulgadas pouce pouces zoll pollici",
+    "counts": "counts count cnt cts steps ticks tick pulse pulses puls impuls impulse impulses impulsy impulsos impulsi"
+    " impulsions inc incs increment increments inkrement inkremente incrementos incrementi lsb qc имп импульсы 脉冲",
+    "V": "v volt volts volte voltio voltios в вольт вольты 伏 伏特",
+    "A": "a arms apk amp amps ampere amperes amper ampery amperio amperios а ампер амперы 安 安培",
+    "N": "newton newtons newtonow newtonit ньютон н",
+    "N·m": "nm n·m n-m n*m n.m newtonmeter newtonmetre нм н·м",
+    "°C": "celsius degc",
+    "s": _SECONDS,
+    "ms": "ms msec millis millisec millisecond milliseconds millisekunde millisekunden milliseconde millisecondes"
+    " milisegundo milisegundos millisecondi milisekundy мс 毫秒",
+    "us": "us usec µs μs micros microsec microsecond microseconds mikrosekunde mikrosekunden microsegundos мкс 微秒",
+    "ns": "ns nsec nanos nanosec nanosecond nanoseconds nanosekunden нс 纳秒",
+    "%": "% percent pct prozent procent pourcent porcentaje percentuale prosent процент",
+    "-": "rated nominal p.u. pu fullscale fs",
+    "rad/s": "radps",
+    "deg/s": "degps dps",
+    "rev/s": "rps",
+    "m/s": "mps",
+    "rpm": "rpm r.p.m. umin upm min-1 min⁻¹ min^-1",
+    "mV": "mv millivolt millivolts",
+    "mA": "ma milliamp milliamps",
+    "mN·m": "mnm",
+    "lbf": "lbs lb",
+    "lbf·in": "in-lb lb-in",
+    "lbf·ft": "ft-lb",
+    "ozf·in": "oz-in ozin",
+}
+_TIMES = {
+    "s": _SECONDS,
+    "min": "min min. mn minute minutes minuten minuto minutos minuti minuut minuta minuty minut dk dak мин минута 分",
+}
+_OF_RATES = {"u": "rev", "g": "rev", "d": "rev", "r": "rev", "1": "rev"}
+_ONLY_PER_MINUTE = {"g", "d", "1"}
+_UNITS = {word: unit for unit, words in _WORDS.items() for word in words.split()} | {"newton meter": "N·m"}
+_SPANS = {word: unit for unit, words in _TIMES.items() for word in words.split()}
+_RATES = {f"{unit}/s": f"{unit}/s" for unit in ("rad", "deg", "rev", "m", "cm", "mm", "um", "in", "counts")}
+_RATES |= {"rev/min": "rpm", "m/min": "m/min", "mm/min": "mm/min"}
+_RATE = re.compile(r"(.+?)\s*(?:/|(?<![a-z])(?:per|pro|par|por|al)(?![a-z])|per(?=[a-z]))\s*(.+)")
+_INVERSE = re.compile(r"\s*[·*.]?\s*(s|sec|min)\s*\^?\s*(?:-1|⁻¹|\(-1\))$")
+_FRACTION = re.compile(
+    r"(?P<part>.*?)\s*(?:(?:of|von|de|di)\s+)?(?:the\s+)?"
+    r"(?:rated|nominal|nenn\w*|nom\.?|full[ -]?scale|per[ -]unit)(?:\s+(?:torque|current|speed|force|moment|value))?"
+)
+_MULTIPLE = re.compile(
+    r"(?P<number>1\s*/\s*\d+|10\s*\^\s*-?\d+|\d+(?:[.,]\d+)?(?:e[-+]?\d+)?)\s*[x×*·]?\s*(?P<unit>[^\d\s].*)",
+    re.IGNORECASE,
+)
+_PREFIXES = {"m": 1e-3, "c": 1e-2, "µ": 1e-6, "μ": 1e-6, "u": 1e-6, "k": 1e3}
+# Forces and torques without the signs between their parts: N·cm, kgf.cm, g cm
+_PRODUCTS = {
+    "ncm": (1e-2, "N·m"), "nmm": (1e-3, "N·m"), "kgfm": (_GRAVITY, "N·m"),
+    "kgfcm": (1e-2 * _GRAVITY, "N·m"), "kgcm": (1e-2 * _GRAVITY, "N·m"),
+    "gcm": (1e-5 * _GRAVITY, "N·m"), "gfcm": (1e-5 * _GRAVITY, "N·m"),
+    "kgf": (_GRAVITY, "N"), "gf": (1e-3 * _GRAVITY, "N"),
+}  # fmt: skip
+_BETWEEN = re.compile(r"(?<=\w)[·.*\- ](?=\w)")
+# The key under which a unit stands.
+_KEYS = {
+    "unit", "units", "unite", "unites", "unidad", "unidades", "unidade", "einheit", "einheiten", "unita", "eenheid",
+    "enhet", "jednostka", "jednotka", "birim", "uom", "единица", "单位",
+}  # fmt: skip
+# What a prefix stands before: symbols, not words.
+_PREFIXED = {
+    "rad", "deg", "°", "V", "A", "N", "Nm", "N·m", "N.m", "N*m", "rad/s", "deg/s", "°/s", "dps", "rev", "rev/s", "rpm",
+}  # fmt: skip
 
 
 def known_unit(text: str) -> str:
@@ -85,11 +141,9 @@ def known_unit(text: str) -> str:
     ``ms``, ``us``, ``ns``.
     """
     text = " ".join(text.split())
-    if text in _BASE or text in SECONDS:
+    if not text or text in _BASE or text in SECONDS:
         return text
-    if not text:
-        return ""
-    return _ALIASES.get(text, "") or _SPELLINGS.get(text.lower(), "") or unit_by_words(text)
+    return _ALIASES.get(text, "") or _unit_by_words(text)
 
 
 def read_unit(text: str) -> tuple[str, float]:
@@ -99,7 +153,7 @@ def read_unit(text: str) -> tuple[str, float]:
     """
     if unit := known_unit(text):
         return unit, 1.0
-    factor, rest = multiple(text)
+    factor, rest = _multiple(text)
     unit = known_unit(rest) if factor != 1.0 else ""
     return (unit, factor) if unit and unit not in SECONDS else ("", 1.0)
 
@@ -143,3 +197,47 @@ def base_unit(unit: str, field: str, where: str) -> tuple[str, float]:
     if short not in fitting:
         raise InputError(f"{where}: {unit} is not a unit of a {field}; known are {', '.join(fitting)}")
     return _BASE[short]
+
+
+def _unit_by_words(text: str) -> str:
+    """The unit that ``degrees``, ``giri/min``, ``DegPerSec`` or ``% of rated torque`` mean; empty for other words."""
+    plain = _without_accents(" ".join(text.split()).lower())
+    # A Latin letter is a unit in its own case only.
+    if plain in _UNITS and (len(plain) > 1 or not plain.isascii()):
+        return _UNITS[plain]
+    if (part := _FRACTION.fullmatch(plain)) is not None:
+        return {"": "-", "%": "%", "percent": "%"}.get(part["part"], "")
+    rate = _RATE.fullmatch(_INVERSE.sub(r"/\1", plain))
+    if rate is None or rate[2] not in _SPANS:
+        return ""
+    span, what = _SPANS[rate[2]], rate[1].rstrip(". ")
+    unit = _UNITS.get(what, "")
+    if not unit and (span == "min" or what not in _ONLY_PER_MINUTE):
+        unit = _OF_RATES.get(what, "")
+    return _RATES.get(f"{unit}/{span}", "")
+
+
+def is_unit_key(name: str) -> bool:
+    """Whether a key, in some language, is that of a unit."""
+    return _without_accents(name.strip().rstrip(":").lower()) in _KEYS
+
+
+def _multiple(text: str) -> tuple[float, str]:
+    """The number and the unit of ``0.01 A``, ``1/1000 rated`` or ``mdeg``; 1 and the text where it is no multiple."""
+    text = " ".join(text.replace("‰", "0.1 %").split())
+    if match := _MULTIPLE.fullmatch(text):
+        number = match["number"].replace(",", ".").replace(" ", "")
+        if "/" in number:
+            over = float(number.partition("/")[2])
+            return (1.0 / over, match["unit"]) if over else (1.0, text)
+        base, hat, exponent = number.partition("^")
+        return float(base) ** float(exponent) if hat else float(number), match["unit"]
+    if text[:1] in _PREFIXES and text[1:] in _PREFIXED:
+        return _PREFIXES[text[:1]], text[1:]
+    return _PRODUCTS.get(_BETWEEN.sub("", text).lower(), (1.0, text))
+
+
+def _without_accents(text: str) -> str:
+    """A text with plain letters for those with accents; of other alphabets as it is."""
+    found = normalize("NFD", text.replace("ł", "l").replace("ø", "o"))
+    return normalize("NFC", "".join(one for one in found if not "\u0300" <= one <= "\u036f" or one == "\u0306"))
