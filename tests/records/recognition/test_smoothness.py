@@ -2,7 +2,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from idloop.records.recognition.smoothness import change_by_noise, smoothest_first
+from idloop.records.recognition.unnamed_columns import change_by_noise, smoothest_first
 
 WHOLE = (slice(None),)
 

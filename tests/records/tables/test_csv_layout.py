@@ -117,8 +117,8 @@ def test_text_between_the_rows_is_left_out_where_asked(tmp_path):
     table = _read(tmp_path, SERIAL, skip_text=True)
     np.testing.assert_array_equal(table.columns["t"], [0, 1, 2, 0, 1])
     np.testing.assert_array_equal(table.columns["u"], [1, 2, 3, 4, np.nan])
-    assert table.text_rows == [2, 3, 5]
-    assert table.preamble == ["ready"]
+    assert table.text.text_rows == [2, 3, 5]
+    assert table.text.preamble == ["ready"]
     assert table.notes == [
         "1 line above the header is left out",
         "3 lines of text between the rows are left out, before row 2, 3, 5",
@@ -133,7 +133,7 @@ def test_rows_that_were_cut_off_are_no_lines_of_text(tmp_path):
         "2 rows of another number of cells are left out, before row 2, 3",
         "the last row is left out: the file ends within it",
     ]
-    assert table.skipped
+    assert table.text.skipped
 
 
 @pytest.mark.parametrize(("rows", "values"), [(slice(0, 2), [1, 2]), (slice(3, 4), [3])])
@@ -183,7 +183,7 @@ def test_names_that_are_alike_are_told_apart_by_their_groups(tmp_path, name):
     names = ["Zeit", "Drehmoment Soll", "Drehmoment Ist", "Drehzahl Soll", "Drehzahl Ist", "Strom"][:width]
     assert list(table.columns) == names
     assert [table.columns[name][1] for name in names] == list(range(1, width + 1))
-    assert not table.preamble
+    assert not table.text.preamble
 
 
 def test_units_are_no_groups(tmp_path):

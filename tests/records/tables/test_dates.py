@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from idloop.records.tables.dates import date_ns, dates_ns
+from idloop.records.tables.stamps import date_ns, dates_ns
 
 SECOND = 1_000_000_000
 NINE = 1_740_906_000 * SECOND  # 2025-03-02 09:00:00 in UTC

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from idloop.records.tables.split_stamps import join_stamps
+from idloop.records.tables.reshaping import join_stamps
 from idloop.records.tables.table import Table
 
 T = 1_700_000_000.5 + 0.01 * np.arange(200)

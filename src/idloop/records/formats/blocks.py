@@ -13,11 +13,10 @@ import numpy as np
 from idloop.documents import MOST_COLUMNS, MOST_TABLE
 from idloop.errors import InputError
 from idloop.records.formats.clock_names import clock_unit
-from idloop.records.formats.form import Form, Options, text_of
+from idloop.records.formats.form import Form, Options, check_size, lines_of, text_of
 from idloop.records.tables.table import Table
 
 _SPLIT = re.compile(r"\s*[;,\t]\s*|\s+")
-_LONGEST_LINE = 1 << 16
 # Rows that a block has at least in the beginning of a file that is recognised as of this form.
 _LEAST_ROWS = 3
 _FIRST_LINES = 50
@@ -40,36 +39,31 @@ class _Block:
         """Unit of the stamps, where a header says it."""
         return next((unit for one in self.titles if (unit := _header(one))), "")
 
+    @property
+    def is_series(self) -> bool:
+        """Whether its rows are a stamp and a value each."""
+        return {len(row) for row in self.rows} == {2}
+
 
 def read_blocks(path: Path, _: Options) -> Table:
-    """Read the signals of a file, each with its own stamps.
-
-    Raises InputError: a block without a title or with rows of another width, or too many of them.
-    """
-    if path.stat().st_size > MOST_TABLE // 8:
-        raise InputError(f"{path}: the file has more than {MOST_TABLE >> 23} MiB; keep fewer rows")
+    """Read the signals of a file, each with its own stamps."""
+    check_size(path, "keep fewer rows", MOST_TABLE // 8)
     table = Table(path, {})
-    with path.open(encoding="utf-8-sig", errors="replace", newline=None) as stream:
-        for block in _blocks(iter(lambda: stream.readline(_LONGEST_LINE), "")):
-            name = block.name
-            if not block.rows:
-                continue
-            if not name or name in table.columns:
-                raise InputError(
-                    f"{path}: a block of {len(block.rows)} rows has {'the title of another' if name else 'no title'};"
-                    " give each block a line with its name"
-                )
-            widths = {len(row) for row in block.rows}
-            if widths != {2}:
-                raise InputError(f"{path}: {name[:40]!r} has rows of other than a stamp and a value; correct the file")
-            values = np.array(block.rows)
-            clock = f"{name}.time"
-            table.columns |= {name: values[:, 1], clock: values[:, 0]}
-            table.clocks[name] = clock
-            if block.clock_unit:
-                table.units[clock] = block.clock_unit
-            if len(table.columns) > MOST_COLUMNS:
-                raise InputError(f"{path}: more than {MOST_COLUMNS:,} columns; check that this is the data file")
+    for block in _blocks(lines_of(path)):
+        name = block.name
+        if not block.rows:
+            continue
+        if not name or name in table.columns:
+            raise InputError(
+                f"{path}: a block of {len(block.rows)} rows has {'the title of another' if name else 'no title'};"
+                " give each block a line with its name"
+            )
+        if not block.is_series:
+            raise InputError(f"{path}: {name[:40]!r} has rows of other than a stamp and a value; correct the file")
+        stamps, values = np.array(block.rows).T
+        table.add_series(name, stamps, values, block.clock_unit)
+        if len(table.columns) > MOST_COLUMNS:
+            raise InputError(f"{path}: more than {MOST_COLUMNS:,} columns; check that this is the data file")
     return table
 
 
@@ -101,9 +95,9 @@ def _title(text: str) -> str:
 
 def _numbers(text: str) -> list[float] | None:
     commas = ";" in text or "\t" in text
+    cells = re.split(r"\s*[;\t]\s*", text) if commas else _SPLIT.split(text)
     try:
-        return [float(cell.replace(",", ".") if commas else cell) for cell in
-                (re.split(r"\s*[;\t]\s*", text) if commas else _SPLIT.split(text))]  # fmt: skip
+        return [float(cell.replace(",", ".") if commas else cell) for cell in cells]
     except ValueError:
         return None
 
@@ -126,15 +120,13 @@ def _goes_on_as_blocks(path: Path) -> bool:
     """Whether a first block that is longer than the beginning of the file is followed by a second one."""
     if path.stat().st_size > MOST_TABLE // 8:
         return False
-    with path.open(encoding="utf-8-sig", errors="replace", newline=None) as stream:
-        lines = (line for line in iter(lambda: stream.readline(_LONGEST_LINE), ""))
-        # A table with a header, or of another width, is none: that the first rows show.
-        first = list(itertools.islice(lines, _FIRST_LINES))
-        if not _are_blocks(_blocks(first), least=1):
-            return False
-        # The last row of a block and the first of the next one tell them apart.
-        short = _blocks(itertools.chain(first, lines), most=2 * _LEAST_ROWS)
-        return _are_blocks(short, least=2)
+    lines = lines_of(path)
+    # A table with a header, or of another width, is none: that the first rows show.
+    first = list(itertools.islice(lines, _FIRST_LINES))
+    # The last row of a block and the first of the next one tell them apart.
+    return _are_blocks(_blocks(first), least=1) and _are_blocks(
+        _blocks(itertools.chain(first, lines), most=2 * _LEAST_ROWS), least=2
+    )
 
 
 def _are_blocks(blocks: Iterable[_Block], least: int) -> bool:
@@ -142,11 +134,7 @@ def _are_blocks(blocks: Iterable[_Block], least: int) -> bool:
     if len(whole) < least or any(len(block.rows) < _LEAST_ROWS for block in whole[:-1]):
         return False
     names = [block.name for block in whole]
-    if (
-        not all(names)
-        or len(set(names)) < len(names)
-        or any({len(row) for row in block.rows} != {2} for block in whole)
-    ):
+    if not all(names) or len(set(names)) < len(names) or not all(block.is_series for block in whole):
         return False
     return all(after.rows[0][0] <= before.rows[-1][0] for before, after in itertools.pairwise(whole))
 

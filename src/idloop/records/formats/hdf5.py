@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import mmap
+import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,12 +14,50 @@ import numpy as np
 from idloop.documents import MOST_COLUMNS, MOST_DEPTH, MOST_TABLE
 from idloop.errors import IdloopError, InputError
 from idloop.records.formats.form import Form, Options, needs
-from idloop.records.formats.hdf5_heaps import heap_damage
 from idloop.records.formats.isolated import read_isolated
 from idloop.records.formats.pickle_data import read_pickle
 from idloop.records.formats.tree import table_of_tree
 from idloop.records.tables.base_units import is_unit_key
 from idloop.records.tables.table import Table
+
+_SIGNATURE = b"GCOL\x01\0\0\0"
+_HEAD, _ENTRY = 16, 16
+
+
+def heap_damage(path: Path) -> str:
+    """Return what is wrong with the heaps of a file; empty when they are valid.
+
+    `path`: with offsets and lengths of eight bytes, as all files of today.
+    """
+    with path.open("rb") as stream:
+        if not path.stat().st_size:
+            return ""
+        with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            place = data.find(_SIGNATURE)
+            while place >= 0:
+                if not _is_whole(data, place):
+                    return f"the heap of texts at byte {place} is damaged"
+                place = data.find(_SIGNATURE, place + len(_SIGNATURE))
+    return ""
+
+
+def _is_whole(data: mmap.mmap, place: int) -> bool:
+    """Whether the entries of a heap fill it."""
+    if place + _HEAD > len(data):
+        return True  # a text of these letters at the end
+    (size,) = struct.unpack_from("<Q", data, place + 8)
+    end = place + size
+    if size < _HEAD or end > len(data):
+        return False
+    place += _HEAD
+    while place + _ENTRY <= end:
+        index, _, _, length = struct.unpack_from("<HHIQ", data, place)
+        if index == 0:
+            # What is free, with its own head.
+            return bool(length == end - place)
+        place += _ENTRY + -(-length // 8) * 8
+    return bool(place <= end)
+
 
 if TYPE_CHECKING:
     import h5py

@@ -11,8 +11,7 @@ from typing import Any
 from idloop.documents import MOST_COLUMNS, MOST_JSON_TABLE, read_json, read_text
 from idloop.errors import InputError
 from idloop.records.formats.form import Form, Options, text_of
-from idloop.records.formats.run_list import runs_in, table_of_runs
-from idloop.records.formats.tree import table_of_tree
+from idloop.records.formats.tree import runs_in, table_of_runs, table_of_tree
 from idloop.records.tables.table import Table
 from idloop.spelling import did_you_mean, listed
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from array import array
 from collections import Counter
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -11,14 +13,96 @@ import numpy as np
 
 from idloop.documents import MOST_COLUMNS, MOST_TABLE
 from idloop.errors import InputError
-from idloop.records.formats.form import Form, Options, text_of
-from idloop.records.formats.labelled_line import Reading, readings
-from idloop.records.formats.text_table import is_row
-from idloop.records.tables.series import set_series
+from idloop.records.formats.form import Form, Options, check_size, is_row, lines_of, text_of
+from idloop.records.tables.base_units import known_unit
 from idloop.records.tables.table import Table
 
-_STAMPS = "time"
-_LONGEST_LINE = 1 << 16
+_NUMBER = r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|nan|inf(?:inity)?)"
+_PAIR = re.compile(rf"([^\W\d][^:=,;|\t]*?)\s*[:=]\s*({_NUMBER})\s*§?\s*([^\s\d:=,;|.+-]\S*)?", re.IGNORECASE)
+# A label with something else than a number, such as `state=RUN`.
+_TEXT = re.compile(r"[^\W\d][^\s:=,;|]*\s*[:=]\s*\S+")
+_CELLS = re.compile(r"\s*[,;\t|]\s*")
+_BLANKS = re.compile(r"\s+(?=[^\W\d][^\s:=]*\s*[:=])")
+# Before the values, what says most of the time first; then numbers in brackets, and others.
+_CLOCK = r"\d{1,2}:\d\d:\d\d(?:[.,:]\d+)?"
+_STAMPS = tuple(map(re.compile, (
+    rf"(?P<stamp>\d{{4}}-\d\d-\d\d[T ]{_CLOCK}(?:Z|[-+]\d\d:?\d\d)?)(?P<unit>)",
+    rf"(?P<stamp>{_CLOCK})(?P<unit>)",
+    r"[\[(]\s*(?P<stamp>\d+(?:\.\d+)?)\s*(?P<unit>[mµun]?s)?\s*[\])]",
+    r"(?:^|(?<![:=\s])\s+)(?P<stamp>\d+(?:\.\d+)?)\s*(?P<unit>[mµun]?s)?(?=[\s,;:|>])",
+)))  # fmt: skip
+# Of a dictionary as Python prints it.
+_MARKS = str.maketrans("", "", "{}'\"")
+# Of Teleplot: `>name:value`, `>name:stamp:value§unit|flags`, several values apart by semicolons; stamps are in ms.
+_TELEPLOT = re.compile(r">\s*([^:|]+):([^|§]+)(?:§([^|]*))?(?:\|(\w*))?")
+_NO_SERIES = ("t", "xy")
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One value."""
+
+    label: str
+    value: float
+    # When it was taken, and the unit of that; empty where the line does not say it
+    stamp: str = ""
+    clock: str = ""
+    unit: str = ""  # as the line writes it
+
+
+def readings(line: str) -> list[Reading]:
+    """Return the values of a line; none where something else stands among them, or a label twice.
+
+    Examples
+    --------
+    >>> [(one.label, one.value, one.stamp) for one in readings("[09:00:00.5] INFO motor: pos=1.2 vel=0.3")]
+    [('pos', 1.2, '09:00:00.5'), ('vel', 0.3, '09:00:00.5')]
+    """
+    text = line.translate(_MARKS).strip()
+    if text.startswith(">"):
+        return _teleplot(text) or _pairs(text[1:])
+    for form in _STAMPS:
+        match = form.search(text)
+        if match is None or _pairs(text[: match.start()]):
+            continue
+        stamp, clock = match["stamp"].replace(",", "."), (match["unit"] or "").replace("µ", "u")
+        if found := _pairs(text[match.end() :].lstrip(" \t])>|:;,-")):
+            return [Reading(one.label, one.value, stamp, clock, one.unit) for one in found]
+    return _pairs(text)
+
+
+def _pairs(text: str) -> list[Reading]:
+    """Values behind labels; what stands before the first of them does not count."""
+    head, *cells = map(str.strip, _CELLS.split(text.rstrip(",;| \t")))
+    parts = [*([head] if _PAIR.fullmatch(head) and cells else _BLANKS.split(head)), *cells]
+    words = len(parts) - len(cells) - bool(cells)  # that may stand before the first of them
+    found: dict[str, Reading] = {}
+    for place, part in enumerate(parts):
+        match = _PAIR.fullmatch(part)
+        if match is None or (match[3] and not known_unit(match[3])):
+            if (found or place >= words) and not _TEXT.fullmatch(part):
+                return []
+            continue
+        if match[1] in found:
+            return []
+        found[match[1]] = Reading(match[1], float(match[2]), unit=match[3] or "")
+    return list(found.values())
+
+
+def _teleplot(text: str) -> list[Reading]:
+    match = _TELEPLOT.fullmatch(text)
+    if match is None or match[4] in _NO_SERIES:
+        return []
+    found = []
+    for point in match[2].split(";"):
+        *stamp, value = map(str.strip, point.split(":"))
+        if len(stamp) > 1 or not all(re.fullmatch(_NUMBER, one, re.IGNORECASE) for one in (*stamp, value)):
+            return []
+        found.append(Reading(match[1], float(value), "".join(stamp), "ms" if stamp else "", match[3] or ""))
+    return found
+
+
+_CLOCK_NAME = "time"
 _LEAST, _MOST = 3, 200  # lines by which a file is recognised
 
 
@@ -27,80 +111,61 @@ def read_labels(path: Path, _: Options) -> Table:
 
     Where lines say when they were written, a label has the stamps of its lines. Without stamps a row begins with the
     first label of the file and with each that comes again; a label that a row lacks was not measured.
-
-    Raises InputError: the file is too large.
     """
-    if path.stat().st_size > MOST_TABLE // 8:
-        raise InputError(f"{path}: the file has more than {MOST_TABLE >> 23} MiB; keep fewer lines")
-    found = _Readings(path)
-    others = 0
-    with path.open(encoding="utf-8-sig", errors="replace", newline=None) as stream:
-        for line in iter(lambda: stream.readline(_LONGEST_LINE), ""):
-            several = readings(line)
-            found.add(several)
-            others += not several and bool(line.strip())
+    check_size(path, "keep fewer lines", MOST_TABLE // 8)
+    found: dict[str, _Label] = {}
+    row, in_row = -1, set[str]()
+    count = others = 0
+    clock = ""
+    for line in lines_of(path):
+        several = readings(line)
+        others += not several and bool(line.strip())
+        count += len(several)
+        for one in several:
+            label = found.setdefault(one.label, _Label())
+            if one.label in in_row or one.label == next(iter(found)):
+                row, in_row = row + 1, set()
+            in_row.add(one.label)
+            label.values.append(one.value)
+            label.rows.append(row)
+            label.stamps.append(one.stamp)
+            label.unit = label.unit or one.unit
+            clock = clock or one.clock
+        if len(found) > MOST_COLUMNS or 64 * count > MOST_TABLE:
+            raise InputError(f"{path}: too many labels or lines; check that this is the data file")
+    table = Table(path, {}, units={name: one.unit for name, one in found.items() if one.unit})
+    stamped = all(all(one.stamps) for one in found.values()) and _CLOCK_NAME not in found
+    if stamped and any(one.stamps[0] != one.stamps[-1] for one in found.values()):
+        table.set_series({name: (one.clock(), np.array(one.values)) for name, one in found.items()}, _CLOCK_NAME, clock)
+    else:
+        for name, label in found.items():
+            table.columns[name] = np.full(row + 1, np.nan)
+            table.columns[name][np.array(label.rows)] = label.values
     left = "1 line without labelled values is" if others == 1 else f"{others} lines without labelled values are"
-    table = found.table()
     table.notes += [f"{left} left out"] if others else []
     return table
 
 
-class _Readings:
-    """The values read so far, by label."""
+@dataclass
+class _Label:
+    """The values of one label, with the stamps and the rows at which they stand."""
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._values: dict[str, array[float]] = {}
-        self._stamps: dict[str, list[str]] = {}
-        self._rows: dict[str, array[int]] = {}
-        self._units: dict[str, str] = {}
-        self._clock = ""
-        self._row, self._in_row = -1, set[str]()
-        self._unstamped, self._count = False, 0
+    values: array[float] = field(default_factory=lambda: array("d"))
+    rows: array[int] = field(default_factory=lambda: array("q"))
+    stamps: list[str] = field(default_factory=list)
+    unit: str = ""
 
-    def add(self, several: list[Reading]) -> None:
-        """Add the values of a line."""
-        for one in several:
-            if one.label in self._in_row or one.label == next(iter(self._values), one.label):
-                self._row, self._in_row = self._row + 1, set()
-            self._in_row.add(one.label)
-            self._values.setdefault(one.label, array("d")).append(one.value)
-            self._rows.setdefault(one.label, array("q")).append(self._row)
-            self._stamps.setdefault(one.label, []).append(one.stamp)
-            self._unstamped = self._unstamped or not one.stamp
-            self._clock = self._clock or one.clock
-            if one.unit:
-                self._units.setdefault(one.label, one.unit)
-        self._count += len(several)
-        if len(self._values) > MOST_COLUMNS or 64 * self._count > MOST_TABLE:
-            raise InputError(f"{self._path}: too many labels or lines; check that this is the data file")
-
-    def table(self) -> Table:
-        """Return what was read."""
-        table = Table(self._path, {}, units=dict(self._units))
-        values = {label: np.frombuffer(column, dtype=np.float64) for label, column in self._values.items()}
-        moving = any(stamps[0] != stamps[-1] for stamps in self._stamps.values())
-        if moving and not self._unstamped and _STAMPS not in values:
-            series = {label: (_numbers(self._stamps[label]), column) for label, column in values.items()}
-            set_series(table, series, _STAMPS, self._clock)
-            return table
-        for label, column in values.items():
-            table.columns[label] = np.full(self._row + 1, np.nan)
-            table.columns[label][np.frombuffer(self._rows[label], dtype=np.int64)] = column
-        return table
-
-
-def _numbers(stamps: list[str]) -> Any:
-    """Stamps as numbers where they are; times of day and dates as they stand there."""
-    try:
-        return np.array(stamps, dtype=np.float64)
-    except ValueError:
-        return stamps
+    def clock(self) -> Any:
+        """Stamps as numbers where they are; times of day and dates as they stand there."""
+        try:
+            return np.array(self.stamps, dtype=np.float64)
+        except ValueError:
+            return self.stamps
 
 
 def _is_labels(head: bytes) -> bool:
     """Whether more lines of a text have values by labels that come again than rows of numbers."""
-    lines = [line for line in text_of(head).splitlines()[:_MOST] if line.strip() and len(line) < _LONGEST_LINE]
+    lines = [line for line in text_of(head).splitlines()[:_MOST] if line.strip() and len(line) < 1 << 16]
     labelled = [{one.label for one in readings(line)} for line in lines]
     counts = Counter(label for labels in labelled for label in labels)
     again = [labels for labels in labelled if labels and all(counts[label] >= _LEAST for label in labels)]

@@ -17,8 +17,7 @@ from idloop.records.formats.iddata import series_of_iddata
 from idloop.records.formats.isolated import read_isolated
 from idloop.records.formats.mat_hdf5 import read_mat_hdf5
 from idloop.records.formats.mat_objects import Objects, Reference
-from idloop.records.formats.run_list import runs_in, table_of_runs
-from idloop.records.formats.tree import table_of_tree
+from idloop.records.formats.tree import runs_in, table_of_runs, table_of_tree
 from idloop.records.tables.table import Table
 
 # Bytes of the header of a file before its version.

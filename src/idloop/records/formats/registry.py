@@ -9,32 +9,26 @@ from idloop.errors import InputError
 from idloop.records.formats import (
     arrow,
     blocks,
-    codesys,
     echo,
     hdf5,
     json_file,
     labels,
-    labview,
     mat,
     numpy_arrays,
     sysid_json,
-    tektronix,
-    text_table,
+    tool_exports,
     torch_file,
-    twincat,
     wpilog,
 )
-from idloop.records.formats.form import Form, text_of
+from idloop.records.formats.form import TEXT, Form, text_of
 from idloop.spelling import did_you_mean, listed
 
 # In the order in which a file is held against them: what begins with a sign of its own first.
 FORMS: tuple[Form, ...] = (
     mat.FORM, hdf5.FORM, arrow.PARQUET, arrow.FEATHER, numpy_arrays.FORM, numpy_arrays.ONE, torch_file.FORM,
-    wpilog.FORM, codesys.FORM, labview.FORM, twincat.FORM, tektronix.FORM, sysid_json.FORM, json_file.LINES,
-    json_file.FORM, blocks.FORM, echo.FORM, labels.FORM,
+    wpilog.FORM, tool_exports.CODESYS, tool_exports.LABVIEW, tool_exports.TWINCAT, tool_exports.TEKTRONIX,
+    sysid_json.FORM, json_file.LINES, json_file.FORM, blocks.FORM, echo.FORM, labels.FORM,
 )  # fmt: skip
-# What almost any text may be, so that a suffix says more.
-TEXT = text_table.FORM
 HEAD = 1 << 16
 _WORKBOOK = (
     "a workbook of Excel; save its sheet as CSV, there or by pandas.read_excel('x.xlsx').to_csv('x.csv', index=False)"

@@ -13,7 +13,6 @@ from idloop.records.recognition.guess import LOAD, MOTION, Guess
 from idloop.records.recognition.recognise import Recognition
 from idloop.records.tables.csv_file import SKIPPED
 from idloop.records.tables.mapping import SCHEMA, Time
-from idloop.records.tables.table import Table
 
 _CONDITIONS = ("temperature", "supply")
 
@@ -26,7 +25,7 @@ def mapping_of(found: Recognition, name: str, joint: str, *, files: tuple[str, .
     mapping = CommentedMap({"schema": SCHEMA, "name": name, "joint": joint})
     if files:
         mapping["files"] = list(files)
-    if _skips_text(found.table):
+    if found.table.text is not None and found.table.text.skipped:
         mapping["csv"] = CommentedMap({"skip_text": True})
         note = next(one for one in found.table.notes if any(words in one for words in SKIPPED))
         mapping.yaml_add_eol_comment(_one_line(note), "csv")
@@ -66,10 +65,6 @@ def text_of(mapping: CommentedMap) -> str:
     stream = StringIO()
     yaml.dump(mapping, stream)
     return stream.getvalue()
-
-
-def _skips_text(table: Table) -> bool:
-    return table.csv is not None and table.csv.skipped
 
 
 def _time(time: Time) -> dict[str, Any]:

@@ -18,7 +18,13 @@ from idloop.records.formats.clock_names import known_clock_unit
 from idloop.records.formats.known_columns import recognise as known_drive
 from idloop.records.inspection.coupled import has_slack
 from idloop.records.recognition.column_name import ColumnName, parse_column_name
-from idloop.records.recognition.control_error import without_control_error
+from idloop.records.recognition.consistency import (
+    doubt_of_lost_rows,
+    doubt_of_names,
+    leave_out_unrelated,
+    loop_beside_command,
+    without_control_error,
+)
 from idloop.records.recognition.guess import (
     LOAD,
     MOTION,
@@ -33,9 +39,6 @@ from idloop.records.recognition.guess import (
 )
 from idloop.records.recognition.joint_blocks import in_blocks
 from idloop.records.recognition.joint_choice import joints_by_name, joints_by_side, joints_with_command, one_joint
-from idloop.records.recognition.loop_in_drive import loop_beside_command
-from idloop.records.recognition.lost_rows import doubt_of_lost_rows
-from idloop.records.recognition.names_against_values import doubt_of_names, leave_out_unrelated
 from idloop.records.recognition.role_units import LINEAR_UNITS, doubt_of_left_out, set_units, set_wraps, unit_by_words
 from idloop.records.recognition.roles import (
     BY_UNIT,

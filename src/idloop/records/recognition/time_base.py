@@ -16,9 +16,9 @@ from idloop.records.recognition.column_name import is_counter, parse_column_name
 from idloop.records.recognition.guess import Given, checked_formula, quoted
 from idloop.records.recognition.roles import RoleByName, role_by_name
 from idloop.records.tables.base_units import SECONDS, known_unit
-from idloop.records.tables.dates import dates_ns
 from idloop.records.tables.expression import Expression
 from idloop.records.tables.mapping import Time
+from idloop.records.tables.stamps import dates_ns
 from idloop.records.tables.table import Table
 from idloop.spelling import listed
 
@@ -509,7 +509,7 @@ def _period_in_name(name: str) -> tuple[float, str] | None:
 
 def _period_in_notes(table: Table, stated: re.Pattern[str] = _PERIOD) -> tuple[float, str] | None:
     """Period that the notes above a table state [s], of the rows or of what counts them, and why."""
-    for line in [] if table.csv is None else [*table.csv.comments, *table.csv.preamble]:
+    for line in [*table.text.comments, *table.text.preamble] if table.text else []:
         match = stated.search(line)
         if match is None:
             continue

@@ -8,7 +8,7 @@ import itertools
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TextIO, TypeAlias
 
@@ -30,133 +30,64 @@ from idloop.records.tables.csv_layout import (
     find_layout,
     is_data,
     is_number,
+    joined_groups,
     repeated,
 )
 from idloop.records.tables.paired_columns import are_alike, clocks_of, cut_at_ends, numbered
+from idloop.records.tables.table import Table, TextLines
 from idloop.spelling import listed
 
 # Consecutive cells of one column: numbers, or texts where one of them is no number.
 Part: TypeAlias = NDArray[np.float64] | list[str]
 
-# First characters of lines without data.
-_COMMENT = ("#", "%")
-# Lines among which the table is looked for, and rows above which its columns may be named in a comment.
-_FIRST_LINES = 400
+COMMENTS = ("#", "%")  # first characters of lines without data
+_FIRST_LINES = 400  # among which the table is looked for
 # A delimiter that Excel writes into the first line.
 _SEP = re.compile(r'"?sep=(.)"?\s*', re.IGNORECASE)
 _TERMINATOR = ";"
 _LINE_OF_MATRIX = re.compile(r"\s*(?:[\[(]+([^\[\]()]*)|([^\[\]()]*?)[\])]+\s*[;,]?\s*)")
 _LIST = re.compile(r"\s*[\[(]([^\[\]()]*[^\s\[\]()][^\[\]()]*)[\])]\s*")
 _UNITS = re.compile(r"\bunits?\b", re.IGNORECASE)
-# Cells that are converted at once, and bytes of a file that are decoded at once.
-_CELLS, _BLOCK = 500_000, 1 << 24
-# What notes say of lines that were left out: texts, and rows that were cut off or run together.
-BETWEEN = "of text between the rows"
-CUT = "of another number of cells"
-ENDS = "the file ends within it"
-SKIPPED = (BETWEEN, CUT, ENDS)
-# Bytes of a cell as a text.
-_TEXT_CELL = 64
-
-
+# Cells that are converted at once, bytes of a file that are decoded at once, and bytes of a cell as a text.
+_CELLS, _BLOCK, _TEXT_CELL = 500_000, 1 << 24, 64
 _LINES_OF_CELL = 3  # that a cell in quotes goes over at most
-_LINE_ENDS, _LINE_END = "\r\n", r"[\r\n]+"
+# What notes say of lines that were left out: texts, and rows that were cut off or run together.
+_BETWEEN, _CUT, _ENDS = "of text between the rows", "of another number of cells", "the file ends within it"
+SKIPPED = (_BETWEEN, _CUT, _ENDS)
 
 
-@dataclass
-class CsvTable:
-    """What a text file holds."""
-
-    # Numbers where every cell is one or empty (NaN), texts otherwise
-    columns: dict[str, Any] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)  # what was found out about the format
-    units: dict[str, str] = field(default_factory=dict)  # units of columns, from rows below the header
-    attributes: dict[str, float | str] = field(default_factory=dict)  # numbers in such a row: what a column holds once
-    preamble: list[str] = field(default_factory=list)  # lines above the header
-    comments: list[str] = field(default_factory=list)  # those that are marked as such
-    # Rows before which lines without data, and rows of numbers with more or fewer cells, were left out
-    text_rows: list[int] = field(default_factory=list)
-    cut_rows: list[int] = field(default_factory=list)
-    ends_within: bool = False  # whether the last of these rows is the last line of the file
-    # Column that holds the stamps of each, where there are several
-    clocks: dict[str, str] = field(default_factory=dict)
-
-    @property
-    def skipped(self) -> bool:
-        """Whether lines between the rows were left out."""
-        return bool(self.text_rows or self.cut_rows)
-
-
-def read_csv(path: Path, options: dict[str, Any], rows: slice = slice(0, None)) -> CsvTable:
-    """Read the columns of a file.
+def read_csv(path: Path, options: dict[str, Any], rows: slice = slice(0, None)) -> Table:
+    """Read the columns of a file: numbers where every cell is one or empty (NaN), texts otherwise.
 
     `options`: ``delimiter``, ``header``, ``skip_rows``, ``decimal``, ``skip_text``.
     `rows`: rows of data to read; the others are not looked at.
     Raises InputError: the file is no such table, or takes more than `MOST_TABLE`.
     """
     encoding, notes = _encoding(path)
+    table = Table(path, {}, notes=notes, first_row=rows.start or 0, text=TextLines())
     with path.open(encoding=encoding, newline="") as stream:
         try:
-            return _read(path, stream, options, CsvTable(notes=notes), rows)
+            _read(stream, options, table, rows)
         except csv.Error as error:
             raise InputError(f"{path}: cannot be read as a table ({error}); check that this is the data file") from None
+    return table
 
 
-def _read(path: Path, stream: TextIO, options: dict[str, Any], found: CsvTable, selected: slice) -> CsvTable:
-    comment: list[str] = []
-    above = options.get("skip_rows")
-    data: Iterator[str] = itertools.islice(_data_lines(stream, comment), above or 0, None)
-    first = list(itertools.islice(data, _FIRST_LINES))
-    found.comments = comment
-    if not first:
-        raise InputError(f"{path}: the file holds no rows; check that this is the data file")
-    delimiter = options.get("delimiter")
-    if delimiter is None and above is None and (match := _SEP.fullmatch(first[0])):
-        delimiter, first = match[1], first[1:]
-    # Where the user says how many lines to skip, the table begins there.
-    layout = find_layout(first, delimiter=delimiter, header=options.get("header"))
-    ended = first[layout.first :]
-    if layout.delimiter != _TERMINATOR and all(map(_is_terminated, ended[:-1] or ended)):
-        # Each line is a statement of its own, as a microcontroller prints it, or the row of a matrix.
-        first, data = [_unterminated(line) for line in first], map(_unterminated, data)
-        layout = find_layout(first, delimiter=layout.delimiter, header=options.get("header"))
-    if above is not None:
-        layout = replace(layout, skip=0)
-    found.preamble = [line.rstrip("\r\n") for line in first[: layout.skip - bool(layout.own_names)]]
-    if layout.width > MOST_COLUMNS:
-        raise InputError(
-            f"{path}: {layout.width:,} columns, more than {MOST_COLUMNS:,}; check that this is the data file, and"
-            " write one with a signal in each row with a signal in each column"
-        )
+def _read(stream: TextIO, options: dict[str, Any], found: Table, selected: slice) -> None:
+    path, text = found.path, found.text or TextLines()
+    layout, lines = _table_in(path, stream, options, text)
     names, units = layout.names, layout.units
     if not names and options.get("header") is None:
-        names, above_rows = _header_in_comment(comment, layout.delimiter, layout.width)
+        names, above_rows = _header_in_comment(text.comments, layout.delimiter, layout.width)
         units = (*above_rows, *units)
     if any(cell.strip() for row in layout.units for cell in row[layout.width :]):
         names = names[: layout.width]
-    width = max(layout.width, len(names))
-    lines = itertools.chain(first[layout.first :], data)
-    rows: Iterator[Row]
-    if layout.delimiter == " ":
-        rows = (line.split() for line in lines)
-    else:
-        rows = csv.reader(lines, delimiter=layout.delimiter, skipinitialspace=True)
-    if options.get("skip_text"):
-        rows = _only_data(rows, layout.width, found)
-    start = selected.start or 0
-    passed = sum(1 for _ in itertools.islice(rows, start))
-    stop = None if selected.stop is None else selected.stop - start
-    rows = itertools.islice(rows, stop)
     commas = options.get("decimal") == ","
-    table = _Table(path, width, start, commas=commas)
-    while several := list(itertools.islice(rows, max(1, _CELLS // max(width, 1)))):
-        table.add(several)
-    if start and not table.count:
-        raise InputError(
-            f"{path}: rows {start} to {selected.stop} do not lie within its {passed} rows; correct `rows:`"
-        )
+    table = _Columns(path, max(layout.width, len(names)), selected.start or 0, commas=commas)
+    table.read(_rows(lines, layout, text if options.get("skip_text") else None), selected)
     # A delimiter at the end of every line makes a column of nothing.
-    width = max(1, min(width, max(_used_width([names]), table.used_width)))
+    used = max((index + 1 for index, cell in enumerate(names) if cell.strip()), default=0)
+    width = max(1, min(len(table.columns), max(used, table.used_width)))
     table.check_lengths(width, layout.delimiter)
     nameless = not names
     names = [cell.strip() or str(index) for index, cell in enumerate(names)] or list(map(str, range(width)))
@@ -169,16 +100,11 @@ def _read(path: Path, stream: TextIO, options: dict[str, Any], found: CsvTable, 
     if len(kept) < len(names):
         copies = dict.fromkeys(names[place] for place in range(width) if place not in kept)
         found.notes.append(f"columns of one name and the same stamps ({listed(copies, 3)}) are read once")
-        names, own_names, width = [names[k] for k in kept], [own_names[k] for k in kept], len(kept)
+        names, own_names = [names[k] for k in kept], [own_names[k] for k in kept]
         units = tuple([row[k] for k in kept if k < len(row)] for row in units)
-    if twice := dict.fromkeys(repeated(names)):
-        if any(sum(map(bool, map(str.strip, line.split(layout.delimiter)))) > 1 for line in found.preamble):
-            # What tells them apart may stand above.
-            raise InputError(f"{path}: column {next(iter(twice))!r} occurs twice; rename one in the header")
-        names = [f"{name}.{place}" if name in twice else name for place, name in enumerate(names)]
-        found.notes.append(f"columns of one name ({listed(twice, 3)}) have their places behind it, counted from 0")
+    names = _told_apart(found, names, layout.delimiter)
     columns = [table.columns[place] for place in kept]
-    in_cells = {name: _take_units(path, name, parts, start) for name, parts in zip(names, columns, strict=True)}
+    in_cells = {name: _take_units(path, name, parts, table.start) for name, parts in zip(names, columns, strict=True)}
     if not commas and not table.has_points and _has_decimal_commas(path, columns):
         columns = [[_with_points(part) for part in parts] for parts in columns]
         found.notes.append("its numbers are read with decimal commas")
@@ -187,19 +113,81 @@ def _read(path: Path, stream: TextIO, options: dict[str, Any], found: CsvTable, 
     found.columns = {name: _joined(parts) for name, parts in zip(names, columns, strict=True)}
     if nameless:
         found.columns = _named_in_rows(found.columns)
-    _note_layout(found, replace(layout, units=units), [*names, *layout.names[len(names) :]])
+    _note_layout(found, text, replace(layout, units=units), [*names, *layout.names[len(names) :]])
     if taken := {name: unit for name, unit in in_cells.items() if unit}:
         found.units |= taken
         said = listed([f"{name} in {unit}" for name, unit in taken.items()], 12)
         found.notes.append(f"units are read from the cells: {said}")
     for clock in set(clocks.values()):
         found.units.setdefault(names[clock], clock_unit(own_names[clock]) or "")
-    if clocks:
-        own = {names[place]: names[clock] for place, clock in clocks.items()}
-        if not are_alike([found.columns[clock] for clock in dict.fromkeys(own.values())]):
-            found.clocks = own
-            cut_at_ends(found.columns, own)
-    return found
+    own = {names[place]: names[clock] for place, clock in clocks.items()}
+    if own and not are_alike([found.columns[clock] for clock in dict.fromkeys(own.values())]):
+        found.clocks = own
+        cut_at_ends(found.columns, own)
+
+
+def _table_in(path: Path, stream: TextIO, options: dict[str, Any], text: TextLines) -> tuple[Layout, Iterator[str]]:
+    """Find where the table of a file lies; return that and its lines below the header."""
+    above, delimiter, header = options.get("skip_rows"), options.get("delimiter"), options.get("header")
+    data: Iterator[str] = itertools.islice(_data_lines(stream, text.comments), above or 0, None)
+    first = list(itertools.islice(data, _FIRST_LINES))
+    if not first:
+        raise InputError(f"{path}: the file holds no rows; check that this is the data file")
+    if delimiter is None and above is None and (match := _SEP.fullmatch(first[0])):
+        delimiter, first = match[1], first[1:]
+    layout = find_layout(first, delimiter=delimiter, header=header)
+    ended = first[layout.first :]
+    if layout.delimiter != _TERMINATOR and all(line.rstrip().endswith(_TERMINATOR) for line in ended[:-1] or ended):
+        # Each line is a statement of its own, as a microcontroller prints it, or the row of a matrix.
+        first, data = [_unterminated(line) for line in first], map(_unterminated, data)
+        layout = find_layout(first, delimiter=layout.delimiter, header=header)
+    if above is not None:
+        # Where the user says how many lines to skip, the table begins there.
+        layout = replace(layout, skip=0)
+    if layout.width > MOST_COLUMNS:
+        raise InputError(
+            f"{path}: {layout.width:,} columns, more than {MOST_COLUMNS:,}; check that this is the data file, and"
+            " write one with a signal in each row with a signal in each column"
+        )
+    text.preamble = [line.rstrip("\r\n") for line in first[: layout.skip - bool(layout.own_names)]]
+    return layout, itertools.chain(first[layout.first :], data)
+
+
+def _unterminated(line: str) -> str:
+    return f"{line.rstrip().removesuffix(_TERMINATOR)}\n"
+
+
+def _rows(lines: Iterable[str], layout: Layout, text: TextLines | None) -> Iterator[Row]:
+    """Yield the cells of the lines; with `text` the rows of data only, and note there where others were left out."""
+    rows: Iterator[Row] = (line.split() for line in lines)
+    if layout.delimiter != " ":
+        rows = csv.reader(lines, delimiter=layout.delimiter, skipinitialspace=True)
+    if text is None:
+        yield from rows
+        return
+    number = 0
+    for row in rows:
+        text.ends_within = False
+        if is_data(row, layout.width):
+            number += 1
+            yield row
+        elif all(map(is_number, filter(None, map(str.strip, row)))):
+            text.cut_rows.append(number)
+            text.ends_within = len(row) < layout.width
+        else:
+            text.text_rows.append(number)
+
+
+def _told_apart(found: Table, names: list[str], delimiter: str) -> list[str]:
+    """Put its place behind a name that several columns have; refuse it where a line above may tell them apart."""
+    twice = dict.fromkeys(repeated(names))
+    if not twice:
+        return names
+    preamble = found.text.preamble if found.text else []
+    if any(sum(map(bool, map(str.strip, line.split(delimiter)))) > 1 for line in preamble):
+        raise InputError(f"{found.path}: column {next(iter(twice))!r} occurs twice; rename one in the header")
+    found.notes.append(f"columns of one name ({listed(twice, 3)}) have their places behind it, counted from 0")
+    return [f"{name}.{place}" if name in twice else name for place, name in enumerate(names)]
 
 
 def _named_in_rows(columns: dict[str, Any]) -> dict[str, Any]:
@@ -248,14 +236,6 @@ def _same_stamps(one: list[Part], other: list[Part]) -> bool:
     return rises and np.array_equal(values, _joined(other))
 
 
-def _is_terminated(line: str) -> bool:
-    return line.rstrip().endswith(_TERMINATOR)
-
-
-def _unterminated(line: str) -> str:
-    return f"{line.rstrip().removesuffix(_TERMINATOR)}\n"
-
-
 def _take_units(path: Path, name: str, parts: list[Part], start: int) -> str:
     """Take the unit off the cells of a column, where most of them have one, and return it."""
     matches = [[WITH_UNIT.fullmatch(cell.strip()) for cell in part] if isinstance(part, list) else [] for part in parts]
@@ -280,28 +260,25 @@ def _take_units(path: Path, name: str, parts: list[Part], start: int) -> str:
     return first
 
 
-def _note_layout(found: CsvTable, layout: Layout, names: Sequence[str]) -> None:
+def _note_layout(found: Table, text: TextLines, layout: Layout, names: Sequence[str]) -> None:
     """Say what of the file was not read as data, and keep the units below the header."""
-    if found.preamble:
+    if text.preamble:
         where = "header" if layout.names else "rows"
-        found.notes.append(f"{_lines(found.preamble)} above the {where} {_are(found.preamble)} left out")
-    found.units = _units_above(found.preamble, layout.delimiter, names)
+        found.notes.append(f"{_counted(text.preamble, 'line')} above the {where} {_are(text.preamble)} left out")
+    found.units = _units_above(text.preamble, layout.delimiter, names)
     if layout.units:
         cells = [cell.strip() for row in layout.units for cell in row if cell.strip()]
         found.notes.append(f"the row below the header is read as units and left out: {listed(cells, 12)}")
         below = [(name, cell.strip()) for row in layout.units for name, cell in zip(names, row, strict=False)]
         found.units |= {name: cell for name, cell in below if not is_number(cell)}
         found.attributes = {name: float(cell.replace(",", ".")) for name, cell in below if is_number(cell)}
-    if found.text_rows:
-        places = listed(list(map(str, dict.fromkeys(found.text_rows))), 6)
-        rows = found.text_rows
-        found.notes.append(f"{_lines(rows)} {BETWEEN} {_are(rows)} left out, before row {places}")
-    if cut := found.cut_rows[: -1 if found.ends_within else None]:
-        places = listed(list(map(str, dict.fromkeys(cut))), 6)
-        many = "1 row" if len(cut) == 1 else f"{len(cut)} rows"
-        found.notes.append(f"{many} {CUT} {_are(cut)} left out, before row {places}")
-    if found.ends_within:
-        found.notes.append(f"the last row is left out: {ENDS}")
+    cut = text.cut_rows[: -1 if text.ends_within else None]
+    for rows, what, kind in ((text.text_rows, "line", _BETWEEN), (cut, "row", _CUT)):
+        if rows:
+            places = listed(list(map(str, dict.fromkeys(rows))), 6)
+            found.notes.append(f"{_counted(rows, what)} {kind} {_are(rows)} left out, before row {places}")
+    if text.ends_within:
+        found.notes.append(f"the last row is left out: {_ENDS}")
 
 
 def _units_above(lines: Sequence[str], delimiter: str, names: Sequence[str]) -> dict[str, str]:
@@ -317,34 +294,19 @@ def _units_above(lines: Sequence[str], delimiter: str, names: Sequence[str]) -> 
     return {}
 
 
-def _lines(some: Sequence[object]) -> str:
-    return "1 line" if len(some) == 1 else f"{len(some)} lines"
+def _counted(some: Sequence[object], what: str) -> str:
+    return f"1 {what}" if len(some) == 1 else f"{len(some)} {what}s"
 
 
 def _are(some: Sequence[object]) -> str:
     return "is" if len(some) == 1 else "are"
 
 
-def _only_data(rows: Iterable[Row], width: int, found: CsvTable) -> Iterator[Row]:
-    """Yield the rows of numbers, and note where others were left out."""
-    number = 0
-    for row in rows:
-        found.ends_within = False
-        if is_data(row, width):
-            number += 1
-            yield row
-        elif all(map(is_number, filter(None, map(str.strip, row)))):
-            found.cut_rows.append(number)
-            found.ends_within = len(row) < width
-        else:
-            found.text_rows.append(number)
-
-
 def _data_lines(stream: Iterable[str], comment: list[str]) -> Iterator[str]:
     """Yield the lines with data, and collect the comment lines above the first of them."""
     begun = False
     for line in _with_whole_cells(stream):
-        if line.lstrip().startswith(_COMMENT):
+        if line.lstrip().startswith(COMMENTS):
             comment.extend([] if begun else [line])
         elif line.strip():
             begun = True
@@ -363,7 +325,7 @@ def _with_whole_cells(lines: Iterable[str]) -> Iterator[str]:
         whole = "".join(several)
         # What no quote closes is a sign for inches.
         apart = len(several) == 1 or whole.count('"') % 2
-        yield from several if apart else [f"{re.sub(_LINE_END, ' ', whole.rstrip(_LINE_ENDS))}\n"]
+        yield from several if apart else [re.sub(r"[\r\n]+", " ", whole.rstrip("\r\n")) + "\n"]
 
 
 def _in_matrix(line: str) -> re.Match[str] | None:
@@ -386,9 +348,7 @@ def _numbers_or_texts(cells: Sequence[str]) -> Part:
 
 def _with_points(part: Part) -> Part:
     """Convert numbers that were written with a decimal comma."""
-    if isinstance(part, np.ndarray):
-        return part
-    return _numbers_or_texts(list(map(_with_point, part)))
+    return part if isinstance(part, np.ndarray) else _numbers_or_texts(list(map(_with_point, part)))
 
 
 def _with_point(cell: str) -> str:
@@ -396,9 +356,7 @@ def _with_point(cell: str) -> str:
     if DECIMAL_COMMA.fullmatch(cell):
         return cell.replace(",", ".")
     grouped = GROUPED.fullmatch(cell.strip())
-    if grouped is None or grouped["sign"] == ",":
-        return cell
-    return grouped["head"] + re.sub(r"\D", "", grouped["groups"]) + (grouped["part"] or "").replace(",", ".")
+    return cell if grouped is None or grouped["sign"] == "," else joined_groups(grouped)
 
 
 def _may_be_thousands(cell: str) -> bool:
@@ -414,34 +372,33 @@ def _joined(parts: Sequence[Part]) -> Array | list[Any]:
     return [cell for part in parts for cell in part]
 
 
-class _Table:
-    """The columns read so far.
-
-    Attributes
-    ----------
-    columns : list of list of Part
-    used_width : int
-        Columns up to the last one that is not empty.
-    has_points : bool
-        Whether a number is written with a decimal point.
-    """
+class _Columns:
+    """The columns read so far."""
 
     def __init__(self, path: Path, width: int, start: int, *, commas: bool) -> None:
         self.columns: list[list[Part]] = [[] for _ in range(width)]
-        self.used_width, self.has_points = 0, False
+        self.used_width = 0  # columns up to the last one that is not empty
+        self.has_points = False  # whether a number is written with a decimal point
+        self.start = start
         self._path, self._commas = path, commas
-        self._start, self._rows, self._bytes = start, start, 0
+        self._rows, self._bytes = start, 0
         # First row of each length below the width, and the first that goes on beyond it.
         self._short: dict[int, int] = {}
         self._long: tuple[int, int] | None = None
 
-    @property
-    def count(self) -> int:
-        """Rows read."""
-        return self._rows - self._start
+    def read(self, rows: Iterator[Row], selected: slice) -> None:
+        """Read the selected rows."""
+        passed = sum(1 for _ in itertools.islice(rows, self.start))
+        rows = itertools.islice(rows, None if selected.stop is None else selected.stop - self.start)
+        while several := list(itertools.islice(rows, max(1, _CELLS // max(len(self.columns), 1)))):
+            self._add(several)
+        if self.start and self._rows == self.start:
+            raise InputError(
+                f"{self._path}: rows {self.start} to {selected.stop} do not lie within its {passed} rows; correct"
+                " `rows:`"
+            )
 
-    def add(self, rows: list[Row]) -> None:
-        """Add the next rows."""
+    def _add(self, rows: list[Row]) -> None:
         width = len(self.columns)
         for number, row in enumerate(rows, self._rows):
             if len(row) < width:
@@ -474,24 +431,14 @@ class _Table:
         """Refuse a row that is shorter than the used width of the table, or longer than the table."""
         short = min(((number, length) for length, number in self._short.items() if length < width), default=None)
         if short is not None and (self._long is None or short < self._long):
-            raise InputError(
-                f"{self._path}: row {short[0]} has {short[1]} cells instead of {width}; the file is damaged or cut off"
-                " there"
-            )
-        if self._long is not None:
-            advice = (
-                "save it with ; between the columns if its numbers have decimal commas"
-                if delimiter == ","
-                else "set `csv: {delimiter: ...}` in the mapping, or correct the row"
-            )
-            raise InputError(
-                f"{self._path}: row {self._long[0]} has {self._long[1]} cells instead of {width}; {advice}"
-            )
-
-
-def _used_width(rows: Iterable[Row]) -> int:
-    """Columns up to the last one that is not empty."""
-    return max((index + 1 for row in rows for index, cell in enumerate(row) if cell.strip()), default=0)
+            row, length, advice = *short, "the file is damaged or cut off there"
+        elif self._long is None:
+            return
+        elif delimiter == ",":
+            row, length, advice = *self._long, "save it with ; between the columns if its numbers have decimal commas"
+        else:
+            row, length, advice = *self._long, "set `csv: {delimiter: ...}` in the mapping, or correct the row"
+        raise InputError(f"{self._path}: row {row} has {length} cells instead of {width}; {advice}")
 
 
 def _encoding(path: Path) -> tuple[str, list[str]]:
@@ -548,7 +495,7 @@ def _header_in_comment(comment: Sequence[str], delimiter: str, width: int) -> tu
 
 def _cells_in_comment(line: str, delimiter: str, width: int) -> Row:
     """Cells of a header in a comment, as numpy.savetxt writes it; empty where it is none."""
-    text = line.strip().lstrip("".join(_COMMENT)).strip()
+    text = line.strip().lstrip("".join(COMMENTS)).strip()
     cells = text.split() if delimiter == " " else [cell.strip() for cell in text.split(delimiter)]
     return cells if len(cells) == width > 1 and not any(map(is_number, cells)) else []
 

@@ -67,6 +67,11 @@ def is_number(text: str) -> bool:
     return True
 
 
+def joined_groups(grouped: re.Match[str]) -> str:
+    """Return a match of `GROUPED` as a plain number with a decimal point."""
+    return grouped["head"] + re.sub(r"\D", "", grouped["groups"]) + (grouped["part"] or "").replace(",", ".")
+
+
 def is_data(row: Row, width: int) -> bool:
     """Whether a row has the width of the table, and numbers or times in a good share of its cells."""
     if len(row) > width and any(cell.strip() for cell in row[width:]):

@@ -20,10 +20,9 @@ from idloop.records.finding import Finding
 from idloop.records.inspection.clocks import stamp_findings, stamp_statistics
 from idloop.records.inspection.values import missing_values
 from idloop.records.measured_conditions import TOPIC as CONDITIONS
-from idloop.records.tables.joined import joined_tables
 from idloop.records.tables.mapping import Mapping, Signals, load_mapping
 from idloop.records.tables.signals import Signal, signals_from_bag, signals_from_table
-from idloop.records.tables.table import Table
+from idloop.records.tables.table import Table, joined_tables
 from idloop.records.tables.table_files import read_table
 from idloop.spelling import listed
 

@@ -20,10 +20,16 @@ from idloop.records.measured_conditions import FIELD
 from idloop.records.measured_conditions import TOPIC as CONDITIONS
 from idloop.records.tables.base_units import SECONDS, base_unit
 from idloop.records.tables.csv_layout import is_number
-from idloop.records.tables.dates import date_ns
 from idloop.records.tables.expression import Expression
 from idloop.records.tables.mapping import Channel, Mapping, Signals, SignBit, Time
-from idloop.records.tables.stamps import bad_stamps, in_order, missing_stamps, note_bad_stamps, note_missing_stamps
+from idloop.records.tables.stamps import (
+    bad_stamps,
+    date_ns,
+    in_order,
+    missing_stamps,
+    note_bad_stamps,
+    note_missing_stamps,
+)
 from idloop.records.tables.table import Table
 from idloop.records.unwrapping import unwrap
 

@@ -9,11 +9,9 @@ from typing import Any
 from idloop.documents import MOST_TABLE
 from idloop.errors import InputError
 from idloop.records.formats.registry import form_of
-from idloop.records.tables.long_table import spread_names
-from idloop.records.tables.split_stamps import join_stamps
+from idloop.records.tables.reshaping import join_stamps, spread_names, turn_rows
 from idloop.records.tables.table import Table
 from idloop.records.tables.text_cells import read_texts
-from idloop.records.tables.transposed import turn_rows
 from idloop.spelling import did_you_mean, listed
 
 __all__ = ["Table", "read_table"]
@@ -50,7 +48,7 @@ def read_table(path: Path, kind: str | None = None, options: Mapping[str, Any] |
             f"{path}: there are no rows of data, only the names of columns ({listed(table.columns)});"
             " check that the recording was saved whole"
         )
-    if table.csv is not None:
+    if table.text is not None:
         turn_rows(table)
     spread_names(table)
     join_stamps(table)

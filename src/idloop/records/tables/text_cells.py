@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from idloop.arrays import Array
-from idloop.records.tables.csv_layout import DECIMAL_COMMA, GROUPED, IN_BRACKETS, is_number
+from idloop.records.tables.csv_layout import DECIMAL_COMMA, GROUPED, IN_BRACKETS, is_number, joined_groups
 from idloop.records.tables.table import Table
 from idloop.spelling import listed
 
@@ -108,7 +108,7 @@ def _joined_groups(table: Table, name: str, cells: list[Any], *, points: bool) -
     table.notes.append(f"column {name!r}: its groups of thousands are joined")
     joined = list(cells)
     for place, match in grouped.items():
-        joined[place] = match["head"] + re.sub(r"\D", "", match["groups"]) + (match["part"] or "").replace(",", ".")
+        joined[place] = joined_groups(match)
     return joined
 
 
