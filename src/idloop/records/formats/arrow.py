@@ -14,7 +14,7 @@ import numpy as np
 from idloop.arrays import Array
 from idloop.documents import MOST_COLUMNS, MOST_TABLE
 from idloop.errors import InputError
-from idloop.records.formats.form import Form, Options, needs
+from idloop.records.formats.form import Form, Options, needs, not_readable
 from idloop.records.formats.isolated import read_isolated
 from idloop.records.tables.base_units import is_unit_key
 from idloop.records.tables.table import Table
@@ -28,10 +28,7 @@ _PER_SECOND = {"s": 1, "ms": 1_000, "us": 1_000_000, "ns": 1_000_000_000}
 
 
 def read_parquet(path: Path, _: Options) -> Table:
-    """Read the columns of a Parquet file.
-
-    Raises InputError: damaged, too large, or the library is not installed.
-    """
+    """Read the columns of a Parquet file."""
 
     def pieces() -> tuple[Any, Iterator[Any]]:
         from pyarrow import parquet
@@ -43,10 +40,7 @@ def read_parquet(path: Path, _: Options) -> Table:
 
 
 def read_feather(path: Path, _: Options) -> Table:
-    """Read the columns of a file of Arrow.
-
-    Raises InputError: damaged, too large, of version 1, or the library is not installed.
-    """
+    """Read the columns of a file of Arrow."""
     with path.open("rb") as stream:
         head = stream.read(4)
     if head == b"FEA1":
@@ -80,8 +74,7 @@ def _read(path: Path, what: str, pieces: Callable[[], tuple[Any, Iterator[Any]]]
         except InputError:
             raise
         except Exception as error:  # noqa: BLE001 - the library lets those of Arrow, of codecs and of Python through
-            text = " ".join(str(error).split())[:120] or type(error).__name__
-            raise InputError(f"{path}: not a readable {what} file ({text}); check the copy of the file") from None
+            raise not_readable(path, what, error) from None
 
     columns, units, skipped = read_isolated(path, what, read)
     notes = [f"columns that hold neither numbers nor texts are left out: {listed(skipped)}"] if skipped else []

@@ -22,10 +22,7 @@ _MOST_ENTRIES = 64  # of a list that become columns
 
 
 def read_echo(path: Path, _: Options) -> Table:
-    """Read the messages of a file; a last one without its end is left out.
-
-    Raises InputError: the file is too large, or holds no whole message.
-    """
+    """Read the messages of a file; a last one without its end is left out."""
     messages, lines = [], list[str]()
     for line in read_text(path, MOST_JSON_TABLE).splitlines():
         if line.strip() != _END:

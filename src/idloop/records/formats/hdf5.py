@@ -13,7 +13,7 @@ import numpy as np
 
 from idloop.documents import MOST_COLUMNS, MOST_DEPTH, MOST_TABLE
 from idloop.errors import IdloopError, InputError
-from idloop.records.formats.form import Form, Options, needs
+from idloop.records.formats.form import Form, Options, needs, not_readable
 from idloop.records.formats.isolated import read_isolated
 from idloop.records.formats.pickle_data import read_pickle
 from idloop.records.formats.tree import table_of_tree
@@ -74,10 +74,7 @@ def is_hdf5(head: bytes) -> bool:
 
 @contextmanager
 def opened(path: Path) -> Iterator[h5py.File]:
-    """Open a file; what the library raises within is one line.
-
-    Raises InputError: damaged, or the library is not installed.
-    """
+    """Open a file; what the library raises within is one line."""
     try:
         import h5py
     except ImportError:
@@ -90,8 +87,7 @@ def opened(path: Path) -> Iterator[h5py.File]:
     except IdloopError:
         raise
     except Exception as error:  # noqa: BLE001 - the library lets those of the format, NumPy and Python through
-        text = " ".join(str(error).split())[:120] or type(error).__name__
-        raise InputError(f"{path}: not a readable HDF5 file ({text}); check the copy of the file") from None
+        raise not_readable(path, "HDF5", error) from None
 
 
 class Hdf5Reader:
@@ -144,10 +140,7 @@ class Hdf5Reader:
 
 
 def read_hdf5(path: Path, _: Options) -> Table:
-    """Read the series of an HDF5 file.
-
-    Raises InputError: damaged, too large, or the library is not installed.
-    """
+    """Read the series of an HDF5 file."""
     tree, units, attributes = read_isolated(path, "HDF5", lambda: _content(path))
     table = table_of_tree(path, tree, separator="/", clocks=True)
     for name in table.columns:

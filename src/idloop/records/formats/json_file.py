@@ -34,10 +34,7 @@ def read_json_table(path: Path, options: Options) -> Table:
 
 
 def read_json_lines(path: Path, _: Options) -> Table:
-    """Read one sample from each line; a last line that is cut off is left out.
-
-    Raises InputError: a line is no JSON object, or the file is too large.
-    """
+    """Read one sample from each line; a last line that is cut off is left out."""
     lines = read_text(path, MOST_JSON_TABLE).split("\n")
     last = max((k for k, line in enumerate(lines) if line.strip()), default=-1)
     samples: list[dict[str, Any]] = []

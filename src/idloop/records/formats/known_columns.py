@@ -6,14 +6,13 @@ import re
 from collections.abc import Iterable
 from functools import cache
 from importlib.resources import files
-from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from idloop.documents import read_yaml
 from idloop.records.recognition.column_name import BRACKETS
 from idloop.records.recognition.roles import Signal
-from idloop.records.tables.mapping import SignBit
+from idloop.records.tables.mapping import Decoding
 
 _BEHIND_INDEX = re.compile(r"[_ ]?\d+$")
 
@@ -29,8 +28,7 @@ class KnownColumn(_Strict):
     unit: str  # as a mapping file writes it
     scale: float = 1.0
     offset: float = 0.0
-    # How a signed integer was stored as an unsigned one
-    decode: Literal["int8", "int16", "int32"] | SignBit | None = None
+    decode: Decoding | None = None
     wrap: float | None = None  # range after which it starts again, in `unit`
     # Number that only the user knows, by which it is divided as well, such as ``pole pairs``; empty without one
     divide_by: str = ""

@@ -11,7 +11,7 @@ import numpy as np
 
 from idloop.documents import MOST_DEPTH, MOST_TABLE
 from idloop.errors import InputError
-from idloop.records.formats.form import Form, Options
+from idloop.records.formats.form import Form, Options, check_size
 from idloop.records.formats.hdf5 import HDF5_SIGNATURE
 from idloop.records.formats.iddata import series_of_iddata
 from idloop.records.formats.isolated import read_isolated
@@ -25,12 +25,8 @@ _SUBSYSTEM = 124
 
 
 def read_mat(path: Path, _: Options) -> Table:
-    """Read the series of a MAT file.
-
-    Raises InputError: damaged, too large, or with objects alone that only MATLAB reads.
-    """
-    if path.stat().st_size > MOST_TABLE:
-        raise InputError(f"{path}: the file has more than {MOST_TABLE >> 30} GiB; save fewer variables in it")
+    """Read the series of a MAT file."""
+    check_size(path, "save fewer variables in it")
     with path.open("rb") as stream:
         head = stream.read(1024)
     if HDF5_SIGNATURE in head:
@@ -61,10 +57,7 @@ def _load(path: Path) -> tuple[dict[str, Any], list[str]]:
     """Variables of a file up to version 7, and the names of those that are objects."""
     from scipy.io import loadmat
 
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    data = path.read_bytes()
     try:
         with warnings.catch_warnings():
             # Objects have no names where the names of variables are.

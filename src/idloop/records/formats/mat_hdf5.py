@@ -22,10 +22,7 @@ _MOST_ENTRIES = 100_000
 
 
 def read_mat_hdf5(path: Path) -> tuple[dict[str, Any], list[str]]:
-    """Return the variables of a file as nested arrays, and the names of those that are objects which are not read.
-
-    Raises InputError: damaged, too large, or the library is not installed.
-    """
+    """Return the variables of a file as nested arrays, and the names of those that are objects which are not read."""
     with opened(path) as file:
         reader = _Reader(path, file)
         tree = {

@@ -9,24 +9,18 @@ import numpy as np
 
 from idloop.documents import MOST_TABLE, read_npz
 from idloop.errors import InputError
-from idloop.records.formats.form import Form, Options
+from idloop.records.formats.form import Form, Options, not_readable
 from idloop.records.formats.tree import table_of_tree
 from idloop.records.tables.table import Table
 
 
 def read_npz_table(path: Path, _: Options) -> Table:
-    """Read the arrays of an archive.
-
-    Raises InputError: damaged, or too large.
-    """
+    """Read the arrays of an archive."""
     return table_of_tree(path, read_npz(path, MOST_TABLE))
 
 
 def read_npy_table(path: Path, _: Options) -> Table:
-    """Read one array: its columns by position, or its fields by name.
-
-    Raises InputError: damaged, or too large.
-    """
+    """Read one array: its columns by position, or its fields by name."""
     try:
         with path.open("rb") as stream:
             version = np.lib.format.read_magic(stream)
@@ -39,8 +33,7 @@ def read_npy_table(path: Path, _: Options) -> Table:
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error}); check the path") from None
     except Exception as error:  # noqa: BLE001 - the header is a text that is evaluated
-        text = " ".join(str(error).split())[:120] or type(error).__name__
-        raise InputError(f"{path}: not a readable NPY file ({text}); check the copy of the file") from None
+        raise not_readable(path, "NPY", error) from None
     if kind.hasobject:
         raise InputError(
             f"{path}: it holds pickled objects of Python, which are never opened; save plain arrays:"

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from idloop.errors import InputError
+from idloop.records.formats.form import reason_of
 
 # Steps of one pickle; a recording of 10,000 tensors has 200,000.
 _MOST_STEPS = 2_000_000
@@ -71,8 +72,7 @@ def read_pickle(
     except InputError:
         raise
     except Exception as error:  # noqa: BLE001 - the opcodes of damaged data fail in any way
-        text = " ".join(str(error).split())[:80] or type(error).__name__
-        raise InputError(f"it is damaged ({text})") from None
+        raise InputError(f"it is damaged ({reason_of(error, 80)})") from None
 
 
 class _Mark:

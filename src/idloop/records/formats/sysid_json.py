@@ -33,10 +33,7 @@ _PAUSE = 1.0  # between tests that all count from their own beginning [s]
 
 
 def read_sysid_json(path: Path, _: Options) -> Table:
-    """Read the tests of a file one after the other; each is a part.
-
-    Raises InputError: not JSON, or rows of another kind.
-    """
+    """Read the tests of a file one after the other; each is a part."""
     content = read_json(read_text(path, MOST_JSON_TABLE), str(path), MOST_JSON_TABLE)
     tests = {
         name: _rows(path, name, content[name]) for name in _TESTS if isinstance(content, dict) and content.get(name)

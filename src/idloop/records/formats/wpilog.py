@@ -12,6 +12,7 @@ import struct
 from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,7 +21,7 @@ import numpy as np
 from idloop.arrays import Array
 from idloop.documents import MOST_COLUMNS, MOST_TABLE
 from idloop.errors import InputError
-from idloop.records.formats.form import Form, Options
+from idloop.records.formats.form import Form, Options, check_size
 from idloop.records.tables.table import Table
 from idloop.spelling import listed
 
@@ -30,33 +31,32 @@ _NUMBERS = {"double": "d", "float": "f", "int64": "q", "boolean": "?"}
 _TEXTS = ("string", "json")
 # Types of the fields of a structure, as `struct` knows them.
 _FIELDS = {
-    "bool": "?", "char": "c", "int8": "b", "int16": "h", "int32": "i", "int64": "q", "uint8": "B", "uint16": "H",
+    "bool": "?", "char": "B", "int8": "b", "int16": "h", "int32": "i", "int64": "q", "uint8": "B", "uint16": "H",
     "uint32": "I", "uint64": "Q", "float": "f", "float32": "f", "double": "d", "float64": "d",
 }  # fmt: skip
 _FIELD = re.compile(r"(?:enum\s*\{[^}]*\}\s*)?(\w+)\s+(\w+)(?:\s*\[\s*(\d+)\s*\])?")
 _MOST_ARRAY = 256
-_TEXT = 64
+_TEXT = 64  # bytes of a text beside its characters
 # Names of units that SysId's logs have beside their entries.
 _UNITS = {
     "Volt": "V", "Amp": "A", "Rotation": "rev", "Rotation per Second": "rev/s", "Radian": "rad",
     "Radian per Second": "rad/s", "Degree": "deg", "Degree per Second": "deg/s", "Meter": "m",
     "Meter per Second": "m/s",
 }  # fmt: skip
-_STATE = "sysid-test-state"
-# Share of a period within which stamps are of one turn of a loop.
-_SAME_TURN = 0.05
-_NO_TEST = ("none", "")
+_STATE, _NO_TEST = "sysid-test-state", ("none", "")
+_SAME_TURN = 0.05  # share of a period within which stamps are of one turn of a loop
+_Layout = list[tuple[str, str]]  # of the numbers of a record: what their names have behind that of the entry, and types
 
 
 class _Record(NamedTuple):
     entry: int
     stamp: int
-    content: memoryview
+    content: bytes
 
 
 @dataclass
 class _Entry:
-    """One signal: its stamps [us] and values; of arrays one list after the other."""
+    """One signal: its stamps [us] and values; of several numbers in a record one record after the other."""
 
     name: str
     type: str
@@ -64,16 +64,21 @@ class _Entry:
     stamps: array[int] = field(default_factory=lambda: array("q"))
     values: array[float] = field(default_factory=lambda: array("d"))
     texts: list[str] = field(default_factory=list)
-    width: int = -1
+    layout: _Layout | None = None  # None before the first record, empty where its length changes
+
+    def columns(self) -> dict[str, Any]:
+        """Return its columns by name."""
+        if self.type in _TEXTS:
+            return {self.name: self.texts}
+        if not self.layout:
+            return {}
+        rows = np.array(self.values).reshape(-1, len(self.layout))
+        return {f"{self.name}{name}": rows[:, place] for place, (name, _) in enumerate(self.layout)}
 
 
 def read_wpilog(path: Path, _: Options) -> Table:
-    """Read the entries of a data log.
-
-    Raises InputError: it is no data log, or too large.
-    """
-    if path.stat().st_size > MOST_TABLE:
-        raise InputError(f"{path}: the file has more than {MOST_TABLE >> 30} GiB; log fewer entries")
+    """Read the entries of a data log."""
+    check_size(path, "log fewer entries")
     data = path.read_bytes()
     if len(data) < 12 or not data.startswith(_MAGIC):
         raise InputError(f"{path}: not a WPILib data log; check the copy of the file")
@@ -89,20 +94,17 @@ def read_wpilog(path: Path, _: Options) -> Table:
 
 def _records(data: bytes, place: int) -> Iterator[tuple[int, _Record]]:
     """Yield the records of a log and where each ends; stop where one is cut off."""
-    view = memoryview(data)
     while place < len(data):
         lengths = data[place]
         wide = (lengths & 3) + 1, ((lengths >> 2) & 3) + 1, ((lengths >> 4) & 7) + 1
         begin = place + 1 + sum(wide)
-        if begin > len(data):
-            return
         entry = int.from_bytes(data[place + 1 : place + 1 + wide[0]], "little")
         size = int.from_bytes(data[place + 1 + wide[0] : begin - wide[2]], "little")
-        if begin + size > len(data):
-            return
         stamp = int.from_bytes(data[begin - wide[2] : begin], "little")
         place = begin + size
-        yield place, _Record(entry, stamp, view[begin:place])
+        if place > len(data):
+            return
+        yield place, _Record(entry, stamp, data[begin:place])
 
 
 class _Log:
@@ -113,23 +115,23 @@ class _Log:
         self._open: dict[int, _Entry] = {}
         self._entries: dict[str, _Entry] = {}
         self._schemas: dict[str, str] = {}
+        self._layouts: dict[tuple[str, int], _Layout] = {}
         self._skipped: dict[str, None] = {}
         self._notes: list[str] = []
         self._bytes = 0
 
     def read(self, data: bytes, place: int) -> None:
         for end, record in _records(data, place):
-            if record.stamp >= 1 << 63 or (record.entry == 0 and not self._control(record)):
+            if record.stamp >= 1 << 63 or (record.entry == 0 and not self._control(record.content)):
                 break
-            if record.entry:
-                self._add(record)
+            if record.entry in self._open:
+                self._add(self._open[record.entry], record)
             place = end
         if place < len(data):
             self._notes.append(f"the last {len(data) - place:,} bytes hold no whole record and are left out")
 
-    def _control(self, record: _Record) -> bool:
+    def _control(self, content: bytes) -> bool:
         """Follow a record about an entry; False where it is none."""
-        content = bytes(record.content)
         if len(content) < 5:
             return False
         kind, number = content[0], int.from_bytes(content[1:5], "little")
@@ -138,11 +140,11 @@ class _Log:
         elif kind == _START:
             texts, place = [], 5
             for _ in range(3):
-                length = int.from_bytes(content[place : place + 4], "little")
-                if place + 4 + length > len(content):
-                    return False
-                texts.append(content[place + 4 : place + 4 + length].decode("utf-8", "replace"))
-                place += 4 + length
+                begin = place + 4
+                place = begin + int.from_bytes(content[begin - 4 : begin], "little")
+                texts.append(content[begin:place].decode("utf-8", "replace"))
+            if place > len(content):
+                return False
             name, type_, metadata = texts
             # An entry may start again, with a type of its own.
             whole = name if name not in self._entries or self._entries[name].type == type_ else f"{name} ({type_})"
@@ -151,58 +153,47 @@ class _Log:
             self._open[number] = self._entries.setdefault(whole, _Entry(whole, type_, metadata))
         return kind in (_START, _FINISH, _METADATA)
 
-    def _add(self, record: _Record) -> None:
-        entry = self._open.get(record.entry)
-        if entry is None:
+    def _add(self, entry: _Entry, record: _Record) -> None:
+        content = record.content
+        if entry.type == "structschema":
+            self._schemas[entry.name.rpartition("struct:")[2]] = content[: 1 << 16].decode("utf-8", "replace")
+            self._layouts.clear()
             return
-        kind, size = entry.type, len(record.content)
-        if kind in _NUMBERS:
-            if size == struct.calcsize(_NUMBERS[kind]):
-                entry.values.append(struct.unpack(f"<{_NUMBERS[kind]}", record.content)[0])
-                entry.stamps.append(record.stamp)
-                self._count(16)
-        elif kind in _TEXTS:
-            entry.texts.append(bytes(record.content).decode("utf-8", "replace"))
-            entry.stamps.append(record.stamp)
-            self._count(16 + _TEXT + size)
-        elif kind == "structschema":
-            name = entry.name.rpartition("struct:")[2]
-            self._schemas[name] = bytes(record.content[: 1 << 16]).decode("utf-8", "replace")
-        elif kind.endswith("[]") and kind[:-2] in _NUMBERS:
-            code = _NUMBERS[kind[:-2]]
-            count = size // struct.calcsize(code)
-            self._add_several(entry, record.stamp, struct.unpack_from(f"<{count}{code}", record.content))
-        elif kind.startswith("struct:") and kind.removeprefix("struct:") in self._schemas:
-            self._add_structure(entry, record)
+        if entry.type in _TEXTS:
+            entry.texts.append(content.decode("utf-8", "replace"))
+            self._bytes += _TEXT + len(content)
         else:
-            self._skipped[entry.name] = None
-
-    def _add_several(self, entry: _Entry, stamp: int, values: tuple[float, ...]) -> None:
-        if entry.width < 0:
-            entry.width = len(values) if 0 < len(values) <= _MOST_ARRAY else 0
-        if len(values) != entry.width:
-            # Of an array whose length changes, no element is a signal.
-            entry.width = 0
-            self._skipped[entry.name] = None
-            return
-        entry.values.extend(values)
-        entry.stamps.append(stamp)
-        self._count(16 + 8 * len(values))
-
-    def _add_structure(self, entry: _Entry, record: _Record) -> None:
-        layout = _layout(entry.type.removeprefix("struct:"), self._schemas, 0)
-        code = "<" + "".join(one for _, one in layout)
-        if not layout or len(layout) > _MOST_ARRAY or struct.calcsize(code) != len(record.content):
-            self._skipped[entry.name] = None
-            return
-        values = struct.unpack(code, record.content)
-        entry.texts = [name for name, _ in layout]
-        self._add_several(entry, record.stamp, tuple(ord(one) if isinstance(one, bytes) else one for one in values))
-
-    def _count(self, size: int) -> None:
-        self._bytes += size
+            layout = self._layout(entry.type, len(content))
+            if entry.layout is not None and entry.layout != layout and entry.type.endswith("[]"):
+                # Of an array whose length changes, no element is a signal.
+                entry.layout = []
+            code = "<" + "".join(one for _, one in layout)
+            whole = 0 < len(layout) <= _MOST_ARRAY and struct.calcsize(code) == len(content)
+            if not whole or entry.layout not in (None, layout):
+                self._skipped[entry.name] = None
+                return
+            entry.layout = layout
+            entry.values.extend(struct.unpack(code, content))
+            self._bytes += 8 * len(layout)
+        entry.stamps.append(record.stamp)
+        self._bytes += 16
         if self._bytes > MOST_TABLE:
             raise InputError(f"{self._path}: its entries take more than {MOST_TABLE >> 30} GiB; log fewer")
+
+    def _layout(self, kind: str, size: int) -> _Layout:
+        """Numbers of a record of so many bytes; none where it holds anything else."""
+        key = kind, size
+        if key not in self._layouts:
+            if kind in _NUMBERS:
+                self._layouts[key] = [("", _NUMBERS[kind])]
+            elif kind.removesuffix("[]") in _NUMBERS:
+                code = _NUMBERS[kind[:-2]]
+                count = min(size // struct.calcsize(code), _MOST_ARRAY + 1)
+                self._layouts[key] = [(f"[{place}]", code) for place in range(count)]
+            else:
+                found = _fields(kind.removeprefix("struct:"), self._schemas, 0) if kind.startswith("struct:") else []
+                self._layouts[key] = [(f".{name}", code) for name, code in found]
+        return self._layouts[key]
 
     def table(self) -> Table:
         """Return the entries as columns, each with the column of its stamps [s]."""
@@ -210,10 +201,10 @@ class _Log:
         clocks: dict[str, Array] = {}
         shared: list[str] = []
         for entry in self._entries.values():
-            columns = self._columns(entry)
+            columns = entry.columns()
             if not columns or not entry.stamps:
                 continue
-            stamps = np.asarray(np.frombuffer(entry.stamps, dtype=np.int64) * 1e-6, dtype=np.float64)
+            stamps = np.asarray(np.array(entry.stamps) * 1e-6, dtype=np.float64)
             clock = next((name for name, known in clocks.items() if _are_of_one_loop(known, stamps)), "")
             table.columns |= columns
             if not clock:
@@ -225,7 +216,7 @@ class _Log:
             table.clocks |= dict.fromkeys(columns, clock)
             if entry.metadata and not entry.metadata.lstrip().startswith("{"):
                 table.units |= dict.fromkeys(columns, _UNITS.get(entry.metadata, entry.metadata))
-            if _STATE in entry.name and entry.texts and entry.type in _TEXTS:
+            if _STATE in entry.name and entry.texts:
                 table.parts |= _tests(entry)
             if len(table.columns) > MOST_COLUMNS:
                 raise InputError(f"{self._path}: more than {MOST_COLUMNS:,} columns; log fewer entries")
@@ -236,18 +227,6 @@ class _Log:
             table.notes.append(f"entries that hold neither numbers nor texts are left out: {listed(left_out)}")
         return table
 
-    def _columns(self, entry: _Entry) -> dict[str, Any]:
-        if entry.type in _TEXTS:
-            return {entry.name: entry.texts}
-        values = np.frombuffer(entry.values, dtype=np.float64) if entry.values else np.empty(0)
-        if entry.type in _NUMBERS:
-            return {entry.name: values}
-        if entry.width <= 0:
-            return {}
-        rows = values.reshape(-1, entry.width)
-        names = [f".{name}" for name in entry.texts] or [f"[{place}]" for place in range(entry.width)]
-        return {f"{entry.name}{name}": rows[:, place] for place, name in enumerate(names)}
-
 
 def _are_of_one_loop(one: Array, other: Array) -> bool:
     """Whether two entries are logged one after the other in each turn of a loop."""
@@ -256,9 +235,9 @@ def _are_of_one_loop(one: Array, other: Array) -> bool:
     return bool(np.abs(one - other).max() <= _SAME_TURN * np.median(np.diff(one)))
 
 
-def _layout(name: str, schemas: dict[str, str], depth: int) -> list[tuple[str, str]]:
+def _fields(name: str, schemas: dict[str, str], depth: int) -> _Layout:
     """Return names and types of the numbers of a structure, those of structures within it included."""
-    found: list[tuple[str, str]] = []
+    found: _Layout = []
     for declared in schemas.get(name, "").split(";"):
         match = _FIELD.fullmatch(declared.strip())
         if match is None:
@@ -268,9 +247,11 @@ def _layout(name: str, schemas: dict[str, str], depth: int) -> list[tuple[str, s
         kind, own, count = match[1], match[2], int(match[3] or 0)
         if count > _MOST_ARRAY:
             return []
-        inner = [("", _FIELDS[kind])] if kind in _FIELDS else [
-            (f".{part}", code) for part, code in (_layout(kind, schemas, depth + 1) if depth < 8 else [])
-        ]  # fmt: skip
+        if kind in _FIELDS:
+            inner = [("", _FIELDS[kind])]
+        else:
+            within = _fields(kind, schemas, depth + 1) if depth < 8 else []
+            inner = [(f".{part}", code) for part, code in within]
         if not inner:
             return []
         places = [f"[{place}]" for place in range(count)] if count else [""]
@@ -283,18 +264,16 @@ def _layout(name: str, schemas: dict[str, str], depth: int) -> list[tuple[str, s
 def _tests(entry: _Entry) -> dict[str, tuple[float, float]]:
     """Return the tests of SysId: their stamps [s] from the first record of a state to the first of the next."""
     found: dict[str, tuple[float, float]] = {}
-    begin = 0
-    for k in range(1, len(entry.texts) + 1):
-        if k < len(entry.texts) and entry.texts[k] == entry.texts[begin]:
+    stamps = [*entry.stamps, entry.stamps[-1] + 1]
+    end = 0
+    for state, records in groupby(entry.texts):
+        begin, end = end, end + sum(1 for _ in records)
+        if state in _NO_TEST or len(found) >= MOST_COLUMNS:
             continue
-        state = entry.texts[begin]
-        if state not in _NO_TEST and len(found) < MOST_COLUMNS:
-            name, again = state, 2
-            while name in found:
-                name, again = f"{state}-{again}", again + 1
-            stop = entry.stamps[k] if k < len(entry.texts) else entry.stamps[-1] + 1
-            found[name] = (entry.stamps[begin] * 1e-6, stop * 1e-6)
-        begin = k
+        name, again = state, 2
+        while name in found:
+            name, again = f"{state}-{again}", again + 1
+        found[name] = (stamps[begin] * 1e-6, stamps[end] * 1e-6)
     return found
 
 

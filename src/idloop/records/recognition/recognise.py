@@ -62,7 +62,7 @@ from idloop.records.tables.base_units import COUNTS, base_unit
 from idloop.records.tables.csv_layout import is_number
 from idloop.records.tables.expression import Expression
 from idloop.records.tables.mapping import Time
-from idloop.records.tables.stamps import bad_stamps, in_order, missing_stamps, note_bad_stamps, note_missing_stamps
+from idloop.records.tables.stamps import bad_stamps, in_order, missing_stamps, without_bad_stamps
 from idloop.records.tables.table import Table
 from idloop.spelling import listed
 
@@ -294,15 +294,10 @@ def _time(table: Table, numbers: dict[str, Array], given: Given | None, period: 
 
 def _without_bad_stamps(table: Table, base: TimeBase) -> TimeBase:
     """Take the stamp before it for one that is wrong or missing; an import leaves its row out."""
-    missing = missing_stamps(base.seconds)
-    if missing.any():
-        table.notes.append(note_missing_stamps(np.flatnonzero(missing) + table.first_row))
-        base = replace(base, seconds=in_order(base.seconds, missing))
-    bad = bad_stamps(base.seconds)
-    if not bad.any():
-        return base
-    table.notes.append(note_bad_stamps(np.flatnonzero(bad) + table.first_row))
-    return replace(base, seconds=in_order(base.seconds, bad))
+    seconds = base.seconds
+    for find in (missing_stamps, bad_stamps):
+        seconds, _ = without_bad_stamps(seconds, find, table.first_row, table.notes)
+    return replace(base, seconds=seconds)
 
 
 def _begun_again(table: Table, base: TimeBase) -> TimeBase:

@@ -13,10 +13,8 @@ from idloop.arrays import Array
 from idloop.records.inspection.motion import white_noise
 from idloop.records.inspection.velocity_check import velocity_slope
 from idloop.records.tables.base_units import SECONDS, base_unit
-from idloop.records.tables.mapping import SignBit
+from idloop.records.tables.mapping import Decoding, SignBit
 from idloop.records.tables.signals import sign_magnitude, twos_complement
-
-Decoding = Literal["int8", "int16", "int32"] | SignBit
 
 # Units of unwritten ones, the most usual first.
 _ROTARY, _ROTARY_SPEEDS = ("rad", "deg", "rev"), ("rad/s", "rpm", "deg/s", "rev/s")

@@ -10,7 +10,7 @@ import ast
 import operator
 import re
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -40,8 +40,10 @@ _FUNCTIONS: dict[str, Callable[[Any], Any]] = {
 }
 _CONSTANTS = {"pi": np.pi}
 _QUOTED = re.compile(r"`([^`]*)`")
-_LONGEST = 1000
+_LONGEST, _DEEPEST = 1000, 50
 _PLACE = "column_{}_"
+# Value of a part of a formula, by the columns.
+_Value: TypeAlias = Callable[[Mapping[str, Array]], Any]
 
 
 def in_backquotes(text: str, names: Iterable[str], *, numbers: bool = False) -> str:
@@ -75,91 +77,69 @@ class Expression:
 
     def __init__(self, text: str) -> None:
         self.text = text
-        self._quoted: list[str] = []
+        self.columns: list[str] = []
         if len(text) > _LONGEST:
             raise InputError(f"formula of {len(text)} characters; at most {_LONGEST} are read")
-        plain = _QUOTED.sub(self._hide, text)
+        quoted = _QUOTED.findall(text)
+        self._quoted: dict[str, str] = {_PLACE.format(place): name for place, name in enumerate(quoted)}
+        places = iter(self._quoted)
+        plain = _QUOTED.sub(lambda _: f" {next(places)} ", text)
         try:
-            self._tree = ast.parse(plain.strip(), mode="eval").body
+            tree = ast.parse(plain.strip(), mode="eval").body
         except (SyntaxError, ValueError, RecursionError, MemoryError):
             raise InputError(
                 f"{text!r} is no formula; write columns, numbers and + - * / ( ), names that are no plain"
                 " words in `backquotes`"
             ) from None
-        self.columns: list[str] = []
-        self._collect(self._tree, 0)
+        self._value = self._part(tree, 0)
 
-    def _hide(self, match: re.Match[str]) -> str:
-        self._quoted.append(match[1])
-        return f" {_PLACE.format(len(self._quoted) - 1)} "
+    def _part(self, node: ast.expr, depth: int) -> _Value:
+        """A function for the value of a node; what is no part of a formula is refused."""
+        if depth > _DEEPEST:
+            raise InputError(f"{self.text!r} is nested too deeply")
+        match node:
+            case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
+                binary, one, other = _BINARY[type(op)], self._part(left, depth + 1), self._part(right, depth + 1)
+                return lambda columns: binary(one(columns), other(columns))
+            case ast.UnaryOp(op=op, operand=operand) if type(op) in _UNARY:
+                unary, only = _UNARY[type(op)], self._part(operand, depth + 1)
+                return lambda columns: unary(only(columns))
+            case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]):
+                if name not in _FUNCTIONS:
+                    raise InputError(f"{self.text!r}: no function {name!r}; known are {listed(_FUNCTIONS)}")
+                inner = self._part(argument, depth + 1)
+                return lambda columns: _FUNCTIONS[name](inner(columns))
+            case ast.Name(id=name) if name in _CONSTANTS:
+                return lambda _: _CONSTANTS[name]
+            case ast.Name() | ast.Attribute() if name := self._dotted(node):
+                if name not in self.columns:
+                    self.columns.append(name)
+                return lambda columns: columns[name]
+            case ast.Constant(value=bool()):
+                raise InputError(f"{self.text!r} is no formula of numbers")
+            case ast.Constant(value=int() | float() as number):
+                return lambda _: np.float64(number)
+        raise InputError(f"{self.text!r} holds more than columns, numbers, + - * / % ** and {listed(_FUNCTIONS)}")
 
     def _dotted(self, node: ast.expr) -> str:
         """Name of a column, such as ``u`` or ``drive.u``; empty where it is none."""
         match node:
             case ast.Name(id=name):
-                places = {_PLACE.format(k): quoted for k, quoted in enumerate(self._quoted)}
-                return places.get(name, name)
+                return self._quoted.get(name, name)
             case ast.Attribute(value=ast.Name() | ast.Attribute() as value, attr=name):
                 return f"{self._dotted(value)}.{name}"
         return ""
 
-    def _is_constant(self, node: ast.expr) -> bool:
-        return isinstance(node, ast.Name) and node.id in _CONSTANTS
-
-    def _collect(self, node: ast.expr, depth: int) -> None:
-        """Refuse what is no part of a formula, and note the columns."""
-        if depth > 50:
-            raise InputError(f"{self.text!r} is nested too deeply")
-        match node:
-            case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
-                self._collect(left, depth + 1)
-                self._collect(right, depth + 1)
-            case ast.UnaryOp(op=op, operand=operand) if type(op) in _UNARY:
-                self._collect(operand, depth + 1)
-            case ast.Call(func=ast.Name(id=name), args=[only], keywords=[]):
-                if name not in _FUNCTIONS:
-                    raise InputError(f"{self.text!r}: no function {name!r}; known are {listed(_FUNCTIONS)}")
-                self._collect(only, depth + 1)
-            case ast.Name() | ast.Attribute() if name := self._dotted(node):
-                if name not in self.columns and not self._is_constant(node):
-                    self.columns.append(name)
-            case ast.Constant(value=bool()):
-                raise InputError(f"{self.text!r} is no formula of numbers")
-            case ast.Constant(value=int() | float()):
-                pass
-            case _:
-                raise InputError(
-                    f"{self.text!r} holds more than columns, numbers, + - * / % ** and {listed(_FUNCTIONS)}"
-                )
-
     def evaluate(self, columns: Mapping[str, Array]) -> Array:
-        """Return the values, shape (n,).
+        """Return the values, shape (n,); what has no value, such as a quotient by zero, is NaN.
 
-        `columns` (n,).
         Raises InputError: a column is missing.
         """
-        for name in self.columns:
-            if name not in columns:
-                raise InputError(
-                    f"{self.text!r}: no column {name!r}; there are {listed(columns)}{did_you_mean(name, columns)}"
-                )
+        missing = next((name for name in self.columns if name not in columns), None)
+        if missing is not None:
+            raise InputError(
+                f"{self.text!r}: no column {missing!r}; there are {listed(columns)}{did_you_mean(missing, columns)}"
+            )
         with np.errstate(all="ignore"):
-            value = np.asarray(self._value(self._tree, columns), dtype=np.float64)
-        # What has no value, such as a quotient by zero, was not measured.
+            value = np.asarray(self._value(columns), dtype=np.float64)
         return np.where(np.isfinite(value), value, np.nan)
-
-    def _value(self, node: ast.expr, columns: Mapping[str, Array]) -> Any:
-        match node:
-            case ast.BinOp(left=left, op=op, right=right):
-                return _BINARY[type(op)](self._value(left, columns), self._value(right, columns))
-            case ast.UnaryOp(op=op, operand=operand):
-                return _UNARY[type(op)](self._value(operand, columns))
-            case ast.Call(func=ast.Name(id=name), args=[only]):
-                return _FUNCTIONS[name](self._value(only, columns))
-            case ast.Name(id=name) if self._is_constant(node):
-                return _CONSTANTS[name]
-            case ast.Name() | ast.Attribute():
-                return columns[self._dotted(node)]
-            case ast.Constant(value=int() | float() as number):
-                return np.float64(number)
-        raise AssertionError(node)

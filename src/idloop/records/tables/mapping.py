@@ -8,7 +8,16 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
 
 from idloop.arrays import Array
 from idloop.documents import MOST_NAME, read_text, read_yaml
@@ -19,12 +28,32 @@ from idloop.spelling import did_you_mean, did_you_mean_or_known, listed
 
 SCHEMA = "idloop/mapping/1"
 Name = Annotated[str, Field(max_length=MOST_NAME)]
-# Columns of one kind of signal, each of another joint.
-_MOST_CHANNELS = 100
+_MOST_CHANNELS = 100  # columns of one kind of signal, each of another joint
 # Stamps are whole nanoseconds [s].
 _SHORTEST, _LONGEST = 1e-9, 1e9
-# Lines of a file that may be left out at its beginning.
-_MOST_SKIPPED = 1_000_000
+_MOST_SKIPPED = 1_000_000  # lines of a file that may be left out at its beginning
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+def _checked_formula(value: str) -> str:
+    try:
+        Expression(value)
+    except InputError as error:
+        raise ValueError(str(error)) from None
+    return value
+
+
+def _checked_pattern(value: str) -> str:
+    try:
+        groups = re.compile(value).groups
+    except re.error as error:
+        raise ValueError(f"{value!r} is no regular expression ({error})") from None
+    if groups != 1:
+        raise ValueError(rf"{value!r} must have one group for the number, such as 'pwm_(\d+)'")
+    return value
+
+
+Formula = Annotated[Name, AfterValidator(_checked_formula)]
 
 
 class _Strict(BaseModel):
@@ -37,12 +66,15 @@ class SignBit(_Strict):
     sign_bit: int = Field(ge=1, le=62)
 
 
+Decoding = Literal["int8", "int16", "int32"] | SignBit  # how a signed integer was stored as an unsigned one
+
+
 class Time(_Strict):
     """Where stamps come from: a column, a formula over columns, a fixed period, or the stamps of a bag."""
 
     column: str | int | None = None
     unit: Literal["s", "ms", "us", "ns", "iso8601"] = "s"
-    compute: Name | None = None
+    compute: Formula | None = None
     period: float | None = Field(default=None, ge=_SHORTEST, allow_inf_nan=False)
     rate: float | None = Field(default=None, gt=0, le=1.0 / _SHORTEST, allow_inf_nan=False)
     stamps: Literal["header", "receive"] | None = None
@@ -58,11 +90,6 @@ class Time(_Strict):
             raise ValueError("compute: a formula stands in the place of a column and gives numbers, not dates")
         return self
 
-    @field_validator("compute")
-    @classmethod
-    def _formula(cls, value: str | None) -> str | None:
-        return _checked_formula(value)
-
     @property
     def source(self) -> str | int | None:
         """Column or formula of the stamps; None without."""
@@ -76,14 +103,17 @@ class Time(_Strict):
         return formula.evaluate({name: table.numbers(name, rows) for name in formula.columns})
 
 
+_TABLE_SOURCES = ("column", "compute", "value", "file_name")
+
+
 class Channel(_Strict):
     """One signal: value = decode(raw) * scale * times + offset."""
 
     column: str | int | None = None  # column of a table, by name or position
-    compute: Name | None = None  # formula over columns of a table, see `Expression`
-    value: float | None = Field(default=None, allow_inf_nan=False)  # a constant, such as a command that is in no column
+    compute: Formula | None = None  # formula over columns of a table, see `Expression`
+    value: Finite | None = None  # a constant, such as a command that is in no column
     # Regular expression whose group is that constant in the name of the file: ``pwm_(\d+)``
-    file_name: Name | None = None
+    file_name: Annotated[Name, AfterValidator(_checked_pattern)] | None = None
     time: Time | None = None  # stamps of this signal alone, where the signals have several time bases
     # Of a bag: topic and path of the number in its messages (``pos_estimate``, ``data[0]``), or of a JointState topic
     # the field, with `source_joint`
@@ -93,47 +123,24 @@ class Channel(_Strict):
     joint: Name | None = None  # joint that it becomes; the mapping's `joint` by default
     unit: Name = ""  # unit after scale and offset; written in that of the topics (rad, m, V, A, ...), see `base_units`
     # Linear conversion; a negative scale turns the sign
-    scale: float = Field(default=1.0, allow_inf_nan=False)
-    offset: float = Field(default=0.0, allow_inf_nan=False)
+    scale: Finite = 1.0
+    offset: Finite = 0.0
     times: str | int | None = None  # a second column that multiplies the first (duty times supply voltage)
-    # How a signed integer was stored as an unsigned one
-    decode: Literal["int8", "int16", "int32"] | SignBit | None = None
+    decode: Decoding | None = None
     # Range after which an encoder repeats, in `unit`; the position is unwrapped
     wrap: float | None = Field(default=None, gt=0, allow_inf_nan=False)
     optional: bool = False  # do without when the file lacks the column
 
-    @field_validator("compute")
-    @classmethod
-    def _formula(cls, value: str | None) -> str | None:
-        return _checked_formula(value)
-
-    @field_validator("file_name")
-    @classmethod
-    def _pattern(cls, value: str | None) -> str | None:
-        if value is not None:
-            try:
-                groups = re.compile(value).groups
-            except re.error as error:
-                raise ValueError(f"{value!r} is no regular expression ({error})") from None
-            if groups != 1:
-                raise ValueError(rf"{value!r} must have one group for the number, such as 'pwm_(\d+)'")
-        return value
-
     @model_validator(mode="after")
     def _one_source(self) -> Channel:
-        sources = (self.column, self.topic, self.compute, self.value, self.file_name)
-        if sum(source is not None for source in sources) != 1:
+        if sum(getattr(self, source) is not None for source in (*_TABLE_SOURCES, "topic")) != 1:
             raise ValueError("give either one of column, compute, value and file_name (of a table) or topic (of a bag)")
         return self
 
-
-def _checked_formula(value: str | None) -> str | None:
-    if value is not None:
-        try:
-            Expression(value)
-        except InputError as error:
-            raise ValueError(str(error)) from None
-    return value
+    @property
+    def is_constant(self) -> bool:
+        """Whether it is one number."""
+        return self.value is not None or self.file_name is not None
 
 
 def _as_channel(value: Any) -> Any:
@@ -143,8 +150,7 @@ def _as_channel(value: Any) -> Any:
 
 def _as_channels(value: Any) -> Any:
     """Accept a bare column name, one channel, or a list of them."""
-    several = value if isinstance(value, list) else [value]
-    return [_as_channel(item) for item in several]
+    return list(map(_as_channel, value if isinstance(value, list) else [value]))
 
 
 Channels = Annotated[list[Channel], Field(max_length=_MOST_CHANNELS), BeforeValidator(_as_channels)]
@@ -153,7 +159,7 @@ Channels = Annotated[list[Channel], Field(max_length=_MOST_CHANNELS), BeforeVali
 def _is_signal(value: Any) -> bool:
     """Whether a value is a signal itself, not a section of signals."""
     if isinstance(value, dict):
-        return bool({"column", "topic", "compute", "value", "file_name"} & set(value)) and "position" not in value
+        return bool({*_TABLE_SOURCES, "topic"} & set(value)) and "position" not in value
     return isinstance(value, str | int | list)
 
 
@@ -196,8 +202,8 @@ class Rows(_Strict):
 class Times(_Strict):
     """Stamps start <= t < stop [s], of a table as the file counts them, of a bag from the first one that is used."""
 
-    start: float | None = Field(default=None, allow_inf_nan=False)
-    stop: float | None = Field(default=None, allow_inf_nan=False)
+    start: Finite | None = None
+    stop: Finite | None = None
 
 
 class Signals(_Strict):
@@ -282,16 +288,15 @@ class Mapping(Signals):
                 f" {listed(self.parts, 20)}{did_you_mean(part, self.parts)}"
             )
         own = self.parts[part]
-        changed = {name: getattr(own, name) for name in own.model_fields_set if name in Signals.model_fields}
-        shared = {name: getattr(self, name) for name in Signals.model_fields}
-        return Signals.model_construct(**(shared | changed))
+        sources = {name: own if name in own.model_fields_set else self for name in Signals.model_fields}
+        return Signals.model_construct(**{name: getattr(source, name) for name, source in sources.items()})
 
 
 def ready_mappings() -> dict[str, Path]:
     """Return the mappings shipped with idloop by name."""
     folder = files("idloop.records") / "mappings"
-    found = {Path(str(entry)).stem: Path(str(entry)) for entry in folder.iterdir() if entry.name.endswith(".yaml")}
-    return dict(sorted(found.items()))
+    paths = sorted(Path(str(entry)) for entry in folder.iterdir() if entry.name.endswith(".yaml"))
+    return {path.stem: path for path in paths}
 
 
 @functools.cache

@@ -25,10 +25,8 @@ from idloop.records.tables.mapping import Channel, Mapping, Signals, SignBit, Ti
 from idloop.records.tables.stamps import (
     bad_stamps,
     date_ns,
-    in_order,
     missing_stamps,
-    note_bad_stamps,
-    note_missing_stamps,
+    without_bad_stamps,
 )
 from idloop.records.tables.table import Table
 from idloop.records.unwrapping import unwrap
@@ -44,10 +42,7 @@ _BITS = {"int8": 8, "int16": 16, "int32": 32}
 
 @dataclass(frozen=True)
 class Signal:
-    """One channel read: where it goes, its stamps and values.
-
-    `doubtful` are start and length [s] of the gaps over which the number of turns of an unwrapped position is a guess.
-    """
+    """One channel read: where it goes, its stamps and values."""
 
     topic: str
     joint: str
@@ -56,6 +51,7 @@ class Signal:
     stamp_ns: Stamps
     receive_ns: Stamps
     value: Array
+    # Start and length [s] of the gaps over which the number of turns of an unwrapped position is a guess
     doubtful: tuple[tuple[float, float], ...] = ()
 
     @property
@@ -66,7 +62,8 @@ class Signal:
 
 def signals_from_table(table: Table, mapping: Mapping, signals: Signals) -> list[Signal]:
     """Read what the mapping assigns from the columns of a table; rows outside of its `rows` are not looked at."""
-    rows = _selected(table, signals)
+    start, stop = signals.rows.start, signals.rows.stop
+    rows = slice(start - table.first_row, None if stop is None else stop - table.first_row)
     raw: list[tuple[str, str, Channel, Time | None, Array]] = []
     for topic, field, channel in _assignments(signals):
         if channel.topic is not None:
@@ -80,40 +77,31 @@ def signals_from_table(table: Table, mapping: Mapping, signals: Signals) -> list
         raise InputError(f"mapping {mapping.name}: it assigns no column; add `command:` and `position:` or `velocity:`")
     # What has no column, such as a constant command, has the stamps of the first that has one.
     first = next(time for *_, time, value in raw if value.ndim)
-    stamps: dict[Time, Stamps] = {}
-    bad: dict[Time, Mask] = {}
-    for time in dict.fromkeys(first if not value.ndim else time for *_, time, value in raw):
+    stamps: dict[Time | None, tuple[Stamps, Mask]] = {}
+    for time in dict.fromkeys(time if value.ndim else first for *_, time, value in raw):
         if time is None or time.stamps is not None:
             raise InputError(
                 f"mapping {mapping.name}: say where time comes from: `time: {{column: t}}` or `time: {{period: 0.001}}`"
             )
-        lengths = {_source(one): value.size for *_, one, own, value in raw if own == time and value.ndim}
-        count = max(lengths.values())
-        if min(lengths.values()) < count:
-            text = ", ".join(f"{name}: {length}" for name, length in lengths.items())
-            raise InputError(f"{table.path}: columns of unequal length ({text}); choose columns of one record")
-        stamps[time], bad[time] = _time(table, time, count, rows)
+        columns = [(one, value.size) for *_, one, own, value in raw if own == time and value.ndim]
+        sizes = {str(one.compute if one.column is None else one.column): size for one, size in columns}
+        _check_sizes(table, sizes, "; choose columns of one record")
+        stamps[time] = _time(table, time, max(sizes.values()), rows)
+    shift = _shift([stamp for stamp, _ in stamps.values()])
     found = []
-    shift = _shift(list(stamps.values()))
     for topic, field, channel, time, value in raw:
-        own = first if not value.ndim or time is None else time
-        stamp = stamps[own]  # type: ignore[index]
-        kept = _within(stamp, signals, held=channel.time is not None and _is_held(topic))
-        kept &= ~bad[own]  # type: ignore[index]
+        stamp, bad = stamps[first if not value.ndim or time is None else time]
+        kept = _within(stamp, signals, held=channel.time is not None and _is_held(topic)) & ~bad
         both = (stamp[kept] + shift,) * 2
         values = np.broadcast_to(value, stamp.shape)[kept]
         found.append(_make_signal(topic, field, channel, values, both, mapping, channel.joint or signals.joint or ""))
     return found
 
 
-def _selected(table: Table, signals: Signals) -> slice:
-    """Rows of the table's columns that the mapping selects."""
-    start, stop = signals.rows.start, signals.rows.stop
-    return slice(start - table.first_row, None if stop is None else stop - table.first_row)
-
-
-def _source(channel: Channel) -> str:
-    return str(channel.column if channel.column is not None else channel.compute)
+def _check_sizes(table: Table, sizes: dict[str, int], advice: str) -> None:
+    if len(set(sizes.values())) > 1:
+        text = ", ".join(f"{name}: {size}" for name, size in sizes.items())
+        raise InputError(f"{table.path}: columns of unequal length ({text}){advice}")
 
 
 def _clock(table: Table, signals: Signals, channel: Channel) -> Time | None:
@@ -136,21 +124,16 @@ def _clock(table: Table, signals: Signals, channel: Channel) -> Time | None:
 
 def _values(table: Table, channel: Channel, rows: slice) -> Array:
     """Values of one channel, shape (n,); of a constant a single one, shape ()."""
-    if channel.value is not None or channel.file_name is not None:
+    if channel.is_constant:
         return np.asarray(_constant(table, channel) * channel.scale + channel.offset)
-    if channel.compute is not None:
-        formula = Expression(channel.compute)
-        columns = {name: _column(table, name, rows) for name in formula.columns}
-        sizes = {name: value.size for name, value in columns.items()}
-        if len(set(sizes.values())) > 1:
-            text = ", ".join(f"{name}: {size}" for name, size in sizes.items())
-            raise InputError(f"{table.path}: columns of unequal length ({text}) in {channel.compute!r}")
-        if not columns:
-            raise InputError(f"{table.path}: {channel.compute!r} names no column; give a constant as `value:`")
-        raw = formula.evaluate(columns)
-    else:
-        raw = _column(table, channel.column, rows)  # type: ignore[arg-type]
-    return _convert(raw, table, channel, rows)
+    if channel.compute is None:
+        return _convert(_column(table, channel.column, rows), table, channel, rows)  # type: ignore[arg-type]
+    formula = Expression(channel.compute)
+    columns = {name: _column(table, name, rows) for name in formula.columns}
+    _check_sizes(table, {name: value.size for name, value in columns.items()}, f" in {channel.compute!r}")
+    if not columns:
+        raise InputError(f"{table.path}: {channel.compute!r} names no column; give a constant as `value:`")
+    return _convert(formula.evaluate(columns), table, channel, rows)
 
 
 def _constant(table: Table, channel: Channel) -> float:
@@ -248,7 +231,7 @@ def signals_from_bag(source: Path, mapping: Mapping, signals: Signals) -> list[S
 
 def _assignments(signals: Signals) -> list[tuple[str, str, Channel]]:
     """Return (topic, field, channel) for everything that the mapping assigns."""
-    table = [
+    assigned = [
         ("reference", "position", signals.reference.position),
         ("reference", "velocity", signals.reference.velocity),
         ("excitation", "position", signals.excitation.position),
@@ -258,7 +241,7 @@ def _assignments(signals: Signals) -> list[tuple[str, str, Channel]]:
         ("joint_states", "effort", signals.effort),
         ("joint_command", "effort", signals.command),
     ]
-    found = [(topic, field, channel) for topic, field, channels in table for channel in channels]
+    found = [(topic, field, channel) for topic, field, channels in assigned for channel in channels]
     named = [one.model_copy(update={"joint": name}) for name, one in signals.conditions.items()]
     return [*found, *((CONDITIONS, FIELD, channel) for channel in named)]
 
@@ -299,7 +282,6 @@ def _convert(value: Array, table: Table | None, channel: Channel, rows: slice = 
 def _time(table: Table, time: Time, count: int, rows: slice) -> tuple[Stamps, Mask]:
     """Stamps of the selected rows as the file counts them [ns], and which rows are left out for theirs."""
     first = rows.start + table.first_row
-    missing = np.zeros(count, dtype=bool)
     name = time.source
     if name is None:
         period = time.period if time.period is not None else 1.0 / (time.rate or 1.0)
@@ -309,21 +291,14 @@ def _time(table: Table, time: Time, count: int, rows: slice) -> tuple[Stamps, Ma
                 f" correct the {'period' if time.rate is None else 'rate'}"
             )
         stamp = np.asarray(np.round(np.arange(first, first + count) * period * 1e9).astype(np.int64))
-        return stamp, missing
+        return stamp, np.zeros(count, dtype=bool)
+    missing = np.zeros(count, dtype=bool)
     if time.unit == "iso8601":
         cells = table.raw(name)[rows]
-        stamp = _as_stamps(
-            table,
-            name,
-            np.array([_iso(table, cell, row) for row, cell in enumerate(cells, first)], dtype=object),
-            first,
-        )
+        dates = np.array([_iso(table, cell, row) for row, cell in enumerate(cells, first)], dtype=object)
+        stamp = _as_stamps(table, name, dates, first)
     else:
-        seconds = time.read(table, rows)
-        missing = missing_stamps(seconds)
-        if missing.any():
-            table.notes.append(note_missing_stamps(np.flatnonzero(missing) + first))
-            seconds = in_order(seconds, missing)
+        seconds, missing = without_bad_stamps(time.read(table, rows), missing_stamps, first, table.notes)
         bad = np.flatnonzero(~np.isfinite(seconds))
         if bad.size:
             raise InputError(
@@ -339,10 +314,7 @@ def _time(table: Table, time: Time, count: int, rows: slice) -> tuple[Stamps, Ma
             f"{table.path}: time column {name!r} has {stamp.size} rows, the others {count}; choose columns"
             " of one record"
         )
-    wrong = bad_stamps(stamp)
-    if wrong.any():
-        table.notes.append(note_bad_stamps(np.flatnonzero(wrong) + first))
-        stamp = in_order(stamp, wrong)
+    stamp, wrong = without_bad_stamps(stamp, bad_stamps, first, table.notes)
     back = np.flatnonzero(np.diff(stamp) < 0)
     if back.size:
         raise InputError(

@@ -42,9 +42,7 @@ class Table:
     units: dict[str, str] = field(default_factory=dict)  # units of columns, as the file writes them
     # Column with the stamps of each, where columns have stamps of their own; its unit is in `units` where it is not s
     clocks: dict[str, str] = field(default_factory=dict)
-    stamp_parts: tuple[
-        str, ...
-    ] = ()  # columns with the seconds and the rest of stamps that a third one has
+    stamp_parts: tuple[str, ...] = ()  # columns with the seconds and the rest of stamps that a third one has
     first_row: int = 0  # row of the file with which the columns begin
     # Records within the file by name: their stamps from .. to (excluded), as the clock of the columns counts them
     parts: dict[str, tuple[float, float]] = field(default_factory=dict)
