@@ -11,11 +11,11 @@ import numpy as np
 
 from idloop.arrays import Array
 from idloop.records.inspection.velocity_check import velocity_slope
+from idloop.records.recognition.choice import Choice
 from idloop.records.recognition.column_name import is_counter, parse_column_name
-from idloop.records.recognition.guess import MOTION, SET_POINTS, Given, Guess, quoted
+from idloop.records.recognition.guess import MOTION, SET_POINTS, quoted
 from idloop.records.recognition.role_units import base_field
 from idloop.records.recognition.roles import RoleByName, Signal, is_feed_forward
-from idloop.records.recognition.signal_units import slope_of
 from idloop.records.recognition.table_column import TableColumn
 from idloop.records.recognition.time_base import TimeBase
 from idloop.records.recognition.unnamed_columns import follows, longest_way, smoothest_first
@@ -29,10 +29,7 @@ _FEWEST_ROWS = 10
 
 
 def doubt_of_lost_rows(table: Table, numbers: Map[str, Array], base: TimeBase) -> str:
-    """Name the rows before which a counter leaves out numbers and the stamps do not, with the time by the counter.
-
-    Returns: empty where nothing was lost, or where the stamps show it.
-    """
+    """Name the rows before which a counter leaves out numbers and the stamps do not, with the time by the counter."""
     step = np.diff(base.seconds)
     if base.seconds.size < _FEWEST_ROWS or len(base.runs) > 1 or not float(np.median(step)) > 0.0:
         return ""
@@ -75,7 +72,7 @@ def without_control_error(columns: dict[str, TableColumn], given: Container[str]
         return columns
     error, set_point, moved = found
     differ = f"the difference of {set_point.name!r} and {moved.name!r}"
-    made = {error.name: replace(error, by_name=RoleByName("other", 0.0, ""))}
+    made = {error.name: error.as_other()}
     doubt = f"{error.name!r} is {differ}, as a control error is: not used"
     if not moved.by_name.role:
         others = [one.value for one in columns.values() if one not in found and one.moves and not one.is_held]
@@ -140,33 +137,28 @@ def _is_set_point(one: TableColumn, other: TableColumn) -> bool:
 # What a swapped name may stand at: not at a set-point, whose slope is often logged beside it.
 _MAY_BE = ("command", "effort", *MOTION, "other", "")
 _MOST_NAMED = 8
+_GAINS = (("kp", "position", "reference"), ("kd", "velocity", "reference velocity"))
 
 
-def doubt_of_names(
-    base: TimeBase, chosen: Map[str, Guess], columns: Map[str, TableColumn], given: Map[str, Given]
-) -> str:
+def doubt_of_names(log: Choice) -> str:
     """Name the options of the signals whose values have to do with each other what their names say of others.
 
     A velocity is the slope of its position. Where that of the header is not, and one other column is that of another,
     which is smoother than all of them as a position is, the names are probably exchanged. A velocity exchanged with the
     command shows nothing: in friction a force runs with the speed as well.
-
-    Returns: empty where the names hold, or nothing shows more.
     """
-    place, speed = (columns.get(chosen[role].column) if role in chosen else None for role in MOTION)
-    if place is None or speed is None or given.keys() & {*MOTION, "command"} or _slope(base, place, speed):
+    place, speed, command = (log.column(role) for role in (*MOTION, "command"))
+    if place is None or speed is None or log.given.keys() & {*MOTION, "command"} or log.slope(place, speed):
         return ""
-    command = columns.get(chosen["command"].column) if "command" in chosen else None
-    free = [one for one in columns.values() if one.by_name.role in _MAY_BE and one.moves]
     named = [one for one in (place, speed, command) if one is not None]
-    free = [*named, *(one for one in free if one not in named)][:_MOST_NAMED]
-    free = [one for one in free if one.value.size == base.seconds.size]
+    free = [one for one in log.columns.values() if one.by_name.role in _MAY_BE and one.moves and one not in named]
+    free = [*named, *free][:_MOST_NAMED]
     pairs = [
-        (correlation, one, other)
+        (slope.correlation, one, other)
         for one in free
         for other in free
         if one is not other and not (one is place and other.by_name.role in ("command", "effort"))
-        if (correlation := _slope(base, one, other))
+        if (slope := log.slope(one, other)) is not None
     ]
     if not pairs:
         return ""
@@ -178,53 +170,46 @@ def doubt_of_names(
     left = [one for one in named if one is not first and one is not second]
     if command is not None and command not in left and left:
         taken["command"] = left[0]
-    flags = " ".join(f"--{role} '{one.name}{_unit(one, chosen[role], columns, named)}'" for role, one in taken.items())
+    flags = " ".join(f"--{role} '{one.name}{_unit(log, role, one, named)}'" for role, one in taken.items())
     return (
         f"{speed.name!r} is not the slope of {place.name!r}, but {second.name!r} is that of {first.name!r}: the names"
         f" may be exchanged; if they are, {flags}"
     )
 
 
-def leave_out_unrelated(
-    base: TimeBase, chosen: dict[str, Guess], columns: Map[str, TableColumn], given: Map[str, Given]
-) -> str:
+def leave_out_unrelated(log: Choice) -> str:
     """Take no column for the velocity that is unrelated to the slope of the position, and say so.
 
     Where the command is that slope, the two may be exchanged, which an inspection tells.
-
-    Returns: empty where the velocity is left, such as one that the user names.
     """
-    place, speed, command = (
-        columns.get(chosen[role].column) if role in chosen else None for role in (*MOTION, "command")
-    )
-    if place is None or speed is None or given.get("velocity", Given()).column:
+    place, speed, command = (log.column(role) for role in (*MOTION, "command"))
+    if place is None or speed is None or log.said("velocity"):
         return ""
-    if not place.value.size == speed.value.size == base.seconds.size:
+    seconds = log.base.seconds
+    if not place.value.size == speed.value.size == seconds.size:
         return ""
     value = place.unwrapped(place.parsed.unit or "counts")
     run = longest_way(value, place.runs)
-    found = velocity_slope(base.seconds[run], value[run], speed.value[run])
-    if found is None or not found.unrelated or (command is not None and _slope(base, place, command)):
+    found = velocity_slope(seconds[run], value[run], speed.value[run])
+    if found is None or not found.unrelated or (command is not None and log.slope(place, command)):
         return ""
-    del chosen["velocity"]
+    del log.chosen["velocity"]
     return (
         f"velocity: {speed.name!r} is unrelated to the slope of {place.name!r} and not taken: --velocity COLUMN if it"
         " is the velocity, or --position COLUMN if another column is the position"
     )
 
 
-def _unit(one: TableColumn, guess: Guess, columns: Map[str, TableColumn], named: list[TableColumn]) -> str:
-    """Return what stands behind a column so that it is read in the unit that the header writes for its new role.
+def _unit(log: Choice, role: str, one: TableColumn, named: list[TableColumn]) -> str:
+    """What stands behind a column for the unit that the header writes for its new role, such as ``=rad``.
 
-    `one`: what the role is to be.
-    `guess`: what the role is by the header.
-    `named`: all that have a role by the header: the units of their names are exchanged as the names are.
-    Returns: such as ``=rad``; empty where its own name leads to that unit.
+    The units of the names in `named` are exchanged as the names are; empty where its own name leads to that unit.
     """
-    own, written = one.parsed, columns[guess.column].parsed
+    guess = log.chosen[role]
+    own, written = one.parsed, log.columns[guess.column].parsed
     if (own.unit, own.factor) == (written.unit, written.factor):
         return ""
-    if one not in named and (not own.unit or is_unit_of(own.unit, base_field(guess.role))):
+    if one not in named and (not own.unit or is_unit_of(own.unit, base_field(role))):
         return ""
     if written.unit in COUNTS:
         return "=counts/N"
@@ -232,39 +217,30 @@ def _unit(one: TableColumn, guess: Guess, columns: Map[str, TableColumn], named:
     return f"={unit}" if written.factor == 1.0 else f"={written.factor:g} {unit}"
 
 
-def _slope(base: TimeBase, place: TableColumn, rate: TableColumn) -> float:
-    """Correlation of a column with the slope of another; 0 where it runs otherwise."""
-    if not place.value.size == rate.value.size == base.seconds.size:
-        return 0.0
-    found = slope_of(base.seconds, place.unwrapped(place.parsed.unit or "counts"), rate.value, place.runs)
-    return 0.0 if found is None else found.correlation
+def loop_beside_command(log: Choice) -> list[str]:
+    """Return the option with the force of a drive that adds a loop to what it was sent, none where no loop acted.
 
-
-_GAINS = (("kp", "position", "reference"), ("kd", "velocity", "reference velocity"))
-
-
-def loop_beside_command(columns: Map[str, TableColumn], chosen: Map[str, Guess], given: Map[str, Given]) -> list[str]:
-    """Return the option with the force of drive that adds a loop to what it was sent, none where no loop acted.
-
-    The drive makes ``kp (p_des - p) + kd (v_des - v) + t_ff``.
+    Its gains are logged beside its set-points, as in the protocol of the MIT mini cheetah: the drive makes
+    ``kp (p_des - p) + kd (v_des - v) + t_ff``.
     """
-    command = chosen.get("command")
-    if command is None or given.get("command", Given()).column:
+    command = log.chosen.get("command")
+    if command is None or log.said("command"):
         return []
+    columns = log.columns.values()
     terms = []
     for name, motion, wanted in _GAINS:
-        gain = next((one for one in columns.values() if one.parsed.words == (name,)), None)
-        measured = chosen.get(motion)
+        gain = next((one for one in columns if one.parsed.words == (name,)), None)
+        measured = log.chosen.get(motion)
         if gain is None or measured is None or not np.nan_to_num(gain.value).any():
             continue
         if set(measured.options) - {"scale"}:
             return []
-        target = next((one for one in columns.values() if one.by_name.role == wanted), None)
+        target = next((one for one in columns if one.by_name.role == wanted), None)
         error = f"{quoted(target.name)} - " if target is not None else "-"
         terms.append(f"{quoted(gain.name)} * ({error}{quoted(measured.column)})")
     if not terms:
         return []
-    fed = next((one for one in columns.values() if is_feed_forward(one.parsed)), None)
+    fed = next((one for one in columns if is_feed_forward(one.parsed)), None)
     terms += [quoted(fed.name)] if fed is not None and np.nan_to_num(fed.value).any() else []
     text = "command: the gains of a loop in the drive are on record, which adds to what was sent; as one command:"
     return [f"{text} --command '{' + '.join(terms)}={command.unit or 'UNIT'}'"]

@@ -17,6 +17,7 @@ from idloop.errors import InputError
 from idloop.records.formats.clock_names import known_clock_unit
 from idloop.records.formats.known_columns import recognise as known_drive
 from idloop.records.inspection.coupled import has_slack
+from idloop.records.recognition.choice import Choice
 from idloop.records.recognition.column_name import ColumnName, parse_column_name
 from idloop.records.recognition.consistency import (
     doubt_of_lost_rows,
@@ -28,7 +29,6 @@ from idloop.records.recognition.consistency import (
 from idloop.records.recognition.guess import (
     LOAD,
     MOTION,
-    NONE,
     ROLES,
     SET_POINTS,
     Given,
@@ -39,7 +39,7 @@ from idloop.records.recognition.guess import (
 )
 from idloop.records.recognition.joint_blocks import in_blocks
 from idloop.records.recognition.joint_choice import joints_by_name, joints_by_side, joints_with_command, one_joint
-from idloop.records.recognition.role_units import LINEAR_UNITS, doubt_of_left_out, set_units, set_wraps, unit_by_words
+from idloop.records.recognition.role_units import doubt_of_left_out, is_linear, set_units, set_wraps, unit_by_words
 from idloop.records.recognition.roles import (
     BY_UNIT,
     FIELD_WORDS,
@@ -122,7 +122,7 @@ class Recognition:
     @property
     def linear(self) -> bool:
         """Whether the axis is a linear one."""
-        return any(one.unit in LINEAR_UNITS for one in self.guesses if one.role in MOTION)
+        return any(is_linear(one.unit) for one in self.guesses if one.role in MOTION)
 
     def all_doubts(self) -> list[str]:
         """Everything uncertain."""
@@ -150,46 +150,44 @@ def recognise_table(
     """
     given = dict(given or {})
     numbers = numbers_of(table)
-    doubts: list[str] = []
     base = _begun_again(table, _without_bad_stamps(table, _time(table, numbers, given.get("time"), period)))
-    columns, chosen, several = _by_names(table, numbers, base, given, doubts, sources or {}, joints)
+    log = Choice(table, base, given)
+    several = _by_names(log, numbers, sources or {}, joints)
+    chosen = log.chosen
     if shown is None:
-        fill_by_values(base, columns, chosen, given)
+        fill_by_values(log)
     else:
-        chosen = {role: guess for role, guess in shown.items() if guess.column in columns} | chosen
-    _output(columns, chosen, given)
-    find_set_point(columns, chosen, given)
-    _command_without_column(table, chosen, given, doubts)
+        chosen |= {role: guess for role, guess in shown.items() if guess.column in log.columns and role not in chosen}
+    _output(log)
+    find_set_point(log)
+    _command_without_column(log)
     if not any(role in chosen for role in MOTION):
         raise InputError(
             f"{table.path}: no column is a position or a velocity; name one with --position or --velocity (columns are"
-            f" {listed(numbers, 20)}){_of_a_sensor(columns.values())}"
+            f" {listed(numbers, 20)}){_of_a_sensor(log.columns.values())}"
         )
     if LOAD in chosen and "position" not in chosen:
         raise InputError(f"{table.path}: a load is beside the position of the axis: name that with --position COLUMN")
-    base = set_units(base, chosen, columns, given)
-    exchanged = doubt_of_names(base, chosen, columns, given)
-    unrelated = "" if exchanged else leave_out_unrelated(base, chosen, columns, given)
-    of_values = (doubt_of_left_out(base, chosen, columns, given), exchanged, unrelated)
+    set_units(log)
+    base = log.base
+    exchanged = doubt_of_names(log)
+    unrelated = "" if exchanged else leave_out_unrelated(log)
     of_rows = (doubt_of_decimation(table, base), doubt_of_lost_rows(table, numbers, base))
-    doubts += [doubt for doubt in (*of_rows, *of_values) if doubt]
-    set_wraps(chosen, columns)
-    doubts += loop_beside_command(columns, chosen, given)
-    _set_point_command(table, base, chosen, given)
+    log.doubts += filter(None, (*of_rows, doubt_of_left_out(log), exchanged, unrelated))
+    set_wraps(log)
+    log.doubts += loop_beside_command(log)
+    _set_point_command(log)
     guesses = tuple(chosen[role] for role in ROLES if role in chosen)
     used = {one.column for one in guesses} | set(base.columns)
+    # What no clock says holds for all of them.
     clocks = {
-        one.column: Time(
-            column=table.clocks[one.column],
-            # What no clock says holds for all of them.
-            unit=known_clock_unit(table.units.get(table.clocks[one.column], "")) or base.time.unit,
-        )
+        one.column: Time(column=clock, unit=known_clock_unit(table.units.get(clock, "")) or base.time.unit)
         for one in guesses
-        if one.column in table.clocks and table.clocks[one.column] != base.time.column
+        if (clock := table.clocks.get(one.column)) is not None and clock != base.time.column
     }
     rows = () if table.clocks else tuple(base.runs)
     other = tuple(name for name in table.columns if name not in used and name not in table.clocks.values())
-    return Recognition(table, base, guesses, clocks, rows, other, tuple(doubts), sources or {}, joints=several)
+    return Recognition(table, base, guesses, clocks, rows, other, tuple(log.doubts), sources or {}, joints=several)
 
 
 def shown_together(tables: list[Table], given: Map[str, Given], *, period: float | None = None) -> dict[str, Guess]:
@@ -216,62 +214,51 @@ def shown_together(tables: list[Table], given: Map[str, Given], *, period: float
     first, base = read[0]
     # From its own beginning the time of each starts again, as it does between the runs of one table.
     stamps = [in_order(one.seconds, bad_stamps(one.seconds)) - one.seconds[0] for _, one in read]
-    base = replace(base, seconds=np.concatenate(stamps))
     numbers = {name: np.concatenate([one[name] for one, _ in read]) for name in first}
     together = replace(tables[0], columns=dict(numbers), clocks={})
-    columns, by_names, _ = _by_names(together, numbers, base, given, [], {}, None)
-    chosen = dict(by_names)
-    fill_by_values(base, columns, chosen, given)
-    return {role: guess for role, guess in chosen.items() if role not in by_names}
+    log = Choice(together, replace(base, seconds=np.concatenate(stamps)), given)
+    _by_names(log, numbers, {}, None)
+    by_names = set(log.chosen)
+    fill_by_values(log)
+    return {role: guess for role, guess in log.chosen.items() if role not in by_names}
 
 
 def _by_names(
-    table: Table,
-    numbers: dict[str, Array],
-    base: TimeBase,
-    given: Map[str, Given],
-    doubts: list[str],
-    sources: Map[str, Map[str, str]],
-    joints: Map[str, str] | None,
-) -> tuple[dict[str, TableColumn], dict[str, Guess], tuple[str, ...]]:
-    """Return the columns, what is given of them or said by their names, and the joints where there are several."""
-    columns = {}
+    log: Choice, numbers: dict[str, Array], sources: Map[str, Map[str, str]], joints: Map[str, str] | None
+) -> tuple[str, ...]:
+    """Fill the columns, and choose what is given or said by their names; return the joints where there are several."""
+    table, base, columns = log.table, log.base, dict[str, TableColumn]()
     paths = joints_by_name(numbers) if joints is None else None
     joints = (joints or joints_by_side(numbers)) if paths is None else paths
     for name, value in numbers.items():
-        parsed = _parsed(table, name)
         if name in base.columns or name in table.clocks.values() or name in table.stamp_parts:
             continue
+        parsed = _parsed(table, name)
         if joints is not None:
             parsed = replace(parsed, index=joints.get(name, ""))
         one = TableColumn(name, parsed, role_by_name(parsed), value, runs_of(value, base))
-        further = one.is_further_clock(base.seconds)
-        columns[name] = replace(one, by_name=RoleByName("other", 0.0, "")) if further else one
-    _input_and_output(columns)
-    _currents(columns)
-    _prefer_current(columns)
-    _computed(columns)
+        columns[name] = one.as_other() if one.is_further_clock(base.seconds) else one
+    for refine in (_input_and_output, _currents, _prefer_current, _computed):
+        refine(columns)
     _of_known_drive(columns, sources)
     columns = {name: one.with_sign() for name, one in columns.items()}
     _supplies(columns)
     blocks, doubt = in_blocks(columns)
-    columns |= blocks
-    doubts += [doubt] if doubt else []
-    named = {one.column for role, one in given.items() if role != LOAD}
-    every = columns
-    columns = one_joint(_without_load(columns, given), named, doubts, by_path=paths is not None)
-    columns = without_control_error(columns, {one.column for one in given.values()})
-    chosen: dict[str, Guess] = {}
+    every = columns | blocks
+    log.doubts += [doubt] if doubt else []
+    named = {one.column for role, one in log.given.items() if role != LOAD}
+    of_axis = {name: one for name, one in every.items() if name != log.said(LOAD)}
+    of_joint = one_joint(of_axis, named, log.doubts, by_path=paths is not None)
+    log.columns = without_control_error(of_joint, {one.column for one in log.given.values()})
     for role in ROLES:
-        said = given.get(role, Given())
-        if said.column == NONE:
+        if log.left_out(role):
             continue
-        guess = _given(table, role, said, numbers, columns) if said.column else _by_name(role, columns, chosen, given)
+        guess = _given(log, role, numbers) if log.said(role) else _by_name(log, role)
         if guess is not None:
-            chosen[role] = guess
-            columns |= _columns_of(guess, columns, numbers, base)
-    _load(every, columns, chosen, given)
-    return columns, chosen, joints_with_command(every)
+            log.chosen[role] = guess
+            _add_column_of(log, guess, numbers)
+    _load(log, every)
+    return joints_with_command(every)
 
 
 def _of_a_sensor(columns: Iterable[TableColumn]) -> str:
@@ -407,7 +394,7 @@ def _computed(columns: dict[str, TableColumn]) -> None:
         alike = [one for one in columns.values() if one.by_name.role in roles]
         if any(one.moves and not is_computed(one.parsed) for one in alike):
             computed = (one for one in alike if is_computed(one.parsed))
-            columns |= {one.name: replace(one, by_name=RoleByName("other", 0.0, "")) for one in computed}
+            columns |= {one.name: one.as_other() for one in computed}
 
 
 def _supplies(columns: dict[str, TableColumn]) -> None:
@@ -419,39 +406,35 @@ def _supplies(columns: dict[str, TableColumn]) -> None:
             columns[one.name] = replace(one, by_name=RoleByName("supply", 1.0, "a voltage that hardly varies"))
 
 
-def _given(table: Table, role: str, said: Given, numbers: dict[str, Array], columns: Map[str, TableColumn]) -> Guess:
-    unit = said.unit
+def _given(log: Choice, role: str, numbers: dict[str, Array]) -> Guess:
+    table, said = log.table, log.given[role]
     if said.column in numbers:
-        column = columns.get(said.column)
+        column = log.columns.get(said.column)
         if column is None:
             parsed = _parsed(table, said.column)
             column = TableColumn(said.column, parsed, role_by_name(parsed), numbers[said.column])
-        return with_unit(column.as_guess(role, "as given", unit_given=bool(unit)), unit)
+        return with_unit(column.as_guess(role, "as given", unit_given=bool(said.unit)), said.unit)
     if said.column in table.columns:
         raise InputError(f"{table.path}: column {said.column!r} holds no numbers; it cannot be the {role}")
     if is_number(said.column) and role not in MOTION:
-        return with_unit(Guess(role, "", "", "as given", options={"value": float(said.column)}), unit)
+        return with_unit(Guess(role, "", "", "as given", options={"value": float(said.column)}), said.unit)
     checked_formula(table, role, said, numbers)
-    return with_unit(Guess(role, said.column, "", "as given", options={"compute": said.column}), unit)
+    return with_unit(Guess(role, said.column, "", "as given", options={"compute": said.column}), said.unit)
 
 
-def _columns_of(
-    guess: Guess, columns: Map[str, TableColumn], numbers: dict[str, Array], base: TimeBase
-) -> dict[str, TableColumn]:
-    """Return values of a guess that are among no columns yet: computed ones, and what the user has named."""
-    if not guess.column or guess.column in columns:
-        return {}
-    computed = "compute" in guess.options
-    value = Expression(guess.column).evaluate(numbers) if computed else numbers[guess.column]
-    runs = runs_of(value, base)
-    return {guess.column: TableColumn(guess.column, ColumnName((), "", ""), RoleByName("", 0.0, ""), value, runs)}
+def _add_column_of(log: Choice, guess: Guess, numbers: dict[str, Array]) -> None:
+    """Add values of a guess that are among no columns yet: computed ones, and what the user has named."""
+    if guess.column and guess.column not in log.columns:
+        computed = "compute" in guess.options
+        value = Expression(guess.column).evaluate(numbers) if computed else numbers[guess.column]
+        nameless = ColumnName((), "", ""), RoleByName("", 0.0, "")
+        log.columns[guess.column] = TableColumn(guess.column, *nameless, value, runs_of(value, log.base))
 
 
-def _by_name(
-    role: str, columns: dict[str, TableColumn], chosen: dict[str, Guess], given: Map[str, Given]
-) -> Guess | None:
+def _by_name(log: Choice, role: str) -> Guess | None:
     """Return the column whose name says that it has the role, of several the surest one."""
-    taken = {one.column for one in chosen.values()} | {one.column for one in given.values()}
+    columns = log.columns
+    taken = {one.column for one in log.chosen.values()} | {one.column for one in log.given.values()}
     free = [one for one in columns.values() if one.name not in taken and one.by_name.role == role]
     moving = [one for one in free if one.moves]
     if role in ("velocity", "effort"):
@@ -481,43 +464,42 @@ def _by_name(
         also += [one.name for one in columns.values() if one.name not in taken and one.moves and not one.by_name.role]
     if also and role in ("command", *MOTION):
         guess = guess.with_doubt(f"{role}: {listed(also)} could be meant as well: --{role} COLUMN")
-    if role == "command" and best.steady and (best.parsed.unit or unit_by_words(best.parsed)) in ("V", "mV"):
-        guess = guess.with_doubt(
-            f"command: {best.name!r} hardly varies: if it is the supply, --supply '{best.name}' and --command COLUMN"
-        )
-    elif role == "command" and not np.nan_to_num(best.value).any():
-        guess = guess.with_doubt(f"command: {best.name!r} is zero throughout: if another is meant, --command COLUMN")
-    elif role == "command" and best.by_name.rank < _KNOWN_RANK - 1.0 and says_no_command(best.parsed):
-        guess = guess.with_doubt(
-            f"command: no name says that {best.name!r} was commanded: if it was measured, set"
+    if role == "command" and (doubt := _doubt_of_command(best)):
+        guess = guess.with_doubt(doubt)
+    return with_unit(guess, log.given.get(role, Given()).unit)
+
+
+def _doubt_of_command(one: TableColumn) -> str:
+    """Whether the column that is the command by its name may be the supply, unused, or measured."""
+    if one.steady and (one.parsed.unit or unit_by_words(one.parsed)) in ("V", "mV"):
+        return f"command: {one.name!r} hardly varies: if it is the supply, --supply '{one.name}' and --command COLUMN"
+    if not np.nan_to_num(one.value).any():
+        return f"command: {one.name!r} is zero throughout: if another is meant, --command COLUMN"
+    if one.by_name.rank < _KNOWN_RANK - 1.0 and says_no_command(one.parsed):
+        return (
+            f"command: no name says that {one.name!r} was commanded: if it was measured, set"
             " `input: {kind: measured}` in the model file"
         )
-    return with_unit(guess, given.get(role, Given()).unit)
+    return ""
 
 
-def _without_load(columns: Map[str, TableColumn], given: Map[str, Given]) -> dict[str, TableColumn]:
-    """Return the columns that may be of the axis itself."""
-    load = given.get(LOAD, Given()).column
-    return {name: one for name, one in columns.items() if name != load}
-
-
-def _load(
-    every: Map[str, TableColumn], columns: Map[str, TableColumn], chosen: dict[str, Guess], given: Map[str, Given]
-) -> None:
+def _load(log: Choice, every: Map[str, TableColumn]) -> None:
     """Name the columns that may be the position of the load, behind a gear, belt or spring."""
-    place = chosen.get("position")
-    if place is None or given.get(LOAD, Given()).column:
+    place = log.column("position")
+    if place is None or log.said(LOAD):
         return
-    measured = [one for one in every.values() if one.by_name.role == "position" and one.name != place.column]
-    found = [one.name for one in measured if _slack_between(columns[place.column], one)]
+    measured = [one for one in every.values() if one.by_name.role == "position" and one.name != place.name]
+    found = [one for one in measured if _slack_between(place, one)]
     if found:
-        other, turned = found[0], says_load(columns[place.column].parsed) or says_motor(every[found[0]].parsed)
-        both = f"--position {shlex.quote(other)} --load {shlex.quote(place.column)}"
-        chosen["position"] = place.with_doubt(
-            f"position: {listed(found)} {'runs' if len(found) == 1 else 'run'} with {place.column!r}, but for some"
+        other, turned = found[0].name, says_load(place.parsed) or says_motor(found[0].parsed)
+        both = f"--position {shlex.quote(other)} --load {shlex.quote(place.name)}"
+        names = listed(one.name for one in found)
+        doubt = (
+            f"position: {names} {'runs' if len(found) == 1 else 'run'} with {place.name!r}, but for some"
             " slack: if one sensor is at the motor and one at the load, behind a gear, belt or spring, a model of two"
             f" bodies: {both if turned else f'--load {shlex.quote(other)}'}"
         )
+        log.change("position", doubt)
 
 
 def _slack_between(place: TableColumn, other: TableColumn) -> bool:
@@ -528,15 +510,15 @@ def _slack_between(place: TableColumn, other: TableColumn) -> bool:
     return has_slack(value[run], beside[run])
 
 
-def _output(columns: dict[str, TableColumn], chosen: dict[str, Guess], given: Map[str, Given]) -> None:
+def _output(log: Choice) -> None:
     """Decide whether an output ``y`` is a position or a velocity, and doubt a position that runs as a velocity."""
-    place, command = chosen.get("position"), chosen.get("command") or chosen.get("effort")
-    named = given.keys() & set(MOTION) or "velocity" in chosen
-    if place is None or command is None or named or place.unit in LINEAR_UNITS:
+    chosen, column = log.chosen, log.column("position")
+    named = log.given.keys() & set(MOTION) or "velocity" in chosen
+    if column is None or named or not chosen.keys() & {"command", "effort"} or is_linear(chosen["position"].unit):
         return
-    driven, column = columns.get(command.column), columns[place.column]
+    unit, driven = chosen["position"].unit, log.column("command" if "command" in chosen else "effort")
     runs_so = driven is not None and not column.is_angle and follows(column.value, driven.value, column.runs)
-    output = not place.unit and parse_column_name(place.column).words in (("y",), *IN_OR_OUT)
+    output = not unit and parse_column_name(column.name).words in (("y",), *IN_OR_OUT)
     turns = runs_so and _most_turns(column) > _TURNS_ON_A_SPRING
     if turns or (output and runs_so):
         del chosen["position"]
@@ -545,13 +527,14 @@ def _output(columns: dict[str, TableColumn], chosen: dict[str, Guess], given: Ma
         chosen["velocity"] = column.as_guess("velocity", reason)
     if turns or output:
         role = "velocity" if "velocity" in chosen else "position"
-        either = " or ".join(f"--{one} {shlex.quote(place.column)}" for one in MOTION)
-        chosen[role] = chosen[role].with_doubt(f"{place.column!r} may be a position or a velocity: {either}")
-    elif runs_so and not place.unit:
-        chosen["position"] = place.with_doubt(
-            f"{place.column!r} is large where the command is, as a velocity is, and a position on a spring: if it"
-            f" is one, --velocity {shlex.quote(place.column)}"
+        either = " or ".join(f"--{one} {shlex.quote(column.name)}" for one in MOTION)
+        log.change(role, f"{column.name!r} may be a position or a velocity: {either}")
+    elif runs_so and not unit:
+        doubt = (
+            f"{column.name!r} is large where the command is, as a velocity is, and a position on a spring: if it"
+            f" is one, --velocity {shlex.quote(column.name)}"
         )
+        log.change("position", doubt)
 
 
 def _most_turns(column: TableColumn) -> float:
@@ -562,60 +545,54 @@ def _most_turns(column: TableColumn) -> float:
     return turn * float(np.nanmax(column.value) - np.nanmin(column.value))
 
 
-def _command_without_column(table: Table, chosen: dict[str, Guess], given: Map[str, Given], doubts: list[str]) -> None:
+def _command_without_column(log: Choice) -> None:
     """Find a command where no column is one: in the name of the file, or a measured force."""
-    if "command" in chosen or given.get("command", Given()).column == NONE:
-        if "command" not in chosen:
-            doubts.append("without a command nothing can be fitted to this record")
+    if "command" in log.chosen:
         return
-    effort = chosen.get("effort")
-    in_name = _in_file_name(table.path)
-    if in_name is not None:
+    if log.left_out("command"):
+        log.doubts.append("without a command nothing can be fitted to this record")
+    elif (in_name := _in_file_name(log.table.path)) is not None:
         pattern, number, unit = in_name
-        chosen["command"] = Guess(
-            "command",
-            "",
-            unit,
-            f"{number:g} in the name of the file",
-            ("the command is taken from the name of the file: --command VALUE=UNIT, or --command COLUMN",),
-            {"file_name": pattern},
-        )
-    elif effort is not None:
-        del chosen["effort"]
-        chosen["command"] = replace(effort, role="command").with_doubt(
+        doubt = "the command is taken from the name of the file: --command VALUE=UNIT, or --command COLUMN"
+        reason = f"{number:g} in the name of the file"
+        log.chosen["command"] = Guess("command", "", unit, reason, (doubt,), {"file_name": pattern})
+    elif (effort := log.chosen.pop("effort", None)) is not None:
+        log.chosen["command"] = replace(effort, role="command").with_doubt(
             f"no command was recorded; the measured {effort.column!r} acts as the input"
         )
 
 
-def _set_point_command(table: Table, base: TimeBase, chosen: dict[str, Guess], given: Map[str, Given]) -> None:
+def _set_point_command(log: Choice) -> None:
     """Take a set-point for the command where nothing else is one; refuse where there is none.
 
     Beside a force that may be measured it is named.
     """
-    role = next((role for role in SET_POINTS if role in chosen), None)
-    command = chosen.get("command")
-    if command is not None and role and not given.get("command", Given()).column:
-        if command.measured or says_no_command(parse_column_name(command.column)):
-            chosen["command"] = command.with_doubt(
-                f"command: a set-point was recorded as well: for a model of the loop in the drive,"
-                f" --command '{chosen[role].column}'"
+    role = next((role for role in SET_POINTS if role in log.chosen), None)
+    command = log.chosen.get("command")
+    if command is not None:
+        measured = command.measured or says_no_command(parse_column_name(command.column))
+        if role and measured and not log.said("command"):
+            doubt = (
+                "command: a set-point was recorded as well: for a model of the loop in the drive,"
+                f" --command '{log.chosen[role].column}'"
             )
+            log.change("command", doubt)
+    elif log.left_out("command"):
         return
-    if command is not None or given.get("command", Given()).column == NONE:
-        return
-    if role is None:
-        stamps = {*base.columns, *table.clocks.values()}
-        free = [name for name in table.columns if name not in stamps]
+    elif role is None:
+        stamps = {*log.base.columns, *log.table.clocks.values()}
+        free = [name for name in log.table.columns if name not in stamps]
         raise InputError(
-            f"{table.path}: no column is a command (force, torque, current, voltage, duty cycle, set-point); name one"
-            f" of {listed(free, 20)} with --command COLUMN, give a constant with --command VALUE=UNIT, or leave"
+            f"{log.table.path}: no column is a command (force, torque, current, voltage, duty cycle, set-point); name"
+            f" one of {listed(free, 20)} with --command COLUMN, give a constant with --command VALUE=UNIT, or leave"
             " it out with --command none"
         )
-    taken = chosen.pop(role)
-    chosen["command"] = replace(taken, role="command").with_doubt(
-        f"command: no force, torque, current, voltage or duty cycle was recorded; the set-point {taken.column!r}"
-        " is taken as the command of a loop in the drive: --command COLUMN if another column is the command"
-    )
+    else:
+        taken = log.chosen.pop(role)
+        log.chosen["command"] = replace(taken, role="command").with_doubt(
+            f"command: no force, torque, current, voltage or duty cycle was recorded; the set-point {taken.column!r}"
+            " is taken as the command of a loop in the drive: --command COLUMN if another column is the command"
+        )
 
 
 def _in_file_name(path: Path) -> tuple[str, float, str] | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping as Map
 from dataclasses import replace
 from math import pi
 
@@ -11,8 +10,9 @@ import numpy as np
 
 from idloop.arrays import Array
 from idloop.errors import InputError
+from idloop.records.recognition.choice import Choice
 from idloop.records.recognition.column_name import WANTED, ColumnName, parse_column_name
-from idloop.records.recognition.guess import LOAD, MOTION, NONE, SET_POINTS, Given, Guess, quoted
+from idloop.records.recognition.guess import LOAD, MOTION, SET_POINTS, Guess, quoted
 from idloop.records.recognition.roles import CURRENTS, TORQUES, role_by_name
 from idloop.records.recognition.signal_units import (
     MotionUnits,
@@ -25,12 +25,10 @@ from idloop.records.recognition.signal_units import (
 from idloop.records.recognition.table_column import TableColumn
 from idloop.records.recognition.time_base import TimeBase
 from idloop.records.recognition.unnamed_columns import longest_way
-from idloop.records.tables.base_units import COUNTS, SECONDS, base_unit
+from idloop.records.tables.base_units import COUNTS, SECONDS, base_of, base_unit
 from idloop.spelling import joined_names
 
 _LINEAR_WORDS = {"x", "stage", "slide", "carriage", "stroke", "displacement", "distance", "weg", "z", "height", "cart"}
-_LINEAR_FORCES = {"N", "mN", "kN", "kip", "lbf"}
-LINEAR_UNITS = {"m", "cm", "mm", "um", "in", "m/s", "cm/s", "mm/s", "um/s", "m/min", "mm/min", "in/s"}
 _IN_HERTZ = re.compile(r"[\[(_ ]hz[\])]?$", re.IGNORECASE)
 _ENCODERS = {"enc", "encoder", "count", "counts", "tick", "ticks", "inc"}
 _FEWEST_COUNTS = 200  # of a turn
@@ -48,72 +46,75 @@ _UNITS_OF_WORDS = (
     (TORQUES, "N·m"),
     ({"force", "kraft"}, "N"),
 )
+_UNITS_OF_LETTERS = {"V": "V", "U": "V", "I": "A", "F": "N", "T": "N·m", "M": "N·m"}
+_OPPOSITE = "position and velocity have opposite signs; that of the velocity is turned"
 
 
-def set_units(
-    base: TimeBase, chosen: dict[str, Guess], columns: dict[str, TableColumn], given: Map[str, Given]
-) -> TimeBase:
+def is_linear(unit: str) -> bool:
+    """Whether a unit is one of a way or its rate."""
+    return base_of(unit) in ("m", "m/s")
+
+
+def set_units(log: Choice) -> None:
     """Set the units that no name says, and note which of them are uncertain.
 
     Raises InputError: the name of a position or a velocity says the unit of another quantity.
     """
+    chosen = log.chosen
     for role in (*MOTION, LOAD):
         _check_quantity(chosen.get(role))
     command, wanted = chosen.get("command"), ""
     if command is not None and command.unit in SECONDS:
         chosen["command"] = command = _pulse_width(command)
-    elif wanted := _wanted_as(chosen, columns):
+    elif wanted := _wanted_as(log):
         chosen[wanted] = replace(chosen.pop("command"), role=wanted)
     elif command is not None and not command.unit:
-        chosen["command"] = command = _full_scale(_force_unit(command, columns), columns, chosen.get("supply"))
-    effort = chosen.get("effort")
-    if effort is not None and not effort.unit:
-        chosen["effort"] = _force_unit(effort, columns)
-    place, speed = chosen.get("position"), chosen.get("velocity")
-    words = {word for one in (place, speed) if one for word in parse_column_name(one.column).words}
+        chosen["command"] = command = _full_scale(log, _force_unit(log, command))
+    if "effort" in chosen and not chosen["effort"].unit:
+        chosen["effort"] = _force_unit(log, chosen["effort"])
+    motions = [chosen[role] for role in MOTION if role in chosen]
     linear = (
-        any(one.unit in LINEAR_UNITS for one in (place, speed) if one)
-        or (command is not None and command.unit in _LINEAR_FORCES)
-        or bool(words & _LINEAR_WORDS)
+        any(is_linear(one.unit) for one in motions)
+        or (command is not None and base_of(command.unit) == "N")
+        or any(_LINEAR_WORDS.intersection(parse_column_name(one.column).words) for one in motions)
     )
-    counted = None
-    if place is not None and (place.unit == "counts" or (not place.unit and _is_count(place, columns))):
-        counted, place = place, _counts(place, columns[place.column])
-        chosen["position"] = place
-    elif place is not None and not place.unit and not linear and _counts_many(columns[place.column].value):
-        trial = dict(chosen)
-        if speed is not None:
-            _related(base, trial, columns, linear=False, given=given)
-        # Degrees, where a velocity proves them, are no counts.
-        if trial["position"].unit != "deg":
-            why = f"{place.column!r} holds large whole numbers, probably counts of an encoder; "
-            counted, place = place, _counts(place, columns[place.column], why)
-            chosen["position"] = place
-    if place is not None and speed is not None:
-        base = _related(base, chosen, columns, linear=linear, given=given, counted=counted)
-    elif place is not None and not place.unit:
-        chosen["position"] = _position_alone(place, columns[place.column], linear=linear)
-    elif speed is not None and not speed.unit and _in_hertz(speed):
-        chosen["velocity"] = _turns_per_second(speed)
-    elif speed is not None and not speed.unit:
-        unit = "m/s" if linear else "rad/s"
-        chosen["velocity"] = replace(speed, unit=unit).with_doubt(
-            f"{_without_unit(speed)} and taken as {unit}: --velocity '{speed.column}=UNIT'"
-        )
-    elif speed is not None and speed.unit == "counts":
-        chosen["velocity"] = replace(speed, unit="rad/s").with_doubt(
-            f"the size of a count is not known; one is taken as 1 rad: --velocity '{speed.column}=counts/N'"
-        )
+    _motion_units(log, linear=linear)
     _reference_units(chosen)
     _load_unit(chosen)
     if wanted and command is not None:
         set_point = chosen.pop(wanted, None)
-        chosen["command"] = replace(set_point, role="command") if set_point else _force_unit(command, columns)
+        chosen["command"] = replace(set_point, role="command") if set_point else _force_unit(log, command)
     for role, one in chosen.items():
         if not one.unit:
             column = one.column or f"{one.options['value']:g}"
             chosen[role] = one.with_doubt(f"{_without_unit(one)}: --{role} '{column}=UNIT'")
-    return base
+
+
+def _motion_units(log: Choice, *, linear: bool) -> None:
+    """Set the units of position and velocity."""
+    chosen = log.chosen
+    place, speed = log.chosen.get("position"), chosen.get("velocity")
+    counted = None
+    if place is not None and (place.unit == "counts" or (not place.unit and _is_count(log.columns[place.column]))):
+        counted, chosen["position"] = place, _counts(place, log.columns[place.column])
+    elif place is not None and not place.unit and not linear and _counts_many(log.columns[place.column].value):
+        trial = replace(log, chosen=dict(chosen))
+        if speed is not None:
+            _relate(trial, linear=False)
+        # Degrees, where a velocity proves them, are no counts.
+        if trial.chosen["position"].unit != "deg":
+            why = f"{place.column!r} holds large whole numbers, probably counts of an encoder; "
+            counted, chosen["position"] = place, _counts(place, log.columns[place.column], why)
+    if place is not None and speed is not None:
+        _relate(log, linear=linear, counted=counted)
+    elif place is not None and not chosen["position"].unit:
+        chosen["position"] = _position_alone(place, log.columns[place.column], linear=linear)
+    elif speed is not None and not speed.unit:
+        usual = "m/s" if linear else "rad/s"
+        chosen["velocity"] = _turns_per_second(speed) if _in_hertz(speed) else _taken_in(speed, usual)
+    elif speed is not None and speed.unit == "counts":
+        size = f"the size of a count is not known; one is taken as 1 rad: --velocity '{speed.column}=counts/N'"
+        log.change("velocity", size, unit="rad/s")
 
 
 def _check_quantity(one: Guess | None) -> None:
@@ -126,37 +127,42 @@ def _check_quantity(one: Guess | None) -> None:
         raise InputError(f"{error}; give the one that it is in: --{one.role} '{one.column}=UNIT'") from error
 
 
-def set_wraps(chosen: dict[str, Guess], columns: dict[str, TableColumn]) -> None:
+def set_wraps(log: Choice) -> None:
     """Find the ranges after which positions start again."""
-    for role in chosen.keys() & {"position", "reference", LOAD}:
-        guess = chosen[role]
-        column, scale = columns.get(guess.column), guess.options.get("scale", 1.0)
+    for role in log.chosen.keys() & {"position", "reference", LOAD}:
+        guess, column = log.chosen[role], log.column(role)
+        scale = guess.options.get("scale", 1.0)
         if column is None or "wrap" in guess.options:
             continue
         if whole := column.wrap(guess.unit if scale == 1.0 else "counts"):
             reason = f"{guess.reason}; starts again after {whole:g}"
-            chosen[role] = replace(guess, options=guess.options | {"wrap": whole * scale}, reason=reason)
+            log.change(role, options=guess.options | {"wrap": whole * scale}, reason=reason)
 
 
 def unit_by_words(name: ColumnName) -> str:
     """Unit of a force, torque, current or voltage by the words of its name."""
     unit = next((unit for some, unit in _UNITS_OF_WORDS if some.intersection(name.words)), "")
-    return {"V": "V", "U": "V", "I": "A", "F": "N", "T": "N·m", "M": "N·m"}.get(name.letter, unit)
+    return _UNITS_OF_LETTERS.get(name.letter, unit)
 
 
-def _wanted_as(chosen: Map[str, Guess], columns: Map[str, TableColumn]) -> str:
+def _wanted_as(log: Choice) -> str:
     """Set-point that a command without a unit is by its name, and so has the unit of the motion; empty otherwise."""
-    command = chosen.get("command")
-    column = columns.get(command.column) if command is not None and not command.unit else None
-    role = column.by_name.role if column is not None else ""
-    return role if role in SET_POINTS and role not in chosen else ""
+    column = log.column("command")
+    role = column.by_name.role if column is not None and not log.chosen["command"].unit else ""
+    return role if role in SET_POINTS and role not in log.chosen else ""
 
 
-def _force_unit(one: Guess, columns: Map[str, TableColumn]) -> Guess:
+def _taken_in(one: Guess, unit: str) -> Guess:
+    """Take a signal in a unit that nothing says."""
+    return replace(one, unit=unit).with_doubt(
+        f"{_without_unit(one)} and taken as {unit}: --{one.role} '{one.column}=UNIT'"
+    )
+
+
+def _force_unit(log: Choice, one: Guess) -> Guess:
     """Set the unit of a command or a measured force by the words of its name."""
     parsed = parse_column_name(one.column)
-    words, unit = set(parsed.words), unit_by_words(parsed)
-    column = columns.get(one.column)
+    unit, column = unit_by_words(parsed), log.columns.get(one.column)
     most = _MOST_LEVELS if one.role == "command" else _FEW_LEVELS
     if unit in ("A", "N·m") and column is not None and column.whole_numbers > most:
         return replace(one, unit="-").with_doubt(
@@ -164,24 +170,20 @@ def _force_unit(one: Guess, columns: Map[str, TableColumn]) -> Guess:
             " they are in a unit"
         )
     if unit:
-        return replace(one, unit=unit).with_doubt(
-            f"{_without_unit(one)} and taken as {unit}: --{one.role} '{one.column}=UNIT'"
-        )
+        return _taken_in(one, unit)
     if one.role == "command" and _in_hertz(one):
         return _turns_per_second(one)
     # A duty cycle has no unit, and of an unknown one only ratios of the parameters matter.
-    duty = bool(words & _DUTIES)
-    what = f"the unit {one.written!r}" if one.written else "the unit"
-    text = (
-        "" if duty and not one.written else f"{what} of the {one.role} is not known: --{one.role} '{one.column}=UNIT'"
-    )
     found = replace(one, unit="-")
-    return found.with_doubt(text) if text else found
+    if not one.written and _DUTIES.intersection(parsed.words):
+        return found
+    what = f"the unit {one.written!r}" if one.written else "the unit"
+    return found.with_doubt(f"{what} of the {one.role} is not known: --{one.role} '{one.column}=UNIT'")
 
 
-def _full_scale(one: Guess, columns: Map[str, TableColumn], supply: Guess | None) -> Guess:
+def _full_scale(log: Choice, one: Guess) -> Guess:
     """Say how a command in counts of a PWM is taken as a share of its full scale, or as a voltage."""
-    column = columns.get(one.column)
+    column, supply = log.columns.get(one.column), log.chosen.get("supply")
     if column is None or one.unit != "-" or one.options or not column.whole_numbers:
         return one
     largest = float(np.nanmax(np.abs(column.value)))
@@ -228,13 +230,12 @@ def _pulse_width(command: Guess) -> Guess:
     )
 
 
-def _is_count(place: Guess, columns: dict[str, TableColumn]) -> bool:
+def _is_count(column: TableColumn) -> bool:
     """Whether a position without a unit counts the steps of an encoder: whole numbers that start again, or its name."""
-    column = columns[place.column]
     known = column.value[np.isfinite(column.value)]
     if (known != np.round(known)).any():
         return False
-    words = set(parse_column_name(place.column).words)
+    words = set(parse_column_name(column.name).words)
     return bool(words & _ENCODERS or (np.ptp(known) > _FEWEST_COUNTS and column.wrap("counts") > 0.0))
 
 
@@ -246,14 +247,12 @@ def _counts_many(value: Array) -> bool:
 
 def _counts(place: Guess, column: TableColumn, why: str = "") -> Guess:
     """Set the size of an encoder's count: by its wrap, or as unknown; `why` it may be one, where nothing says so."""
-    whole = column.wrap("counts")
-    if whole:
-        return replace(
-            place,
-            unit="rad",
-            options={**place.options, "scale": 2.0 * pi / whole, "wrap": 2.0 * pi},
-            reason=f"{place.reason}; starts again after {whole:g} counts",
-        ).with_doubt(f"{whole:g} counts are taken as one turn: --position '{place.column}=counts/N'")
+    if whole := column.wrap("counts"):
+        options = {**place.options, "scale": 2.0 * pi / whole, "wrap": 2.0 * pi}
+        reason = f"{place.reason}; starts again after {whole:g} counts"
+        return replace(place, unit="rad", options=options, reason=reason).with_doubt(
+            f"{whole:g} counts are taken as one turn: --position '{place.column}=counts/N'"
+        )
     return replace(place, unit="rad").with_doubt(
         f"{why}the size of a count is not known; one is taken as 1 rad: --position '{place.column}=counts/N' with the"
         " counts per turn N"
@@ -266,32 +265,28 @@ def _position_alone(place: Guess, column: TableColumn, *, linear: bool) -> Guess
             return replace(place, unit=unit, reason=f"{place.reason}; starts again after a turn in {unit}")
         if steps := steps_per_turn(column.value, unit):
             return replace(place, unit=unit, reason=f"{place.reason}; a turn in {unit} has {steps} of its steps")
-    unit = "m" if linear else "rad"
-    return replace(place, unit=unit).with_doubt(
-        f"{_without_unit(place)} and taken as {unit}: --position '{place.column}=UNIT'"
-    )
+    return _taken_in(place, "m" if linear else "rad")
 
 
-def _related(
-    base: TimeBase,
-    chosen: dict[str, Guess],
-    columns: dict[str, TableColumn],
-    *,
-    linear: bool,
-    given: Map[str, Given],
-    counted: Guess | None = None,
-) -> TimeBase:
+def _scaled_position(log: Choice) -> Array:
+    """Position without its wraps, in the unit that is chosen for it."""
+    place = log.chosen["position"]
+    scale = place.options.get("scale", 1.0)
+    return np.asarray(log.columns[place.column].unwrapped(place.unit if scale == 1.0 else "counts") * scale)
+
+
+def _relate(log: Choice, *, linear: bool, counted: Guess | None = None) -> None:
     """Set units of position and velocity by the slope of one against the other.
 
     `counted` is a position in counts of a size that nothing else says, as it was before a size was assumed.
     """
-    place, speed = chosen["position"], chosen["velocity"]
-    column, rate = columns[place.column], columns[speed.column].value
+    base, place, speed = log.base, log.chosen["position"], log.chosen["velocity"]
+    column, rate = log.columns[place.column], log.columns[speed.column].value
     if column.value.size != base.seconds.size or rate.size != base.seconds.size:
-        return _unrelated(base, chosen, linear=linear)
+        _unrelated(log, linear=linear)
+        return
     scale = place.options.get("scale", 1.0)
-    value = column.unwrapped(place.unit if scale == 1.0 else "counts") * scale
-    speed_unit = "" if speed.unit == "counts" else speed.unit
+    value = _scaled_position(log)
     run = longest_way(value, column.runs)
 
     def compared(one: Guess) -> MotionUnits:
@@ -301,87 +296,93 @@ def _related(
 
     # The counts of the position, in a second.
     in_counts = replace(speed, unit=f"{place.unit}/s", options=speed.options | {"scale": scale})
+    known = speed.unit not in ("", "counts")
     if speed.unit == "counts" and scale != 1.0:
-        chosen["velocity"] = speed = in_counts
+        log.chosen["velocity"] = speed = in_counts
     found = compared(speed)
     if not found.agree and not speed.unit and scale != 1.0 and (counting := compared(in_counts)).agree:
         speed, found = in_counts, counting
-    if not found.agree:
-        if not speed.unit and scale != 1.0 and columns[speed.column].whole_numbers:
-            speed = chosen["velocity"] = in_counts.with_doubt(
-                f"{_without_unit(speed)}; its whole numbers are taken as counts of the position in a second:"
-                f" --velocity '{speed.column}=UNIT'"
+    if found.agree:
+        _set_agreeing(log, place, speed, found, known=known)
+        return
+    if not speed.unit and scale != 1.0 and log.columns[speed.column].whole_numbers:
+        speed = log.chosen["velocity"] = in_counts.with_doubt(
+            f"{_without_unit(speed)}; its whole numbers are taken as counts of the position in a second:"
+            f" --velocity '{speed.column}=UNIT'"
+        )
+    _unrelated(log, linear=linear)
+    slope = slope_of(base.seconds, value, rate * speed.options.get("scale", 1.0), column.runs)
+    if slope is None:
+        return
+    place_now = log.chosen["position"]
+    base_place, factor = base_unit(place_now.unit, "position", place.column)
+    if not known and _in_hertz(speed) and base_place == "rad":
+        said = f"velocity: N is {2.0 * pi * abs(slope.value) / factor:.4g} by the slope of {place.column!r}"
+        log.change("velocity", said)
+    elif not known:
+        said = _no_unit(slope.value, place_now)
+        if period := _per_sample(slope.value, place_now, base):
+            said = (
+                f"it is what the position travels in a sample of {period:.4g} s, not in a second: --velocity"
+                f" '{quoted(speed.column)} / {period:.4g}={place_now.unit}/s'"
             )
-        _unrelated(base, chosen, linear=linear)
-        slope = slope_of(base.seconds, value, rate * speed.options.get("scale", 1.0), column.runs)
-        base_place, factor = base_unit(chosen["position"].unit, "position", place.column)
-        if slope is not None and not speed_unit and _in_hertz(speed) and base_place == "rad":
-            said = f"velocity: N is {2.0 * pi * abs(slope.value) / factor:.4g} by the slope of {place.column!r}"
-            chosen["velocity"] = chosen["velocity"].with_doubt(said)
-        elif slope is not None and not speed_unit:
-            said = _no_unit(slope.value, chosen["position"])
-            if period := _per_sample(slope.value, chosen["position"], base):
-                said = (
-                    f"it is what the position travels in a sample of {period:.4g} s, not in a second: --velocity"
-                    f" '{quoted(speed.column)} / {period:.4g}={chosen['position'].unit}/s'"
-                )
-            chosen["velocity"] = chosen["velocity"].with_doubt(said) if said else chosen["velocity"]
-        elif slope is not None and counted:
-            factor = base_unit(speed.unit, "velocity", speed.column)[1]
-            # Over long windows the slope is exact, where it can be told there.
-            exact = found.slope if np.isfinite(found.slope) else slope.value * factor
-            chosen["position"], chosen["velocity"] = _count_by_slope(counted, speed, exact * scale)
-        return base
+        log.change("velocity", said)
+    elif counted:
+        factor = base_unit(speed.unit, "velocity", speed.column)[1]
+        # Over long windows the slope is exact, where it can be told there.
+        exact = found.slope if np.isfinite(found.slope) else slope.value * factor
+        _count_by_slope(log, counted, speed, exact * scale)
+
+
+def _turned(speed: Guess, slope: float) -> Guess:
+    """Turn the sign of a velocity that is opposite to that of the position."""
+    if slope >= 0.0:
+        return speed
+    options = speed.options | {"scale": -speed.options.get("scale", 1.0)}
+    return replace(speed, options=options).with_doubt(_OPPOSITE)
+
+
+def _set_agreeing(log: Choice, place: Guess, speed: Guess, found: MotionUnits, *, known: bool) -> None:
+    """Set the units in which a velocity is the slope of the position; `known` is that of the velocity."""
     times = f"it is the slope of the position in {found.position} and {found.velocity}"
-    options = dict(speed.options)
-    if found.slope < 0.0:
-        options["scale"] = -options.get("scale", 1.0)
-    turned = replace(speed, unit=found.velocity, options=options, reason=f"{speed.reason}; {times}")
-    if found.slope < 0.0:
-        turned = turned.with_doubt("position and velocity have opposite signs; that of the velocity is turned")
-    chosen["velocity"] = turned
+    turned = replace(speed, unit=found.velocity, reason=f"{speed.reason}; {times}")
+    log.chosen["velocity"] = _turned(turned, found.slope)
     if not place.unit:
         by_velocity = f"{found.position} by the velocity in {found.velocity}"
-        chosen["position"] = replace(place, unit=found.position, reason=f"{place.reason}; {by_velocity}")
-        if not speed_unit:
+        log.chosen["position"] = replace(place, unit=found.position, reason=f"{place.reason}; {by_velocity}")
+        if not known:
             written = [repr(one.written) for one in (place, speed) if one.written]
             said = f"not known as a unit: {joined_names(written)}" if written else "no unit is written down"
-            chosen["position"] = chosen["position"].with_doubt(
+            doubt = (
                 f"{said}; position in {found.position} and velocity in {found.velocity} agree, as others would:"
                 f" --position '{place.column}=UNIT'"
             )
+            log.change("position", doubt)
+    base = log.base
     if found.time != base.units[0]:
-        factor = SECONDS[found.time] / SECONDS[base.units[0]]
-        reason = f"{base.reason}; but with {found.time} the velocity is the slope of the position"
-        base = replace(
+        log.base = replace(
             base,
             time=base.time.model_copy(update={"unit": found.time}),
-            seconds=base.seconds * factor,
+            seconds=base.seconds * (SECONDS[found.time] / SECONDS[base.units[0]]),
             units=(found.time,),
-            reason=reason,
+            reason=f"{base.reason}; but with {found.time} the velocity is the slope of the position",
             doubt="",
         )
     elif len(base.units) > 1:
-        base = replace(base, units=(found.time,), doubt="", reason=f"{base.reason}, and so says the velocity")
-    return base
+        log.base = replace(base, units=(found.time,), doubt="", reason=f"{base.reason}, and so says the velocity")
 
 
-def doubt_of_left_out(
-    base: TimeBase, chosen: Map[str, Guess], columns: Map[str, TableColumn], given: Map[str, Given]
-) -> str:
+def doubt_of_left_out(log: Choice) -> str:
     """Say what stays unknown where the user leaves out a velocity that is the slope of the position in no unit."""
-    place = chosen.get("position")
-    if place is None or given.get("velocity", Given()).column != NONE:
+    place, column, base = log.chosen.get("position"), log.column("position"), log.base
+    if place is None or column is None or not log.left_out("velocity"):
         return ""
-    column = columns[place.column]
-    value = column.unwrapped("counts" if "scale" in place.options else place.unit) * place.options.get("scale", 1.0)
-    for one in columns.values():
+    value = _scaled_position(log)
+    for one in log.columns.values():
         if one.by_name.role != "velocity" or not one.value.size == value.size == base.seconds.size:
             continue
         slope = slope_of(base.seconds, value, one.value, column.runs)
-        if slope is None or _per_sample(slope.value, place, base):
-            continue
-        if said := _no_unit(slope.value, place):
+        if slope is not None and not _per_sample(slope.value, place, base) and (said := _no_unit(slope.value, place)):
             return f"{one.name!r} is left out; {said}"
     return ""
 
@@ -404,15 +405,10 @@ def _per_sample(slope: float, place: Guess, base: TimeBase) -> float:
     return period if abs(times / period - 1.0) < _PER_SAMPLE else 0.0
 
 
-def _count_by_slope(place: Guess, speed: Guess, slope: float) -> tuple[Guess, Guess]:
+def _count_by_slope(log: Choice, place: Guess, speed: Guess, slope: float) -> None:
     """Set the size of a count so that a velocity in a known unit, in rad/s or m/s `slope` per count, is their slope."""
     unit, factor = base_unit(speed.unit, "velocity", speed.column)
-    size, options = abs(slope), dict(speed.options)
-    if slope < 0.0:
-        options["scale"] = -options.get("scale", 1.0)
-    turned = replace(speed, options=options)
-    if slope < 0.0:
-        turned = turned.with_doubt("position and velocity have opposite signs; that of the velocity is turned")
+    size = abs(slope)
     if unit != "rad/s":
         size, unit = float(f"{size:.4g}"), unit.removesuffix("/s")
         way = f"--position '{quoted(place.column)} * {size:g}={unit}'"
@@ -428,25 +424,19 @@ def _count_by_slope(place: Guess, speed: Guess, slope: float) -> tuple[Guess, Gu
             f"--position '{place.column}=counts/N'; with the velocity in {other} they are {counts_in_other:g}:"
             f" --velocity '{speed.column}={other}'"
         )
-    found = replace(
-        place,
-        unit=unit,
-        options={**place.options, "scale": size},
-        reason=f"{place.reason}; with {said} the velocity is its slope",
-    )
-    return found.with_doubt(f"{said}: found by the velocity in {speed.unit}; if it is another, {way}"), turned
+    reason = f"{place.reason}; with {said} the velocity is its slope"
+    found = replace(place, unit=unit, options={**place.options, "scale": size}, reason=reason)
+    log.chosen["position"] = found.with_doubt(f"{said}: found by the velocity in {speed.unit}; if it is another, {way}")
+    log.chosen["velocity"] = _turned(speed, slope)
 
 
-def _unrelated(base: TimeBase, chosen: dict[str, Guess], *, linear: bool) -> TimeBase:
-    if not chosen["velocity"].unit and _in_hertz(chosen["velocity"]):
-        chosen["velocity"] = _turns_per_second(chosen["velocity"])
+def _unrelated(log: Choice, *, linear: bool) -> None:
+    """Take position and velocity in the usual units, where nothing says theirs."""
+    if not log.chosen["velocity"].unit and _in_hertz(log.chosen["velocity"]):
+        log.chosen["velocity"] = _turns_per_second(log.chosen["velocity"])
     for role, usual in (("position", "m" if linear else "rad"), ("velocity", "m/s" if linear else "rad/s")):
-        one = chosen[role]
-        if not one.unit or one.unit == "counts":
-            chosen[role] = replace(one, unit=usual).with_doubt(
-                f"{_without_unit(one)} and taken as {usual}: --{role} '{one.column}=UNIT'"
-            )
-    return base
+        if log.chosen[role].unit in ("", "counts"):
+            log.chosen[role] = _taken_in(log.chosen[role], usual)
 
 
 def _reference_units(chosen: dict[str, Guess]) -> None:
@@ -462,9 +452,8 @@ def _reference_units(chosen: dict[str, Guess]) -> None:
             del chosen[role]
             continue
         options = {key: other.options[key] for key in ("scale", "wrap") if key in other.options}
-        chosen[role] = replace(
-            one, unit=other.unit, options=one.options | options, reason=f"{one.reason}; unit of the {motion}"
-        )
+        reason = f"{one.reason}; unit of the {motion}"
+        chosen[role] = replace(one, unit=other.unit, options=one.options | options, reason=reason)
 
 
 def _load_unit(chosen: dict[str, Guess]) -> None:

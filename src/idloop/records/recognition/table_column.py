@@ -57,25 +57,19 @@ class TableColumn:
             unit, factor, written = "", 1.0, unit  # of what, nothing says
         elif "velocity" in role and unit in _PER_SECOND:
             unit = _PER_SECOND[unit]
-            if not unit_given:
-                doubts = (
-                    f"the unit of the {role} is written as {self.parsed.unit!r}, which is taken per second",
-                    *doubts,
-                )
+            doubt = f"the unit of the {role} is written as {self.parsed.unit!r}, which is taken per second"
+            doubts = doubts if unit_given else (doubt, *doubts)
         elif role == "temperature" and _is_celsius(unit or written, self.parsed.words):
             unit, factor, written = "°C", 1.0, ""
         if factor != 1.0:
             options["scale"] = factor * options.get("scale", 1.0)
-        return Guess(
-            role,
-            self.name,
-            unit.removesuffix("/s") if unit in COUNTS else unit,
-            reason or self.by_name.reason,
-            doubts,
-            options,
-            self.by_name.role == "effort",
-            written,
-        )
+        unit = unit.removesuffix("/s") if unit in COUNTS else unit
+        reason = reason or self.by_name.reason
+        return Guess(role, self.name, unit, reason, doubts, options, self.by_name.role == "effort", written)
+
+    def as_other(self) -> TableColumn:
+        """Return it as no signal of the axis."""
+        return replace(self, by_name=RoleByName("other", 0.0, ""))
 
     def with_sign(self) -> TableColumn:
         """Return it with the sign of negative numbers that were logged as large positive ones."""

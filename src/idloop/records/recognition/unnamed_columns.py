@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from collections.abc import Mapping as Map
 
 import numpy as np
 
 from idloop.arrays import Array
 from idloop.records.inspection.motion import white_noise
+from idloop.records.recognition.choice import Choice
 from idloop.records.recognition.column_name import FLAGS
-from idloop.records.recognition.guess import MOTION, NONE, Given, Guess, with_unit
+from idloop.records.recognition.guess import MOTION, Given, Guess, with_unit
 from idloop.records.recognition.joint_blocks import run_together, slopes_and_means
-from idloop.records.recognition.signal_units import motion_units, slope_of
+from idloop.records.recognition.signal_units import motion_units
 from idloop.records.recognition.table_column import TableColumn
 from idloop.records.recognition.time_base import TimeBase
 from idloop.records.tables.expression import Expression
@@ -80,25 +80,24 @@ _MOST_COMPARED = 20  # columns without a name that are held against the slope of
 _FOLLOWS = 0.6  # correlation of a velocity with the command
 
 
-def fill_by_values(
-    base: TimeBase, columns: dict[str, TableColumn], chosen: dict[str, Guess], given: Map[str, Given]
-) -> None:
+def fill_by_values(log: Choice) -> None:
     """Fill roles whose columns have names that say nothing: a command jumps, a motion is smooth."""
-    lacks_command = "command" not in chosen and given.get("command", Given()).column != NONE
-    held = [one for one in _nameless(columns, chosen) if one.is_held]
+    chosen = log.chosen
+    lacks_command = "command" not in chosen and not log.left_out("command")
+    held = [one for one in log.nameless() if one.is_held]
     if lacks_command and len(held) == 1:
         chosen["command"] = _by_values("command", held[0], "it is constant in each run")
         lacks_command = False
-    _velocity_by_slope(base, columns, chosen, given)
-    _position_by_slope(base, columns, chosen, given)
-    free = _nameless(columns, chosen)
+    _velocity_by_slope(log)
+    _position_by_slope(log)
+    free = log.nameless()
     # Only a few columns can be told apart by their looks.
     if not free or len(free) > _MOST_BY_LOOKS:
         return
     free = [free[k] for k in smoothest_first([(one.value, one.runs) for one in free])]
-    may_move = [one for one in free if not one.parsed.written and not _is_flag(one)]
     # What has a unit that no motion has is none.
-    if not any(role in chosen for role in MOTION) and given.get("position", Given()).column != NONE and may_move:
+    may_move = [one for one in free if not one.parsed.written and not _is_flag(one)]
+    if not any(role in chosen for role in MOTION) and not log.left_out("position") and may_move:
         smoothest = may_move[0]
         free = [one for one in free if one is not smoothest]
         if free and run_together(smoothest.value, free[0].value):
@@ -106,8 +105,8 @@ def fill_by_values(
             smoothest = max(smoothest, free.pop(0), key=lambda one: change_by_noise(one.value)[0])
         taken = {one.column for one in chosen.values()}
         # A position and a velocity are both larger in the runs in which a held command is.
-        driven = [one.value for one in columns.values() if (one in free or one.name in taken) and not one.is_held]
-        may_be = given.get("velocity", Given()).column != NONE and not smoothest.is_angle
+        driven = [one.value for one in log.columns.values() if (one in free or one.name in taken) and not one.is_held]
+        may_be = not log.left_out("velocity") and not smoothest.is_angle
         role = "velocity" if may_be and any(follows(smoothest.value, one) for one in driven) else "position"
         chosen[role] = _by_values(role, smoothest, "it is the smoothest of the columns that are left")
     # What was measured acts as the input, and its name says so.
@@ -121,31 +120,18 @@ def _is_flag(one: TableColumn) -> bool:
     return np.unique(one.value[np.isfinite(one.value)]).size < 3 or bool(words & FLAGS and len(words) > 1)
 
 
-def find_set_point(columns: dict[str, TableColumn], chosen: dict[str, Guess], given: Map[str, Given]) -> None:
+def find_set_point(log: Choice) -> None:
     """Find the set-point of the position among the columns whose names say nothing: it runs with it."""
-    place = chosen.get("position")
-    if place is None or "reference" in chosen or given.get("reference", Given()).column == NONE:
+    place = log.column("position")
+    if place is None or "reference" in log.chosen or log.left_out("reference"):
         return
-    taken = {one.column for one in chosen.values()}
-    for one in columns.values():
-        if (
-            one.name not in taken
-            and one.moves
-            and not one.by_name.role
-            and run_together(columns[place.column].value, one.value)
-            # ... and is no copy of it, such as its distance from its mean.
-            and not one.times(columns[place.column])
-        ):
-            chosen["reference"] = one.as_guess("reference", f"it runs with {place.column!r}").with_doubt(
-                f"{one.name!r} is taken as the set-point of {place.column!r}: --reference COLUMN"
+    for one in log.nameless():
+        # A copy of the position, such as its distance from its mean, is none.
+        if run_together(place.value, one.value) and not one.times(place):
+            log.chosen["reference"] = one.as_guess("reference", f"it runs with {place.name!r}").with_doubt(
+                f"{one.name!r} is taken as the set-point of {place.name!r}: --reference COLUMN"
             )
             return
-
-
-def _nameless(columns: Map[str, TableColumn], chosen: Map[str, Guess]) -> list[TableColumn]:
-    """Columns that move, have no role yet, and have names that say none."""
-    taken = {one.column for one in chosen.values()}
-    return [one for one in columns.values() if one.name not in taken and one.moves and not one.by_name.role]
 
 
 def _by_values(role: str, one: TableColumn, reason: str) -> Guess:
@@ -155,39 +141,28 @@ def _by_values(role: str, one: TableColumn, reason: str) -> Guess:
     )
 
 
-def _velocity_by_slope(
-    base: TimeBase, columns: dict[str, TableColumn], chosen: dict[str, Guess], given: Map[str, Given]
-) -> None:
-    """Find the velocity among the columns whose names say nothing: it runs with the slope of the position.
-
-    Without a motion by its name, the position is found with it.
-    """
-    if "velocity" in chosen or given.get("velocity", Given()).column == NONE:
+def _velocity_by_slope(log: Choice) -> None:
+    """Find the velocity among the columns whose names say nothing, and the position where no name says one."""
+    chosen = log.chosen
+    if "velocity" in chosen or log.left_out("velocity"):
         return
-    taken = {one.column for one in given.values()}
-    free = [one for one in _nameless(columns, chosen) if one.name not in taken]
-    place = chosen.get("position")
-    if place is not None:
-        positions = [columns[place.column]]
-    elif len(free) <= _MOST_PAIRED and given.get("position", Given()).column != NONE:
-        positions = free
-    else:
+    given = {one.column for one in log.given.values()}
+    free = [one for one in log.nameless() if one.name not in given]
+    place = log.column("position")
+    if place is None and (len(free) > _MOST_PAIRED or log.left_out("position")):
         return
-    spare = "command" in chosen or "effort" in chosen or given.get("command", Given()).column == NONE
-    spare = spare or any(not one.moves and not one.by_name.role for one in columns.values())
+    spare = "command" in chosen or "effort" in chosen or log.left_out("command")
+    spare = spare or any(not one.moves and not one.by_name.role for one in log.columns.values())
     found = []
-    for position in positions:
+    for position in free if place is None else [place]:
         # Beside a motion and its set-point one more column is the command.
         left = [one for one in free if one is position or not run_together(position.value, one.value)]
         last = len(left) - (place is None) < 2 - spare
-        value = position.unwrapped("counts" if "scale" in position.options else position.parsed.unit)
+        unit = "counts" if "scale" in position.options else position.parsed.unit
         for one in free[:_MOST_COMPARED]:
-            if one is position or not one.value.size == value.size == base.seconds.size:
-                continue
+            slope = log.slope(position, one, unit) if one is not position else None
             # The last column may be a force as well, which runs with the slope by chance in no unit of a velocity.
-            if last and not _in_units(base, position.parsed.unit, value, one):
-                continue
-            if (slope := slope_of(base.seconds, value, one.value, position.runs)) is not None:
+            if slope is not None and not (last and not _in_units(log.base, position, position.unwrapped(unit), one)):
                 found.append((slope.correlation, position, one))
     if not found:
         return
@@ -195,57 +170,46 @@ def _velocity_by_slope(
     if place is None:
         chosen["position"] = _by_values("position", position, f"{best.name!r} runs with its slope")
     guess = best.as_guess("velocity", "it runs with the slope of the position")
-    chosen["velocity"] = with_unit(guess, given.get("velocity", Given()).unit).with_doubt(
+    chosen["velocity"] = with_unit(guess, log.given.get("velocity", Given()).unit).with_doubt(
         f"no name says what {best.name!r} is, by the slope of the position it is taken as the velocity:"
         " --velocity COLUMN or none"
     )
 
 
-def _position_by_slope(
-    base: TimeBase, columns: dict[str, TableColumn], chosen: dict[str, Guess], given: Map[str, Given]
-) -> None:
+def _position_by_slope(log: Choice) -> None:
     """Find the position among the columns whose names say nothing: a velocity that is known runs with its slope."""
-    speed = chosen.get("velocity")
-    if speed is None or "position" in chosen or given.get("position", Given()).column == NONE:
+    speed, rate = log.chosen.get("velocity"), log.column("velocity")
+    if speed is None or rate is None or "position" in log.chosen or log.left_out("position"):
         return
-    rate = columns[speed.column]
     parts = Expression(speed.column).columns if "compute" in speed.options else ()
-    found = []
-    for one in _nameless(columns, chosen)[:_MOST_COMPARED]:
-        if one.name not in parts and one.value.size == rate.value.size == base.seconds.size:
-            slope = slope_of(base.seconds, one.unwrapped(one.parsed.unit or "counts"), rate.value, one.runs)
-            found += [] if slope is None else [(slope.correlation, one)]
+    free = [one for one in log.nameless()[:_MOST_COMPARED] if one.name not in parts]
+    found = [(slope.correlation, one) for one in free if (slope := log.slope(one, rate)) is not None]
     if found:
         _, best = max(found, key=lambda one: one[0])
-        chosen["position"] = _by_values("position", best, f"{speed.column!r} runs with its slope")
+        log.chosen["position"] = _by_values("position", best, f"{speed.column!r} runs with its slope")
 
 
-def _in_units(base: TimeBase, unit: str, position: Array, rate: TableColumn) -> bool:
+def _in_units(base: TimeBase, place: TableColumn, position: Array, rate: TableColumn) -> bool:
     """Whether a column is the slope of a position in some unit of a velocity."""
     run = longest_way(position, rate.runs)
     series = (base.seconds[run], position[run], rate.value[run])
-    return motion_units(*series, (unit, ""), base.units[:1], linear=False).agree
+    return motion_units(*series, (place.parsed.unit, ""), base.units[:1], linear=False).agree
 
 
 def follows(motion: Array, command: Array, runs: Iterable[slice] = (slice(None),)) -> bool:
     """Whether a motion is large where the command is, as a velocity is; the slope of a position is rather so."""
-    if motion.size != command.size:
+    if motion.size != command.size or (together := _together(motion, command)) <= _FOLLOWS:
         return False
-    known = np.isfinite(motion) & np.isfinite(command)
-    if known.sum() < 3 or not (np.ptp(motion[known]) and np.ptp(command[known])):
-        return False
-    together = abs(float(np.corrcoef(motion[known], command[known])[0, 1]))
-    return together > _FOLLOWS and together > _by_slope(motion, command, runs)
-
-
-def _by_slope(motion: Array, command: Array, runs: Iterable[slice]) -> float:
-    """Correlation of a command with the slope of a motion, without its noise."""
     slopes, means = slopes_and_means([motion, command], runs)
-    slope, force = slopes[:, 0], means[:, 1]
-    known = np.isfinite(slope) & np.isfinite(force)
-    if known.sum() < 3 or not (np.ptp(slope[known]) and np.ptp(force[known])):
+    return together > _together(slopes[:, 0], means[:, 1])
+
+
+def _together(one: Array, other: Array) -> float:
+    """Correlation without its sign; 0 where one of them stands still."""
+    known = np.isfinite(one) & np.isfinite(other)
+    if known.sum() < 3 or not (np.ptp(one[known]) and np.ptp(other[known])):
         return 0.0
-    return abs(float(np.corrcoef(slope[known], force[known])[0, 1]))
+    return abs(float(np.corrcoef(one[known], other[known])[0, 1]))
 
 
 def longest_way(position: Array, runs: Iterable[slice]) -> slice:
