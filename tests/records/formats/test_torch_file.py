@@ -75,9 +75,9 @@ BAD = {
     "values that stand for billions": (pickle.dumps(_aliases(40)), "more than 200,000 values beside its tensors"),
     "cut off": (pickle.dumps({"t": [1.0, 2.0]})[:-6], "it is damaged|it is cut off"),
     "an unknown opcode": (b"\x80\x02\xff.", "it is damaged"),
-    "a memo of four billion entries": (b"\x80\x02Nr\xff\xff\xff\xff.", "neither a list of samples nor columns"),
-    "a key that is a tuple": (b"\x80\x02}))s.", "a value of the type tuple in the wrong place"),
-    "a number as a function": (b"\x80\x02K\x01)R.", "a value of the type int in the wrong place"),
+    "a memo of four billion entries": (b"\x80\x02Nr\xff\xff\xff\xff.", "it is damaged"),
+    "a key that is a tuple": (b"\x80\x02}))s.", "there are no rows of data"),
+    "a number as a function": (b"\x80\x02K\x01)R.", "it is damaged"),
     "an extension": (b"\x80\x02\x82\x01.", "it is damaged|which is not read"),
 }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import mmap
 import struct
 from collections.abc import Iterator
@@ -15,7 +16,7 @@ from idloop.documents import MOST_COLUMNS, MOST_DEPTH, MOST_TABLE
 from idloop.errors import IdloopError, InputError
 from idloop.records.formats.form import Form, Options, needs, not_readable
 from idloop.records.formats.isolated import read_isolated
-from idloop.records.formats.pickle_data import read_pickle
+from idloop.records.formats.pickled import read_pickle
 from idloop.records.formats.tree import table_of_tree
 from idloop.records.tables.base_units import is_unit_key
 from idloop.records.tables.table import Table
@@ -220,7 +221,7 @@ def _packed_names(item: Any, field: str) -> list[str]:
     kept = item.attrs[name]
     data = kept if isinstance(kept, bytes) else bytes(kept) if isinstance(kept, np.bytes_) else str(kept).encode()
     try:
-        names = read_pickle(data).value
+        names = read_pickle(io.BytesIO(data))
     except InputError:
         return []
     return [str(one) for one in names] if isinstance(names, list | tuple) else []

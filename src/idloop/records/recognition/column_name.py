@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from unicodedata import normalize
 
 from idloop.records.tables.base_units import base_of, known_unit, read_unit
+from idloop.records.tables.table import Table
 
 _VOLTAGES, _CURRENTS, _TIMES, _SPEEDS = {"V"}, {"A"}, {"s"}, {"rad/s", "m/s", "counts/s"}
 # Units, as the topics have them, of the quantities that words of a name state.
@@ -204,6 +205,11 @@ def parse_column_name(name: str, unit: str = "") -> ColumnName:
     if FEED_FORWARD & set(parts):
         parts = tuple("torque" if part == "t" else part for part in parts)  # t_ff of the MIT protocol
     return ColumnName(parts, found, index or (numbers[-1] if numbers else ""), letter, factor, "" if found else written)
+
+
+def name_in(table: Table, name: str) -> ColumnName:
+    """Take the name of a column of a table apart."""
+    return parse_column_name(name, table.units.get(name, ""))
 
 
 def is_counter(name: ColumnName) -> bool:

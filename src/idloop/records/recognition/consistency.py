@@ -12,7 +12,7 @@ import numpy as np
 from idloop.arrays import Array
 from idloop.records.inspection.velocity_check import velocity_slope
 from idloop.records.recognition.choice import Choice
-from idloop.records.recognition.column_name import is_counter, parse_column_name
+from idloop.records.recognition.column_name import is_counter, name_in
 from idloop.records.recognition.guess import MOTION, SET_POINTS, quoted
 from idloop.records.recognition.role_units import base_field
 from idloop.records.recognition.roles import RoleByName, Signal, is_feed_forward
@@ -34,7 +34,7 @@ def doubt_of_lost_rows(table: Table, numbers: Map[str, Array], base: TimeBase) -
     if base.seconds.size < _FEWEST_ROWS or len(base.runs) > 1 or not float(np.median(step)) > 0.0:
         return ""
     for name, value in numbers.items():
-        counter = is_counter(parse_column_name(name, table.units.get(name, "")))
+        counter = is_counter(name_in(table, name))
         if not counter or name in base.columns or value.size != base.seconds.size:
             continue
         rise = np.diff(value)

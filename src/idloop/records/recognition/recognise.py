@@ -18,7 +18,7 @@ from idloop.records.formats.clock_names import known_clock_unit
 from idloop.records.formats.known_columns import recognise as known_drive
 from idloop.records.inspection.coupled import has_slack
 from idloop.records.recognition.choice import Choice
-from idloop.records.recognition.column_name import ColumnName, parse_column_name
+from idloop.records.recognition.column_name import ColumnName, name_in, parse_column_name
 from idloop.records.recognition.consistency import (
     doubt_of_lost_rows,
     doubt_of_names,
@@ -330,7 +330,7 @@ def _of_known_drive(columns: dict[str, TableColumn], sources: Map[str, Map[str, 
 
 def _parsed(table: Table, name: str) -> ColumnName:
     """Take a name apart; of two that differ by a d at the end that one was desired: tau_J_d[3] beside tau_J[3]."""
-    parsed = parse_column_name(name, table.units.get(name, ""))
+    parsed = name_in(table, name)
     match = _DESIRED.fullmatch(name)
     # Along the field of a motor d is a direction.
     if match is None or match[1] + match[2] not in table.columns or set(parsed.words) & FIELD_WORDS:

@@ -12,7 +12,7 @@ import numpy as np
 
 from idloop.arrays import Array
 from idloop.errors import InputError
-from idloop.records.recognition.column_name import is_counter, parse_column_name
+from idloop.records.recognition.column_name import is_counter, name_in
 from idloop.records.recognition.guess import Given, checked_formula, quoted
 from idloop.records.recognition.roles import RoleByName, role_by_name
 from idloop.records.tables.base_units import SECONDS, known_unit
@@ -121,14 +121,9 @@ def find_time_base(
                 f"a row every {period:g} s is none; give the rows per second with --rate HZ or the seconds per row with"
                 " --period S, above zero and finite"
             )
-        doubt = _disagreement(table, numbers, period)
-        return TimeBase(Time(period=period), "as given", doubt, np.arange(count, dtype=np.float64) * period)
-    if given is not None and given.column and given.column not in table.columns:
-        return _of_formula(table, numbers, given)
+        return _even(count, period, "as given", _disagreement(table, numbers, period))
     if given is not None and given.column:
-        if given.column in numbers:
-            _check_given(table, given.column, numbers[given.column])
-        return _of_column(table, numbers, given.column, given.unit, "as given")
+        return _given(table, numbers, given)
     rows = max((len(column) for column in table.columns.values()), default=0)
     if rows < _FEWEST_STAMPS:
         raise InputError(
@@ -137,20 +132,17 @@ def find_time_base(
         )
     unit = given.unit if given is not None else ""
     name = _named(table, numbers)
-    if name and is_counter(parse_column_name(name, table.units.get(name, ""))) and not unit:
+    if name and is_counter(name_in(table, name)) and not unit:
         found = _period_in_name(name) or _increment(table) or _period_in_notes(table)
         if found is None:
             raise InputError(
                 f"{table.path}: {name!r} counts samples and is no time; say how often one was taken: --rate HZ or"
                 " --period S"
             )
-        seconds, reason = found
-        whole = counts_rows(numbers[name])
-        doubt = "" if whole else f"{name!r} does not rise by one with each row, but the rows are taken as even"
-        return TimeBase(Time(period=seconds), reason, doubt, np.arange(count, dtype=np.float64) * seconds)
+        doubt = f"{name!r} does not rise by one with each row, but the rows are taken as even"
+        return _even(count, *found, "" if counts_rows(numbers[name]) else doubt)
     if name:
-        reason = role_by_name(parse_column_name(name, table.units.get(name, ""))).reason
-        return _of_column(table, numbers, name, unit, reason)
+        return _of_column(table, numbers, name, unit, _role(table, name).reason)
     if (base := _between_rows(table, numbers, count)) is not None:
         return base
     for name in table.columns:
@@ -160,44 +152,58 @@ def find_time_base(
         time = Time(compute=f"{quoted(counter)} * {tick[0]:.12g}", unit="s")
         return TimeBase(time, tick[1], "", tick[0] * numbers[counter])
     if found := _increment(table) or _period_in_notes(table):
-        seconds, reason = found
-        return TimeBase(Time(period=seconds), reason, "", np.arange(count, dtype=np.float64) * seconds)
-    may_be = {
-        name: value
-        for name, value in numbers.items()
-        if not is_counter(parse_column_name(name, table.units.get(name, "")))
-    }
-    # What a name says to be another signal is no time, however evenly it rises: a table of steady states has none.
-    may_be = {name: value for name, value in may_be.items() if _may_be_clock(table, name)}
-    steady = [name for name, value in may_be.items() if _is_clock(value)] or [
-        name for name, value in may_be.items() if value.size > _FEWEST_ROWS and (np.diff(value) > 0).all()
-    ]
-    # Of two columns that rise evenly, the one that rises by one counts the rows.
-    steady = [name for name in steady if not (_role(table, name).role or counts_rows(numbers[name]))] or steady
-    again = [] if steady else [name for name, value in may_be.items() if _starts_again(value)]
-    for name in (*steady, *again):
-        base = _of_column(
-            table, numbers, name, unit, "it rises from row to row" + (", and starts again" if again else "")
-        )
-        return replace(base, doubt=_doubt_of_unnamed(name, base, counts=counts_rows(numbers[name])))
+        return _even(count, *found)
+    if (base := _rising(table, numbers, unit)) is not None:
+        return base
     raise InputError(
         f"{table.path}: no column is a time{_why_not(table, numbers)}; name it with --time COLUMN, or say how often a"
         f" row was taken: --rate HZ or --period S (columns are {listed(table.columns, 20)})"
     )
 
 
+def _even(count: int, period: float, reason: str, doubt: str = "") -> TimeBase:
+    return TimeBase(Time(period=period), reason, doubt, np.arange(count, dtype=np.float64) * period)
+
+
+def _rising(table: Table, numbers: dict[str, Array], unit: str) -> TimeBase | None:
+    """Take a column for the time that rises from row to row, whose name says nothing; None without one."""
+    # What a name says to be another signal is no time, however evenly it rises: a table of steady states has none.
+    may_be = {
+        name: value
+        for name, value in numbers.items()
+        if not is_counter(name_in(table, name)) and _may_be_clock(table, name)
+    }
+    steady = [name for name, value in may_be.items() if _is_clock(value)] or [
+        name for name, value in may_be.items() if value.size > _FEWEST_ROWS and (np.diff(value) > 0).all()
+    ]
+    # Of two columns that rise evenly, the one that rises by one counts the rows.
+    steady = [name for name in steady if not (_role(table, name).role or counts_rows(numbers[name]))] or steady
+    again = [] if steady else [name for name, value in may_be.items() if _starts_again(value)]
+    name = next(iter(steady or again), None)
+    if name is None:
+        return None
+    base = _of_column(table, numbers, name, unit, f"it rises from row to row{', and starts again' if again else ''}")
+    how, other = "from row to row", ", or --rate HZ"
+    if counts_rows(numbers[name]):
+        how, other = "by one with each row, and may count the rows", ", or if it counts --rate HZ"
+    doubt = (
+        f"no name says that {name!r} is the time: it rises {how}, and is taken as a time in {base.time.unit}: --time"
+        f" COLUMN=UNIT{other}"
+    )
+    return replace(base, doubt=doubt)
+
+
 def _between_rows(table: Table, numbers: dict[str, Array], count: int) -> TimeBase | None:
     """Take the rows as even by a column that holds the time since the row before; None without one."""
     for name, value in numbers.items():
-        if _role(table, name).role != "time" or not _is_interval(value, _words(table, name)):
+        parsed = name_in(table, name)
+        if role_by_name(parsed).role != "time" or not _is_interval(value, parsed.words):
             continue
-        said = parse_column_name(name, table.units.get(name, "")).unit
-        unit = said if said in SECONDS else _units_of_time(np.nancumsum(value))[0][0]
+        unit = parsed.unit if parsed.unit in SECONDS else _units_of_time(np.nancumsum(value))[0][0]
         least, mean, most = (SECONDS[unit] * float(of(value)) for of in (np.nanmin, np.nanmean, np.nanmax))
-        even = most - least <= _SAME * mean
         doubt = f"rows are taken as even, {mean:.4g} s apart, but {name!r} says {least:.4g} to {most:.4g} s"
         reason = f"{name!r} is the time between rows, {mean:.4g} s on average"
-        return TimeBase(Time(period=mean), reason, "" if even else doubt, np.arange(count, dtype=np.float64) * mean)
+        return _even(count, mean, reason, "" if most - least <= _SAME * mean else doubt)
     return None
 
 
@@ -216,73 +222,55 @@ def _counter(table: Table, numbers: dict[str, Array]) -> str:
     """Return the column that counts ticks: by its name, else the first that rises evenly; empty without."""
     even = [name for name in table.columns if name in numbers and _is_clock(numbers[name])]
     free = [name for name in even if _may_be_clock(table, name)]
-    return next((name for name in even if _TICK_WORDS.intersection(_words(table, name))), free[0] if free else "")
-
-
-def _words(table: Table, name: str) -> tuple[str, ...]:
-    return parse_column_name(name, table.units.get(name, "")).words
+    ticks = [name for name in even if _TICK_WORDS.intersection(name_in(table, name).words)]
+    return next(iter((*ticks, *free)), "")
 
 
 def _why_not(table: Table, numbers: dict[str, Array]) -> str:
     """Say what keeps columns that could be a time from being one; empty where none could."""
-    said = []
-    for name in table.columns:
-        if is_counter(parse_column_name(name, table.units.get(name, ""))):
-            said.append(f"{name!r} counts the rows")
-            continue
-        if (role := _role(table, name).role) != "time":
-            if name in numbers and _is_clock(-numbers[name]):
-                said.append(f"{name!r} {_BACKWARDS}")
-            elif role and name in numbers and _is_clock(numbers[name]):
-                said.append(
-                    f"{name!r} rises evenly, but is the {role} by its name: a table of steady states has no time"
-                )
-            continue
-        if name not in numbers:
-            cell = next((str(cell) for cell in table.raw(name) if str(cell).strip()), "")
-            said += [f"{name!r} is {cell[:40]!r}, neither {_WAYS}"] if cell else [f"{name!r} is empty"]
-            continue
-        value = numbers[name][np.isfinite(numbers[name])]
-        if float(np.ptp(value)) == 0.0:
-            said.append(f"{name!r} is {value[0]:g} in every row")
-        elif (np.diff(value) <= 0.0).all():
-            said.append(f"{name!r} {_BACKWARDS}")
-        else:
-            said.append(f"{name!r} falls from row to row as often as it rises")
+    said = [f"{name!r} {why}" for name in table.columns if (why := _why_no_time(table, numbers, name))]
     return f" ({'; '.join(said[:3])})" if said else ""
+
+
+def _why_no_time(table: Table, numbers: dict[str, Array], name: str) -> str:
+    parsed, value = name_in(table, name), numbers.get(name)
+    role = role_by_name(parsed).role
+    if is_counter(parsed):
+        return "counts the rows"
+    if role != "time":
+        if value is not None and _is_clock(-value):
+            return _BACKWARDS
+        even = role and value is not None and _is_clock(value)
+        return f"rises evenly, but is the {role} by its name: a table of steady states has no time" if even else ""
+    if value is None:
+        cell = next((str(cell) for cell in table.raw(name) if str(cell).strip()), "")
+        return f"is {cell[:40]!r}, neither {_WAYS}" if cell else "is empty"
+    known = value[np.isfinite(value)]
+    if float(np.ptp(known)) == 0.0:
+        return f"is {known[0]:g} in every row"
+    return _BACKWARDS if (np.diff(known) <= 0.0).all() else "falls from row to row as often as it rises"
 
 
 def base_of_clock(table: Table, name: str, said: str, given: str) -> TimeBase:
     """Return the stamps of a column that the file itself gives to its signals.
 
-    `name`: column of the stamps.
     `said`, `given`: unit that the file says, and that the user gives; empty without.
     Raises InputError: what is given is no unit of time.
     """
     reason = "the file has stamps for every signal"
     if any(isinstance(cell, str) for cell in table.raw(name)[:1]):
         return _of_column(table, {}, name, "", reason)
-    value = table.numbers(name)
-    if given and known_unit(given) not in SECONDS:
-        raise InputError(f"{table.path}: --time ={given}: not a unit of time; known are {', '.join(SECONDS)}")
-    unit, doubt = known_unit(given) or said, ""
-    units: tuple[str, ...] = (unit,)
-    if not unit:
-        units, why = _units_of_time(value)
-        reason = f"{reason}; {units[0]} {why}"
-        doubt = "" if len(units) == 1 else doubt_of_unit("", units[0])
-    doubt = doubt or _stands_still(name, value)
-    time = Time(column=name, unit=units[0])  # type: ignore[arg-type]
-    return TimeBase(time, reason, doubt, value * SECONDS[units[0]], units)
+    unit = _unit_given(table, "", given) or said
+    return _of_values(Time(column=name), table.numbers(name), reason, unit, option="")
 
 
 def _role(table: Table, name: str) -> RoleByName:
-    return role_by_name(parse_column_name(name, table.units.get(name, "")))
+    return role_by_name(name_in(table, name))
 
 
 def _may_be_clock(table: Table, name: str) -> bool:
     """Whether a name does not say that a column is another signal than the time."""
-    words = _words(table, name)
+    words = name_in(table, name).words
     return _role(table, name).role in ("", "other") or (bool(words) and set(words) <= _OF_CLOCKS)
 
 
@@ -338,7 +326,7 @@ def _may_be_time(table: Table, numbers: dict[str, Array], name: str) -> bool:
         dates = _dates(table.raw(name))
         return dates is not None and bool(np.ptp(dates) > 0.0)
     value = numbers[name][np.isfinite(numbers[name])]
-    if _is_interval(value, _words(table, name)):
+    if _is_interval(value, name_in(table, name).words):
         return False
     return value.size > 2 and float(np.ptp(value)) > 0.0 and float(np.mean(np.diff(value) >= 0)) >= _RISING
 
@@ -390,19 +378,43 @@ def _of_column(table: Table, numbers: dict[str, Array], name: str, unit: str, re
             raise InputError(f"{table.path}: time column {name!r} holds neither {_WAYS}; name another with --time")
         doubt = _stands_still(name, dates)
         return TimeBase(Time(column=name, unit="iso8601"), f"{reason}; dates in ISO 8601", doubt, dates)
-    value = numbers[name]
+    given, said = _unit_given(table, name, unit), name_in(table, name).unit
+    known = given or (said if said in SECONDS else "")
+    return _of_values(Time(column=name), numbers[name], reason, known, "as given" if given else "by its name")
+
+
+def _of_values(time: Time, value: Array, reason: str, unit: str, why: str = "", option: str | None = None) -> TimeBase:
+    """Return stamps in a unit, or in the most probable one where it is empty.
+
+    `why` it is in this unit; `option`: as the column stands in options, by default its name.
+    """
+    name = str(time.source)
+    units, why = ((unit,), why) if unit else _units_of_time(value)
+    certain = len(units) == 1
+    doubt = _stands_still(name, value) if certain else doubt_of_unit(name if option is None else option, units[0])
+    reason = f"{reason}; {units[0]} {why}" if why else reason
+    time = time.model_copy(update={"unit": units[0]})
+    return TimeBase(time, reason, doubt, value * SECONDS[units[0]], units)
+
+
+def _unit_given(table: Table, option: str, unit: str) -> str:
+    """Unit of time that the user gives; refused where it is none."""
     if unit and known_unit(unit) not in SECONDS:
-        raise InputError(f"{table.path}: --time {name}={unit}: not a unit of time; known are {', '.join(SECONDS)}")
-    said = known_unit(unit) or parse_column_name(name, table.units.get(name, "")).unit
-    if said in SECONDS:
-        units: tuple[str, ...] = (said,)
-        why, doubt = "as given" if unit else "by its name", ""
-    else:
-        units, why = _units_of_time(value)
-        doubt = doubt_of_unit(name, units[0]) if len(units) > 1 else ""
-    doubt = doubt or _stands_still(name, value)
-    time = Time(column=name, unit=units[0])  # type: ignore[arg-type]
-    return TimeBase(time, f"{reason}; {units[0]} {why}", doubt, value * SECONDS[units[0]], units)
+        raise InputError(f"{table.path}: --time {option}={unit}: not a unit of time; known are {', '.join(SECONDS)}")
+    return known_unit(unit)
+
+
+def _given(table: Table, numbers: dict[str, Array], given: Given) -> TimeBase:
+    """Return the stamps of the column, or of the formula over columns, that the user gives."""
+    name = given.column
+    if name in table.columns:
+        if name in numbers:
+            _check_given(table, name, numbers[name])
+        return _of_column(table, numbers, name, given.unit, "as given")
+    unit = _unit_given(table, name, given.unit)
+    value = checked_formula(table, "time", given, numbers).evaluate(numbers)
+    _check_given(table, name, value)
+    return _of_values(Time(compute=name), value, "as given", unit, "as given")
 
 
 def _check_given(table: Table, name: str, value: Array) -> None:
@@ -414,33 +426,6 @@ def _check_given(table: Table, name: str, value: Array) -> None:
             f"{table.path}: {name!r} is no time: from row to row it rises {rises} times and falls {falls} times, of"
             f" {change.size}"
         )
-
-
-def _of_formula(table: Table, numbers: dict[str, Array], given: Given) -> TimeBase:
-    """Return the stamps of a formula over columns that the user gives: seconds, where the unit is left out."""
-    if given.unit and known_unit(given.unit) not in SECONDS:
-        raise InputError(
-            f"{table.path}: --time {given.column}={given.unit}: not a unit of time; known are {', '.join(SECONDS)}"
-        )
-    formula = checked_formula(table, "time", given, numbers)
-    value = formula.evaluate(numbers)
-    _check_given(table, given.column, value)
-    unit = known_unit(given.unit)
-    units, why = ((unit,), "as given") if unit else _units_of_time(value)
-    doubt = doubt_of_unit(given.column, units[0]) if len(units) > 1 else ""
-    doubt = doubt or _stands_still(given.column, value)
-    time = Time(compute=given.column, unit=units[0])  # type: ignore[arg-type]
-    return TimeBase(time, f"as given; {units[0]} {why}", doubt, value * SECONDS[units[0]], units)
-
-
-def _doubt_of_unnamed(name: str, base: TimeBase, *, counts: bool) -> str:
-    """Doubt about a time that no name says."""
-    how = "by one with each row, and may count the rows" if counts else "from row to row"
-    other = ", or if it counts --rate HZ" if counts else ", or --rate HZ"
-    return (
-        f"no name says that {name!r} is the time: it rises {how}, and is taken as a time in {base.time.unit}: --time"
-        f" COLUMN=UNIT{other}"
-    )
 
 
 def _stands_still(name: str, value: Array) -> str:
