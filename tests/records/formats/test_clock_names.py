@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from idloop.records.formats.clock_names import clock_unit, known_clock_unit
+from idloop.records.tables.base_units import clock_unit, known_clock_unit
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 from scipy.io import savemat
 
 from idloop.api.log import recognise
-from idloop.records.formats.iddata import series_of_iddata
+from idloop.records.formats.mat import series_of_iddata
 from idloop.records.tables.table_files import read_table
 
 K = np.arange(50.0)

@@ -12,8 +12,8 @@ import numpy as np
 
 from idloop.documents import MOST_COLUMNS, MOST_TABLE
 from idloop.errors import InputError
-from idloop.records.formats.clock_names import clock_unit
 from idloop.records.formats.form import Form, Options, check_size, lines_of, text_of
+from idloop.records.tables.base_units import clock_unit
 from idloop.records.tables.table import Table
 
 _SPLIT = re.compile(r"\s*[;,\t]\s*|\s+")

@@ -15,7 +15,6 @@ from idloop.records.formats import (
     labels,
     mat,
     numpy_arrays,
-    sysid_json,
     tool_exports,
     torch_file,
     wpilog,
@@ -27,7 +26,7 @@ from idloop.spelling import did_you_mean, listed
 FORMS: tuple[Form, ...] = (
     mat.FORM, hdf5.FORM, arrow.PARQUET, arrow.FEATHER, numpy_arrays.FORM, numpy_arrays.ONE, torch_file.FORM,
     wpilog.FORM, tool_exports.CODESYS, tool_exports.LABVIEW, tool_exports.TWINCAT, tool_exports.TEKTRONIX,
-    sysid_json.FORM, json_file.LINES, json_file.FORM, blocks.FORM, echo.FORM, labels.FORM,
+    json_file.SYSID, json_file.LINES, json_file.FORM, blocks.FORM, echo.FORM, labels.FORM,
 )  # fmt: skip
 HEAD = 1 << 16
 _WORKBOOK = (

@@ -15,7 +15,7 @@ from idloop.errors import InputError
 from idloop.records.formats.form import Form, Options, check_size, lines_of, read_text_table, text_of
 from idloop.records.tables.csv_file import COMMENTS
 from idloop.records.tables.csv_layout import is_number
-from idloop.records.tables.paired_columns import cut_at_ends
+from idloop.records.tables.reshaping import cut_at_ends
 from idloop.records.tables.table import Table
 
 _LABVIEW, _END_OF_HEAD = "LabVIEW Measurement", "***End_of_Header***"

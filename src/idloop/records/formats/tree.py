@@ -12,10 +12,9 @@ import numpy as np
 
 from idloop.documents import MOST_COLUMNS, MOST_DEPTH
 from idloop.errors import InputError
-from idloop.records.formats.clock_names import TIME_WORDS, clock_unit, known_clock_unit
 from idloop.records.recognition.column_name import parse_column_name
 from idloop.records.recognition.roles import role_by_name
-from idloop.records.tables.base_units import is_unit_key, known_unit
+from idloop.records.tables.base_units import TIME_WORDS, clock_unit, is_unit_key, known_clock_unit, known_unit
 from idloop.records.tables.table import Table
 from idloop.spelling import joined_names
 

@@ -14,7 +14,6 @@ import numpy as np
 
 from idloop.arrays import Array
 from idloop.errors import InputError
-from idloop.records.formats.clock_names import known_clock_unit
 from idloop.records.formats.known_columns import recognise as known_drive
 from idloop.records.inspection.coupled import has_slack
 from idloop.records.recognition.choice import Choice
@@ -37,8 +36,7 @@ from idloop.records.recognition.guess import (
     quoted,
     with_unit,
 )
-from idloop.records.recognition.joint_blocks import in_blocks
-from idloop.records.recognition.joint_choice import joints_by_name, joints_by_side, joints_with_command, one_joint
+from idloop.records.recognition.joints import in_blocks, joints_by_name, joints_by_side, joints_with_command, one_joint
 from idloop.records.recognition.role_units import doubt_of_left_out, is_linear, set_units, set_wraps, unit_by_words
 from idloop.records.recognition.roles import (
     BY_UNIT,
@@ -58,7 +56,7 @@ from idloop.records.recognition.roles import (
 from idloop.records.recognition.table_column import TableColumn, numbers_of, runs_of
 from idloop.records.recognition.time_base import TimeBase, base_of_clock, doubt_of_decimation, find_time_base
 from idloop.records.recognition.unnamed_columns import fill_by_values, find_set_point, follows, longest_way
-from idloop.records.tables.base_units import COUNTS, base_unit
+from idloop.records.tables.base_units import COUNTS, base_unit, known_clock_unit
 from idloop.records.tables.csv_layout import is_number
 from idloop.records.tables.expression import Expression
 from idloop.records.tables.mapping import Time

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from idloop.records.formats.clock_names import TIME_WORDS
 from idloop.records.recognition.column_name import (
     FEED_FORWARD,
     FLAGS,
@@ -15,7 +14,7 @@ from idloop.records.recognition.column_name import (
     is_counter,
     parse_column_name,
 )
-from idloop.records.tables.base_units import SECONDS
+from idloop.records.tables.base_units import SECONDS, TIME_WORDS
 
 Signal = Literal[
     "time", "command", "position", "velocity", "effort", "reference", "reference velocity", "temperature", "supply"

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from idloop.arrays import Array
 from idloop.documents import MOST_COLUMNS, MOST_TABLE
 from idloop.errors import InputError
-from idloop.records.formats.clock_names import clock_unit
-from idloop.records.tables.base_units import SECONDS, known_unit
+from idloop.records.tables.base_units import SECONDS, clock_unit, known_unit
 from idloop.records.tables.csv_layout import (
     DECIMAL_COMMA,
     GROUPED,
@@ -33,7 +32,7 @@ from idloop.records.tables.csv_layout import (
     joined_groups,
     repeated,
 )
-from idloop.records.tables.paired_columns import are_alike, clocks_of, cut_at_ends, numbered
+from idloop.records.tables.reshaping import are_alike, clocks_of, cut_at_ends, numbered
 from idloop.records.tables.table import Table, TextLines
 from idloop.spelling import listed
 

@@ -15,10 +15,9 @@ from idloop.errors import InputError
 from idloop.records.bags.bag import Bag
 from idloop.records.bags.read import read_streams
 from idloop.records.bags.topics import resolve_topic, topics_named
-from idloop.records.formats.clock_names import known_clock_unit
 from idloop.records.measured_conditions import FIELD
 from idloop.records.measured_conditions import TOPIC as CONDITIONS
-from idloop.records.tables.base_units import SECONDS, base_unit
+from idloop.records.tables.base_units import SECONDS, base_unit, known_clock_unit
 from idloop.records.tables.csv_layout import is_number
 from idloop.records.tables.expression import Expression
 from idloop.records.tables.mapping import Channel, Mapping, Signals, SignBit, Time
