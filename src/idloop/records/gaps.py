@@ -25,13 +25,10 @@ _NUMBER = re.compile(r"\(\d+\)$")
 
 
 def cut_at_gaps(record: Record) -> list[Record]:
-    """Cut a record at its long gaps.
+    """Cut a record at its long gaps, into parts with the time axis of the whole record.
 
-    Returns
-    -------
-    list of Record
-        The parts in order, with the time axis of the whole record; parts of fewer than ten measurements are left out.
-        The record itself where it has no long gap, or no part is long enough.
+    Parts of fewer than ten measurements are left out. Where it has no long gap, or no part is long enough, the record
+    itself is returned.
     """
     steps = np.diff(record.time)
     if not steps.size:
@@ -65,24 +62,11 @@ def _finding(record: Record, edges: np.ndarray, steps: np.ndarray, parts: int) -
 
 
 def usable_parts(records: Sequence[Record], check: Callable[[Record], Record]) -> list[Record]:
-    """Check records; of one that was cut at gaps the parts that fail are left out, if others pass.
+    """Check the parts of records that `cut_at_gaps` gives; those that fail are left out, if others of the record pass.
 
-    Parameters
-    ----------
-    records : sequence of Record
-        Parts of one record one after the other, as `cut_at_gaps` gives them.
-    check : callable
-        Returns the record, with findings, or raises `InputError`.
-
-    Returns
-    -------
-    list of Record
-        A finding of the first part that is kept names those that are not, and why.
-
-    Raises
-    ------
-    InputError
-        No part of a record passes: that of its first one.
+    `check`: returns the record, with findings, or raises `InputError`.
+    A finding of the first part that is kept names those that are not, and why.
+    Raises InputError: no part of a record passes: that of its first one.
     """
     found: list[Record] = []
     for parts in _by_record(records):

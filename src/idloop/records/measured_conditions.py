@@ -42,10 +42,9 @@ class ConditionSources:
     def read(
         self, streams: Mapping[str, JointStream], units: Mapping[str, str], start_ns: int, end_ns: int
     ) -> tuple[tuple[Condition, ...], list[Finding]]:
-        """Conditions of one run, and findings on them.
+        """Conditions of one run from its first to its last measurement [ns], and findings on them.
 
         `units`: units that the bag states, by condition.
-        `start_ns`, `end_ns`: first and last measurement [ns]; times count from the first.
         """
         sources = list(self.named)
         known = {source.name for source, _ in sources}
@@ -72,10 +71,7 @@ class ConditionSources:
 
 
 def conditions_columns(conditions: Sequence[Condition], start_ns: int) -> tuple[Integers, dict[str, Array]]:
-    """Stamps [ns] and columns of several conditions on one topic, NaN where one was not measured.
-
-    `start_ns`: stamp of time 0 [ns].
-    """
+    """Stamps [ns] and columns of several conditions on one topic, NaN where one was not measured."""
     stamps = {one.name: start_ns + np.round(one.time * 1e9).astype(np.int64) for one in conditions}
     every = np.unique(np.concatenate(list(stamps.values())))
     columns = {}

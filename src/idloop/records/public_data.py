@@ -10,9 +10,6 @@ DEFAULT = Path(__file__).resolve().parents[4] / "shared" / "data"
 
 
 def public_data(name: str) -> Path | None:
-    """Folder of a public data set: in ``IDLOOP_DATA``, else in ``../shared/data`` beside the checkout.
-
-    Returns: None when it is not there.
-    """
+    """Folder of a public data set in ``IDLOOP_DATA`` or in ``../shared/data`` beside the checkout; None without."""
     folder = Path(os.environ.get(VARIABLE) or DEFAULT) / name
     return folder if folder.is_dir() else None

@@ -69,11 +69,7 @@ def reason_of(error: Exception, most: int) -> str:
 
 
 def read_text_table(path: Path, options: Options) -> Table:
-    """Read a table of text whose layout is found out.
-
-    `options`: ``delimiter``, ``header``, ``skip_rows``, ``decimal``, ``skip_text``, ``rows`` (slice of the rows of data
-    that are looked at).
-    """
+    """Read a table of text whose layout is found out; options as of `read_csv`, and ``rows`` that are read."""
     return read_csv(path, dict(options), options.get("rows") or slice(0, None))
 
 

@@ -26,10 +26,7 @@ _HEAD, _ENTRY = 16, 16
 
 
 def heap_damage(path: Path) -> str:
-    """Return what is wrong with the heaps of a file; empty when they are valid.
-
-    `path`: with offsets and lengths of eight bytes, as all files of today.
-    """
+    """Return what is wrong with the heaps of a file, with lengths of eight bytes; empty when they are valid."""
     with path.open("rb") as stream:
         if not path.stat().st_size:
             return ""
@@ -92,10 +89,7 @@ def opened(path: Path) -> Iterator[h5py.File]:
 
 
 class Hdf5Reader:
-    """Reads data sets as long as they take no more than a table may.
-
-    `path`: for messages.
-    """
+    """Reads data sets as long as they take no more than a table may."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

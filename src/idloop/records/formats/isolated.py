@@ -34,15 +34,14 @@ LONGEST, _SLOWEST = 30.0, 10_000_000
 # Memory that it may take beyond what the process has [bytes].
 _ROOM = 2 * MOST_TABLE
 _SIZE = struct.Struct("<Q")
-_KINDS = "biufcSU"
+_KINDS = "biufcSU"  # of arrays that are sent
+_ARRAY, _OBJECTS = "\0array", "\0objects"  # no names of a file have a zero
 
 
 def read_isolated(path: Path, what: str, read: Callable[[], Any]) -> Any:
-    """Return what a function reads, which runs in a process of its own.
+    """Return what a function reads in a process of its own: texts, numbers and arrays in mappings and lists.
 
-    `path`: the file.
-    `what`: its form, for messages.
-    `read`: returns texts, numbers and arrays in mappings and lists.
+    `what`: form of the file, for messages.
     Raises InputError: the function raised it; or the process ended, or did not answer, since the file is damaged.
     """
     receive, send = os.pipe()
@@ -57,7 +56,7 @@ def read_isolated(path: Path, what: str, read: Callable[[], Any]) -> Any:
     try:
         with cast("io.BufferedReader", io.BufferedReader(_Pipe(receive, deadline))) as stream:
             answer = _received(stream)
-    except (EOFError, TimeoutError) as error:
+    except (EOFError, TimeoutError, ValueError, TypeError) as error:
         reason = "its reader does not come to an end" if isinstance(error, TimeoutError) else "its reader broke off"
         raise InputError(f"{path}: not a readable {what} file ({reason}); check the copy of the file") from None
     finally:
@@ -119,57 +118,49 @@ class _Pipe(io.RawIOBase):
 
 
 def _send(stream: BinaryIO, content: Any) -> None:
+    """Write JSON with the type and shape of each array in its place, and then the arrays."""
     arrays: list[NDArray[Any]] = []
-    text = json.dumps(_packed(content, arrays)).encode()
+
+    def packed(value: Any) -> Any:
+        if isinstance(value, np.generic):
+            value = value.item()
+            return value if isinstance(value, str | int | float) else None
+        if isinstance(value, Mapping):
+            return dict(value)
+        if not isinstance(value, np.ndarray):
+            return None
+        if value.dtype.kind == "O" and value.ndim == 1:
+            return {_OBJECTS: list(value)}
+        if value.dtype.kind not in _KINDS:
+            return None
+        arrays.append(value)
+        return {_ARRAY: [value.dtype.str, value.shape]}
+
+    text = json.dumps(content, default=packed).encode()
     stream.write(_SIZE.pack(len(text)) + text)
     stream.writelines(np.ascontiguousarray(array).tobytes() for array in arrays)
 
 
-def _packed(content: Any, arrays: list[NDArray[Any]]) -> list[Any]:
-    """Return what JSON holds, with the type and shape of each array in its place."""
-    if isinstance(content, np.ndarray):
-        if content.dtype.kind == "O" and content.ndim == 1:
-            return ["objects", [_packed(value, arrays) for value in content]]
-        if content.dtype.kind not in _KINDS:
-            return ["value", None]
-        arrays.append(content)
-        return ["array", content.dtype.str, content.shape]
-    if isinstance(content, Mapping):
-        return ["mapping", {str(name): _packed(value, arrays) for name, value in content.items()}]
-    if isinstance(content, list | tuple):
-        if all(isinstance(one, str | int | float | type(None)) for one in content):
-            return ["value", list(content)]
-        return ["list", [_packed(value, arrays) for value in content]]
-    value = content.item() if isinstance(content, np.generic) else content
-    return ["value", value if isinstance(value, str | int | float) else None]
-
-
 def _received(stream: io.BufferedReader) -> Any:
-    (size,) = _SIZE.unpack(_exactly(stream, _SIZE.size))
-    return _unpacked(json.loads(_exactly(stream, size)), stream)
+    def exactly(size: int) -> bytes:
+        data = stream.read(size)
+        if len(data) < size:
+            raise EOFError
+        return data
 
-
-def _unpacked(packed: list[Any], stream: io.BufferedReader) -> Any:
-    kind, *rest = packed
-    if kind == "mapping":
-        return {name: _unpacked(value, stream) for name, value in rest[0].items()}
-    if kind == "list":
-        return [_unpacked(value, stream) for value in rest[0]]
-    if kind == "objects":
-        objects = np.empty(len(rest[0]), object)
-        for place, value in enumerate(rest[0]):
-            objects[place] = _unpacked(value, stream)
-        return objects
-    if kind == "array":
-        dtype, shape = np.dtype(rest[0]), tuple(rest[1])
+    def unpacked(found: dict[str, Any]) -> Any:
+        if _OBJECTS in found:
+            objects = np.empty(len(found[_OBJECTS]), object)
+            for place, value in enumerate(found[_OBJECTS]):
+                objects[place] = value
+            return objects
+        if _ARRAY not in found:
+            return found
+        dtype, shape = np.dtype(found[_ARRAY][0]), found[_ARRAY][1]
+        size = math.prod(shape) * dtype.itemsize
         array = np.empty(math.prod(shape), dtype)
-        array[:] = np.frombuffer(_exactly(stream, array.nbytes), dtype) if array.nbytes else array
+        array[:] = np.frombuffer(exactly(size), dtype) if size else array
         return array.reshape(shape)
-    return rest[0]
 
-
-def _exactly(stream: io.BufferedReader, size: int) -> bytes:
-    data = stream.read(size)
-    if len(data) < size:
-        raise EOFError
-    return data
+    (size,) = _SIZE.unpack(exactly(_SIZE.size))
+    return json.loads(exactly(size), object_hook=unpacked)

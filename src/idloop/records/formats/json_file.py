@@ -86,11 +86,7 @@ _LISTS = re.compile(r"\s*\[[^\[\]{}]*\][ \t]*\r?\n\s*\[")
 
 
 def read_json_table(path: Path, options: Options) -> Table:
-    """Read a list of samples, or lists by name.
-
-    `options`: ``entries``: key that holds them.
-    Raises InputError: not JSON, too large, or no samples.
-    """
+    """Read a list of samples, or lists by name; the option ``entries`` is the key that holds them."""
     return table_of_content(path, read_json(read_text(path, MOST_JSON_TABLE), str(path), MOST_JSON_TABLE), options)
 
 
@@ -121,9 +117,7 @@ def read_json_lines(path: Path, _: Options) -> Table:
 def table_of_content(path: Path, content: Any, options: Options) -> Table:
     """Return the table of a list of samples, or of columns by name.
 
-    `content`: lists and mappings of numbers, texts and arrays.
     `options`: ``entries``: key of the mapping that holds them.
-    Raises InputError: there are neither samples nor columns.
     """
     attributes: dict[str, float | str] = {}
     entries = content
@@ -166,11 +160,7 @@ def _holds_samples(value: Any) -> bool:
 def table_of_samples(
     path: Path, samples: Sequence[Mapping[str, Any]], attributes: dict[str, float | str] | None = None
 ) -> Table:
-    """Return a column for each value that a sample has, those within it as ``a.b`` and ``a[0]``.
-
-    `attributes`: what the file holds once.
-    Raises InputError: they are too large.
-    """
+    """Return a column for each value that a sample has, those within it as ``a.b`` and ``a[0]``."""
     columns: dict[str, list[Any]] = {}
     for number, sample in enumerate(samples):
         for name, value in _values(sample, ""):
@@ -205,12 +195,8 @@ def _values(sample: Mapping[str, Any], prefix: str) -> list[tuple[str, Any]]:
     return found
 
 
-def _first_lines(head: bytes) -> list[str]:
-    return [line.strip() for line in text_of(head).split("\n") if line.strip()][:2]
-
-
 def _is_json_lines(head: bytes) -> bool:
-    lines = _first_lines(head)
+    lines = [line.strip() for line in text_of(head).split("\n") if line.strip()][:2]
     if len(lines) < 2 or not lines[1].startswith("{"):
         return False
     try:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable
 from functools import cache
 from importlib.resources import files
+from itertools import chain
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -58,10 +59,7 @@ def known_columns() -> tuple[KnownDevice, ...]:
 
 
 def recognise(columns: Iterable[str]) -> KnownDevice | None:
-    """Return the drive whose columns these are; None where it is unknown.
-
-    `columns`: names of a log, such as ``axis0.encoder.pos_estimate`` or ``Present_Position``.
-    """
+    """Return the drive of a log with such columns as ``axis0.encoder.pos_estimate``; None where it is unknown."""
     names = {plain_name(name) for name in columns}
     best: tuple[int, int, KnownDevice] | None = None
     for device in known_columns():
@@ -82,15 +80,9 @@ def plain_name(name: str) -> str:
     """
     text = BRACKETS.sub("", name).strip().lower()
     text = re.split(r"[/.:]", text)[-1].strip()
-    known = _all_names()
+    known = {name for device in known_columns() for name in (*device.columns, *chain.from_iterable(device.match))}
     for one in (text, text.replace(" ", "_").replace("-", "_")):
         for short in (one, _BEHIND_INDEX.sub("", one)):
             if short in known:
                 return short
     return text
-
-
-@cache
-def _all_names() -> frozenset[str]:
-    devices = known_columns()
-    return frozenset(name for device in devices for name in (*device.columns, *(n for m in device.match for n in m)))

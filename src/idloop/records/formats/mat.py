@@ -145,12 +145,7 @@ Parts = dict[str, tuple[float, float]]
 
 
 def series_of_iddata(value: Any) -> tuple[dict[str, Any], Parts] | None:
-    """Return the stamps and channels of identification data and the times of its experiments; None for anything else.
-
-    Several experiments are put one after the other.
-
-    `value`: fields by name, with what they hold of cells as lists.
-    """
+    """Return stamps and channels of identification data, and the times of its experiments; None for others."""
     if not isinstance(value, Mapping) or not value.keys() >= _FIELDS:
         return None
     inputs, outputs = _experiments(value["InputData"]), _experiments(value["OutputData"])

@@ -26,15 +26,9 @@ _MOST = 100_000  # objects
 
 @dataclass(frozen=True)
 class Reference:
-    """What a variable holds whose value is an object or an array of objects.
+    """What a variable holds whose value is an object or an array of objects."""
 
-    Attributes
-    ----------
-    numbers : ndarray (n,)
-        A sign, the number of dimensions, the dimensions, the objects, their class.
-    """
-
-    numbers: Integers
+    numbers: Integers  # a sign, the number of dimensions, the dimensions, the objects, their class
 
     @property
     def objects(self) -> list[int]:
@@ -46,9 +40,8 @@ class Reference:
 
 
 class Objects:
-    """Objects of one file.
+    """Objects of one file, by the cells of the subsystem, with a `Reference` for an object within them.
 
-    `cells`: cells of the subsystem, empty without one; within them, `Reference` for an object.
     Raises ValueError, struct.error: its tables are damaged.
     """
 
@@ -78,11 +71,7 @@ class Objects:
         return self._names[number - 1] if 0 < number <= len(self._names) else ""
 
     def resolved(self, value: Any, name: str = "", depth: int = 0) -> Any:
-        """Return a value with the content of each object in its place; None for one that is not known.
-
-        `value`: arrays, texts, mappings, lists and references.
-        `name`: of the variable, for `unread`.
-        """
+        """Return a value with the content of each object in its place; None for one that is not known."""
         if depth > MOST_DEPTH:
             return None
         if isinstance(value, np.ndarray) and value.dtype == np.uint32 and value.size > 3 and value.flat[0] == _SIGN:
@@ -230,15 +219,9 @@ def _signal_name(element: Mapping[str, Any]) -> str:
     return last_block(path) if isinstance(path, str) else ""
 
 
-def _duration(found: dict[str, Any]) -> Any:
-    values = found.get("millis")
-    return np.real(np.asarray(values, dtype=complex)) / 1000.0 if values is not None else None
-
-
-def _datetime(found: dict[str, Any]) -> Any:
-    values = found.get("data")
-    # Its imaginary part is far below a microsecond.
-    return np.real(np.asarray(values, dtype=complex)) / 1000.0 if values is not None else None
+def _seconds(millis: Any) -> Any:
+    # The imaginary part of a date is far below a microsecond.
+    return np.real(np.asarray(millis, dtype=complex)) / 1000.0 if millis is not None else None
 
 
 def _string(found: dict[str, Any]) -> Any:
@@ -271,6 +254,7 @@ def _categorical(found: dict[str, Any]) -> Any:
 
 
 _CLASSES: dict[str, Callable[[dict[str, Any]], Any]] = {
-    "timetable": _timetable, "table": _table, "timeseries": _timeseries, "duration": _duration, "datetime": _datetime,
+    "timetable": _timetable, "table": _table, "timeseries": _timeseries,
+    "duration": lambda found: _seconds(found.get("millis")), "datetime": lambda found: _seconds(found.get("data")),
     "string": _string, "categorical": _categorical, "Dataset": _dataset,
 }  # fmt: skip

@@ -55,9 +55,8 @@ _OTHERS = (
 
 
 def form_of(path: Path, kind: str | None = None) -> Form:
-    """Return the form of a file: by its first bytes, else by its suffix.
+    """Return the form of a file: `kind` where it is known, by its first bytes, else by its suffix.
 
-    `kind`: the form where it is known.
     Raises InputError: it is none of those that are read.
     """
     known = {form.kind: form for form in (*FORMS, TEXT)}

@@ -69,10 +69,7 @@ _Bytes = Callable[[_Storage], bytes]  # of a storage
 
 
 def read_torch(path: Path, options: Options) -> Table:
-    """Read the tensors of a file as columns.
-
-    `options`: ``entries``: key of the dictionary that holds them.
-    """
+    """Read the tensors of a file as columns; the option ``entries`` is the key that holds them."""
 
     def read() -> Any:
         try:

@@ -30,8 +30,6 @@ def table_of_tree(path: Path, tree: Mapping[str, Any], *, separator: str = ".", 
 
     A series called time in a structure holds the stamps of the other series of its length there, deeper ones included.
 
-    `tree`: arrays, numbers, texts, lists and mappings of these.
-    `separator`: between the names of a structure and its entry.
     `clocks`: whether a series called time at the top belongs to the other series there, too.
     Raises InputError: more than `MOST_COLUMNS` columns, or nested more than `MOST_DEPTH` deep.
     """
@@ -121,7 +119,9 @@ class _Flattener:
         table, clocks = self._table, dict[int, list[str]]()
         for full, short in own:
             column, words = table.columns[full], set(re.split(r"[\W_\d]+", short.lower()))
-            if words & TIME_WORDS and isinstance(column, np.ndarray) and column.dtype.kind in "iuf" and _rises(column):
+            if not (words & TIME_WORDS and isinstance(column, np.ndarray) and column.dtype.kind in "iuf"):
+                continue
+            if column.size > 1 and (np.diff(column.astype(np.float64)) > 0.0).all():
                 clocks.setdefault(len(column), []).append(full)
         if len(clocks) < 2 or any(len(several) > 1 for several in clocks.values()):
             return
@@ -192,10 +192,6 @@ def _with_names(tree: Mapping[str, Any]) -> Mapping[str, Any]:
     return {key: value for key, value in found.items() if key not in used}
 
 
-def _rises(column: np.ndarray[Any, Any]) -> bool:
-    return column.size > 1 and bool((np.diff(column.astype(np.float64)) > 0.0).all())
-
-
 def _words(value: Any) -> list[str]:
     """Names in a list, a cell array or the rows of an array of characters; none where it is anything else."""
     if not isinstance(value, list | tuple | np.ndarray) or (isinstance(value, np.ndarray) and value.ndim != 1):
@@ -244,11 +240,7 @@ def _parts(value: Any) -> list[Any] | None:
 def _is_series(value: Any) -> bool:
     if isinstance(value, np.ndarray):
         return value.ndim == 1 and value.dtype.kind != "O"
-    return isinstance(value, list) and not any(map(_has_entries, value))
-
-
-def _has_entries(value: Any) -> bool:
-    return isinstance(value, list | tuple | Mapping | np.ndarray)
+    return isinstance(value, list) and not any(isinstance(one, list | tuple | Mapping | np.ndarray) for one in value)
 
 
 # Lists of what was recorded at the same time, by the word of their name.
@@ -260,10 +252,7 @@ _FEWEST_ROWS = 3
 
 
 def runs_in(content: Any, key: str | None = None) -> tuple[list[Any], list[str], dict[str, Any]] | None:
-    """Return a list of runs with the names of their arrays and what stands beside it; None where there is none.
-
-    `key`: of the list in a mapping; None for any.
-    """
+    """Return a list of runs, under a key or any, with the names of their arrays and what stands beside it, or None."""
     if not isinstance(content, Mapping):
         names = _arrays_of_runs("", content, {})
         return (content, names, {}) if names else None
@@ -278,9 +267,7 @@ def _arrays_of_runs(name: str, value: Any, others: Mapping[str, Any]) -> list[st
     """Return the arrays that each run has, of one length in a run; empty where a list is none of runs.
 
     Samples with vectors are more than the vectors are long, and all of theirs are of one length. Signals are named.
-
-    `name`: of the list; empty without one.
-    `others`: what stands beside the list: an array of their length belongs to all, as the stamps of several joints do.
+    An array beside the list of the length of the runs belongs to all, as the stamps of several joints do.
     """
     if not isinstance(value, list) or not value or not all(isinstance(run, Mapping) for run in value):
         return []
@@ -298,11 +285,7 @@ def _arrays_of_runs(name: str, value: Any, others: Mapping[str, Any]) -> list[st
 
 
 def table_of_runs(path: Path, runs: list[Mapping[str, Any]], names: list[str], others: Mapping[str, Any]) -> Table:
-    """Return the arrays of runs one after the other, with the rows at which a run begins.
-
-    `names`: arrays that each has.
-    `others`: what stands beside the list.
-    """
+    """Return the named arrays of runs one after the other, with the rows at which a run begins."""
     table = table_of_tree(path, {name: list(chain.from_iterable(run[name] for run in runs)) for name in names})
     table.begins = tuple(accumulate((len(run[names[0]]) for run in runs[:-1]), initial=0))
     table.attributes = table_of_tree(path, others).attributes

@@ -58,9 +58,8 @@ class BagTable:
 
 
 def bag_table(path: Path, readable: Callable[[BagField], bool] = lambda one: one.count > 1) -> BagTable:
-    """Read the numbers of a bag.
+    """Read the numbers of a bag, of those fields that are `readable`.
 
-    `readable`: which of its fields are read.
     Raises InputError: the bag is missing, damaged, or holds no numbers.
     """
     definitions = ready_definitions()
@@ -78,7 +77,10 @@ def bag_table(path: Path, readable: Callable[[BagField], bool] = lambda one: one
     table, found = Table(path, {}, notes=notes), {}
     for one in fields:
         stream = streams[one.topic]
-        name, clock = _name(one), f"{one.topic} stamps"
+        # States of joints beside commands were measured.
+        measured = one.type in _STATES and not _SENT & set(re.split(r"[/_]", one.topic))
+        name = " ".join(filter(None, (one.topic, one.joint, one.field, "measured" if measured else "")))
+        clock = f"{one.topic} stamps"
         table.columns[name] = stream.number(one.joint, one.field)
         table.columns.setdefault(clock, 1e-9 * (stamps[one.topic] - begin))
         table.clocks[name], table.units[clock] = clock, "s"
@@ -87,10 +89,3 @@ def bag_table(path: Path, readable: Callable[[BagField], bool] = lambda one: one
             table.units[name] = unit
         found[name] = one
     return BagTable(table, found, received)
-
-
-def _name(one: BagField) -> str:
-    """Name of a column by topic, joint and field; states of joints beside commands were measured."""
-    name = " ".join(part for part in (one.topic, one.joint, one.field) if part)
-    measured = one.type in _STATES and not _SENT & set(re.split(r"[/_]", one.topic))
-    return f"{name} measured" if measured else name

@@ -57,11 +57,7 @@ def is_in_volts(words: Iterable[str], wanted: Container[str]) -> bool:
 
 
 def is_unit_behind(suffix: str, words: Iterable[str]) -> bool:
-    """Whether a unit behind a name is one: a single letter, and ``in``, mean motor, measured, phase and input as well.
-
-    `suffix`: as known units are written: ``m``, ``A``, ``rad/s``.
-    `words`: the rest of the name, in small letters.
-    """
+    """Whether a unit behind words is one: a single letter, and ``in``, mean motor, measured and input as well."""
     if suffix != _WAY_IN and (len(suffix) > 1 or not suffix.isalpha()):
         return True
     rest = set(words)
@@ -70,10 +66,7 @@ def is_unit_behind(suffix: str, words: Iterable[str]) -> bool:
 
 
 def unit_within(word: str) -> tuple[str, str]:
-    """Return the name and the unit that a word has one behind the other: ``yrad``, ``wrads`` in rad/s.
-
-    Returns: an empty unit where the word has none: the symbol of one, of two letters at least, that fits the name.
-    """
+    """Return name and symbol of a word such as ``yrad`` and ``wrads``; an empty unit where it has none that fits."""
     small = word.lower()
     if any(small in some for some, _ in _UNITS_OF_WORDS):
         return word, ""
@@ -159,9 +152,8 @@ def with_brackets(name: str) -> str:
 
 
 def parse_column_name(name: str, unit: str = "") -> ColumnName:
-    """Take a name apart.
+    """Take a name apart: ``Velocity [rpm]``, ``iq_setpoint``, ``motorSpeed_rad_s``, ``pos (1)``.
 
-    `name`: ``Velocity [rpm]``, ``iq_setpoint``, ``motorSpeed_rad_s``, ``pos (1)``.
     `unit`: unit from a row below the header.
     """
     index = ""

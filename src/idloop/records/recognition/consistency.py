@@ -61,11 +61,9 @@ _MOST_COMPARED = 20
 
 
 def without_control_error(columns: dict[str, TableColumn], given: Container[str]) -> dict[str, TableColumn]:
-    """Return the columns with the roles that a control error among them shows, where no name says them.
+    """Return the columns with the roles that a control error among them shows, where neither name nor user says them.
 
     It is the difference of a set-point and a motion: neither the command nor a motion itself.
-
-    `given`: columns whose roles the user has given.
     """
     found = _found([one for one in columns.values() if one.name not in given])
     if found is None:

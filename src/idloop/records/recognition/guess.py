@@ -85,10 +85,7 @@ def with_unit(guess: Guess, unit: str) -> Guess:
 
 
 def checked_formula(table: Table, role: str, said: Given, numbers: Iterable[str]) -> Expression:
-    """Return the formula that the user gives for a signal.
-
-    Raises InputError: it is none, or names what is no column of numbers.
-    """
+    """Return the formula that the user gives for a signal; refused where it is none or names no column of numbers."""
     names = list(numbers)
     text = in_backquotes(said.column, names)
     if text == said.column and not Expression(text).columns:

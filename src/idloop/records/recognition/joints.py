@@ -41,9 +41,9 @@ def slopes_and_means(values: Sequence[Array], runs: Iterable[slice]) -> tuple[Ar
 
 
 def in_blocks(columns: dict[str, TableColumn]) -> tuple[dict[str, TableColumn], str]:
-    """Name the columns of joints that lie in blocks: a velocity is as many columns behind its position as joints are.
+    """Name the columns of joints that lie in blocks, and say so: a velocity lies a block behind its position.
 
-    Returns: the columns that are named so, and what is doubted; nothing where a name says what moves, or none do so.
+    None are named where a name says what moves.
     """
     free = [one for one in columns.values() if not one.by_name.role]
     if any(one.by_name.role in (*MOTION, "command") for one in columns.values()):
@@ -128,10 +128,7 @@ _PATH_BLOCKS, _FEWEST_BLOCKS = 4000, 4  # means along which the path of a joint 
 
 
 def joints_by_name(names: Iterable[str]) -> dict[str, str] | None:
-    """Return the joint of each column where several have columns of the same names: ``X.pos``, ``X.u``, ``Y.pos``, ...
-
-    None where the names say no joints so.
-    """
+    """Return the joint of each column where several have columns of the same names, as ``X.u``, ``Y.u``, or None."""
     groups: dict[str, set[str]] = {}
     paths = {name: with_brackets(name).replace("/", ".").rpartition(".") for name in names}
     for joint, _, own in paths.values():
@@ -156,10 +153,7 @@ def joints_by_name(names: Iterable[str]) -> dict[str, str] | None:
 
 
 def joints_by_side(names: Iterable[str]) -> dict[str, str] | None:
-    """Return the axis of each column where a word says it, and each has its command: ``Inp_x``, ``pwm left``.
-
-    None where the names say no axes so.
-    """
+    """Return the axis of each column where a word says it, and each has its command: ``pwm left``, or None."""
     axes: dict[str, dict[tuple[str, ...], str]] = {}
     for name in names:
         words = parse_column_name(name).words

@@ -18,10 +18,7 @@ _CONDITIONS = ("temperature", "supply")
 
 
 def mapping_of(found: Recognition, name: str, joint: str, *, files: tuple[str, ...] = ()) -> CommentedMap:
-    """Return the mapping as it stands in a file, with comments.
-
-    `files`: names of the files that are joined, where there are several.
-    """
+    """Return the mapping as it stands in a file, with comments; `files` are the names of those that are joined."""
     mapping = CommentedMap({"schema": SCHEMA, "name": name, "joint": joint})
     if files:
         mapping["files"] = list(files)

@@ -99,10 +99,7 @@ def _output(joint: str, field: str, unit: str, records: Sequence[Record]) -> dic
 
 
 def _with_load(body: dict[str, Any], load: str, spring: float) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Return two bodies for one that has the inertia and friction of both, and the spring between them.
-
-    `spring` is the stiffness per inertia of the load.
-    """
+    """Return a motor and a load that share inertia and friction, and the spring between them."""
 
     def half(value: Any) -> Any:
         return {**value, "value": _rounded(0.5 * value["value"])} if isinstance(value, dict) else value

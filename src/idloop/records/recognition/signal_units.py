@@ -63,10 +63,8 @@ def motion_units(
     """Find the units with which a velocity is the slope of a position.
 
     `time` (n,): stamps in the first of the units `times`, in seconds.
-    `position`, `velocity` (n,): as the file has them.
-    `units`: (str, str). Of both, where they are written down; empty where not.
+    `units`: of both, where they are written down; empty where not.
     `times`: units of time that are possible, the most probable first.
-    `linear`: whether the axis is a linear one.
     """
     places = (units[0],) if units[0] else _LINEAR if linear else _ROTARY
     speeds = (units[1],) if units[1] else _LINEAR_SPEEDS if linear else _ROTARY_SPEEDS

@@ -29,11 +29,6 @@ _HALF_STEP, _UNLIKE = 0.6, 1e-3
 _LINE = 1e-3  # of the spread of a column, by which one that runs with the time or the rows leaves a straight line
 
 
-def _is_celsius(unit: str, words: Sequence[str]) -> bool:
-    """Whether a unit, or the last of the words of a name without one, stands for degrees Celsius of a temperature."""
-    return unit.casefold().removeprefix("deg").strip(" .°") in ("", "c") if unit else tuple(words[-1:]) == ("c",)
-
-
 @dataclass(frozen=True)
 class TableColumn:
     """One column of numbers."""
@@ -59,8 +54,11 @@ class TableColumn:
             unit = _PER_SECOND[unit]
             doubt = f"the unit of the {role} is written as {self.parsed.unit!r}, which is taken per second"
             doubts = doubts if unit_given else (doubt, *doubts)
-        elif role == "temperature" and _is_celsius(unit or written, self.parsed.words):
-            unit, factor, written = "°C", 1.0, ""
+        elif role == "temperature":
+            # The last of the words of a name without a unit stands for degrees Celsius as well.
+            said = (unit or written).casefold().removeprefix("deg").strip(" .°")
+            if said == "c" or (not said and (unit or written or self.parsed.words[-1:] == ("c",))):
+                unit, factor, written = "°C", 1.0, ""
         if factor != 1.0:
             options["scale"] = factor * options.get("scale", 1.0)
         unit = unit.removesuffix("/s") if unit in COUNTS else unit

@@ -252,11 +252,7 @@ def _why_no_time(table: Table, numbers: dict[str, Array], name: str) -> str:
 
 
 def base_of_clock(table: Table, name: str, said: str, given: str) -> TimeBase:
-    """Return the stamps of a column that the file itself gives to its signals.
-
-    `said`, `given`: unit that the file says, and that the user gives; empty without.
-    Raises InputError: what is given is no unit of time.
-    """
+    """Return the stamps that the file gives to its signals, in the unit that the user or the file says, if any."""
     reason = "the file has stamps for every signal"
     if any(isinstance(cell, str) for cell in table.raw(name)[:1]):
         return _of_column(table, {}, name, "", reason)
@@ -469,10 +465,7 @@ def _units_of_time(value: Array) -> tuple[tuple[str, ...], str]:
 
 
 def doubt_of_decimation(table: Table, base: TimeBase) -> str:
-    """Doubt about a log of which rows were left out, by the period that the notes above it state; empty without.
-
-    Of what was faster than half the rate of the rows nothing can be said: it looks like something slower.
-    """
+    """Doubt about a log of which rows were left out, by the period that the notes above it state; empty without."""
     noted = _period_in_notes(table)
     step = float(np.median(np.diff(base.seconds))) if base.time.source is not None and base.seconds.size > 1 else 0.0
     if noted is None or step < _DECIMATED * noted[0]:

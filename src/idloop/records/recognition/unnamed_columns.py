@@ -23,14 +23,12 @@ _COARSE = 0.3  # of the range, for the steps of a sensor
 
 
 def smoothest_first(signals: Sequence[tuple[Array, Sequence[slice]]]) -> list[int]:
-    """Order signals by how soon they change.
+    """Order signals, which are not constant, by how soon they change; places in the sequence, the smoothest first.
 
     Changes are compared at lags from one row to a sixteenth of the record, each as a share of the spread and above what
     noise and quantisation may do to any of the signals.
 
-    `signals`: sequence of (array, sequence of slice). Values, shape (n,), that are not all equal, and the rows of each
-    run.
-    Returns: places in the sequence, the smoothest first.
+    `signals`: values, shape (n,), and the rows of each run.
     """
     made = [change_by_noise(value) for value, _ in signals]
     noise = max(largest for largest, _ in made)
@@ -44,10 +42,7 @@ def smoothest_first(signals: Sequence[tuple[Array, Sequence[slice]]]) -> list[in
 
 
 def change_by_noise(value: Array) -> tuple[float, float]:
-    """Mean square of the change that noise or quantisation make at most, and that a coarse sensor's flicker makes.
-
-    `value` (n,): not all equal. Both are shares of the variance.
-    """
+    """Mean square change by noise or quantisation at most, and by flicker, as shares of the variance."""
     known = value[np.isfinite(value)]
     step, variance = float(np.diff(np.unique(known)).min()), float(np.var(known))
     white = 2.0 * white_noise(known) ** 2 if known.size > _FEWEST_ROWS else 0.0

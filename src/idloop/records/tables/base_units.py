@@ -136,10 +136,9 @@ _PREFIXED = {
 
 
 def known_unit(text: str) -> str:
-    """Return the unit that a log writes in some spelling, as a mapping file writes it; empty where it is none.
+    """Return the unit that a log writes as ``RPM``, ``rad/sec`` or ``giri/min``, as a mapping file writes it, or empty.
 
-    `text`: ``RPM``, ``rad/sec``, ``giri/min``. Steps of an encoder are ``counts`` and ``counts/s``; times are ``s``,
-    ``ms``, ``us``, ``ns``.
+    Steps of an encoder are ``counts`` and ``counts/s``; times are ``s``, ``ms``, ``us``, ``ns``.
     """
     text = " ".join(text.split())
     if not text or text in _BASE or text in SECONDS:
@@ -148,10 +147,7 @@ def known_unit(text: str) -> str:
 
 
 def read_unit(text: str) -> tuple[str, float]:
-    """Return a unit and the number of it that a log counts in; an empty unit where it is none.
-
-    `text`: as `known_unit` takes it, or a multiple: ``0.01 A``, ``1/1000 rated``, ``mdeg``.
-    """
+    """Return a unit and the number of it that a log counts in, also of ``0.01 A`` and ``mdeg``; empty for no unit."""
     if unit := known_unit(text):
         return unit, 1.0
     factor, rest = _multiple(text)
@@ -179,11 +175,9 @@ def base_of(unit: str) -> str:
 
 
 def base_unit(unit: str, field: str, where: str) -> tuple[str, float]:
-    """Unit in which a topic carries a signal, and what its values are multiplied by.
+    """Unit in which a topic carries a signal, and what its values are multiplied by; empty where no unit is given.
 
-    `unit`: unit of the file; empty where not given, and then the result is empty.
-    `field`: one of "position", "velocity", "effort", "condition". Field of sensor_msgs/JointState; a command is an
-    effort, a condition was measured beside the axis.
+    `field`: "position", "velocity", "effort" (a command as well) or "condition".
     `where`: place for the message.
     Raises InputError: unknown unit, or a unit of another quantity.
     """
@@ -257,10 +251,7 @@ _BEHIND = re.compile(r"^(.*?)[\s_.\-]*[\[(<]?([a-zµμ]+)[\])>]?$")
 
 
 def clock_unit(name: str) -> str | None:
-    """Return the unit of a column of stamps: s, ms, us or ns, "" where its name has none; None for other columns.
-
-    `name`: ``t``, ``Time``, ``timestamp_us``, ``time [ms]``.
-    """
+    """Return the unit of stamps such as ``t`` or ``time [ms]``, empty without one; None for other columns."""
     text = _WHICH.sub("", name.strip().strip("_").lower(), count=1)
     if text in TIME_WORDS:
         # A name such as `millis` is a unit itself.

@@ -105,7 +105,13 @@ def _read(stream: TextIO, options: dict[str, Any], found: Table, selected: slice
     columns = [table.columns[place] for place in kept]
     in_cells = {name: _take_units(path, name, parts, table.start) for name, parts in zip(names, columns, strict=True)}
     if not commas and not table.has_points and _has_decimal_commas(path, columns):
-        columns = [[_with_points(part) for part in parts] for parts in columns]
+        columns = [
+            [
+                part if isinstance(part, np.ndarray) else _numbers_or_texts(list(map(_with_point, part)))
+                for part in parts
+            ]
+            for parts in columns
+        ]
         found.notes.append("its numbers are read with decimal commas")
     else:
         columns = [[_numbers_or_texts(part) if isinstance(part, list) else part for part in parts] for parts in columns]
@@ -343,11 +349,6 @@ def _numbers_or_texts(cells: Sequence[str]) -> Part:
         return np.array([float(cell) if cell.strip() else np.nan for cell in cells])
     except ValueError:
         return list(cells)
-
-
-def _with_points(part: Part) -> Part:
-    """Convert numbers that were written with a decimal comma."""
-    return part if isinstance(part, np.ndarray) else _numbers_or_texts(list(map(_with_point, part)))
 
 
 def _with_point(cell: str) -> str:

@@ -91,14 +91,10 @@ _ABOVE = 3  # rows in which the name of a column is looked for that the header d
 
 
 def find_layout(lines: Sequence[str], *, delimiter: str | None = None, header: bool | None = None) -> Layout:
-    """Find the table in the first lines of a file.
+    """Find the table in the first lines of a file, without empty lines and comments.
 
     The delimiter is the one whose rows hold most numbers, counted in rows of one width; the table begins where two such
     rows follow each other.
-
-    `lines`: without empty lines and comments.
-    `delimiter`: where it is known.
-    `header`: whether there is a header, where it is known.
     """
     best: tuple[float, str, int, list[Row]] = (-1.0, "", 0, [])
     for candidate in [delimiter] if delimiter else _DELIMITERS:

@@ -270,10 +270,7 @@ class Mapping(Signals):
     parts: dict[str, Part] = {}
 
     def for_part(self, part: str | None) -> Signals:
-        """Return the signals of one part, the mapping's own where it has none.
-
-        Raises InputError: unknown part, or none given where there are several.
-        """
+        """Return the signals of one part, the mapping's own where it has none; refuse an unknown part."""
         if not self.parts:
             if part is not None:
                 raise InputError(f"mapping {self.name}: it has no parts, leave --part {part} out")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.arrays import Array, Mask
+from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.records.tables.base_units import clock_unit
 from idloop.records.tables.csv_layout import repeated
@@ -23,10 +24,7 @@ _LONGER = 10  # times as many columns as rows, of a table that is turned
 
 
 def turn_rows(table: Table) -> None:
-    """Make each row a column, where a text has few rows without a header and many columns; leave others alone.
-
-    A text in the first cell of each row is its name.
-    """
+    """Make each row a column where a text has few rows without a header and many columns; leave others alone."""
     count = max((len(column) for column in table.columns.values()), default=0)
     first, *others = table.columns.values()
     if not 0 < count <= _MOST_SIGNALS or len(others) < max(_FEWEST_SAMPLES, _LONGER * count):
@@ -172,10 +170,7 @@ def _counts(table: Table, name: str) -> Array | None:
 
 
 def clocks_of(names: Sequence[str]) -> dict[int, int]:
-    """Return the column with the stamps of each, by places: where several of one name hold stamps, the last before it.
-
-    `names`: as the header has them: ``Time``, ``Value``, ``Time``, ``Value``.
-    """
+    """Return the column with the stamps of each, by places, where several of one name hold stamps."""
     stamps = [name for name in repeated(names) if clock_unit(name) is not None]
     found: dict[int, int] = {}
     clock = None
@@ -199,34 +194,21 @@ def numbered(names: Iterable[str]) -> list[str]:
 
 def are_alike(columns: Sequence[Any]) -> bool:
     """Whether columns of stamps, (n,) or lists of texts, are all the same."""
-    return all(_equal(columns[0], other) for other in columns[1:])
+    first, *others = columns
+    if all(isinstance(one, np.ndarray) for one in columns):
+        return all(np.array_equal(first, other, equal_nan=True) for other in others)
+    return all(list(first) == list(other) for other in others)
 
 
 def cut_at_ends(columns: dict[str, Any], clocks: Mapping[str, str]) -> None:
-    """Cut each column where its stamps end.
-
-    `columns`: what was read less often than the others ends in empty cells.
-    `clocks`: column of the stamps by that of the values.
-    """
+    """Cut each column where its stamps end: what was read less often than the others ends in empty cells."""
     for clock in set(clocks.values()):
-        known = _known(columns[clock])
+        stamps = columns[clock]
+        texts = not isinstance(stamps, np.ndarray)
+        known = np.array([bool(str(cell).strip()) for cell in stamps]) if texts else np.isfinite(stamps)
         for name in (clock, *(name for name, own in clocks.items() if own == clock)):
             column = columns[name]
-            columns[name] = column[known] if isinstance(column, np.ndarray) else _at(column, known)
-
-
-def _equal(one: Any, other: Any) -> bool:
-    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
-        return np.array_equal(one, other, equal_nan=True)
-    return list(one) == list(other)
-
-
-def _known(column: Any) -> Mask:
-    """Which cells hold something."""
-    if isinstance(column, np.ndarray):
-        return np.isfinite(column)
-    return np.array([bool(str(cell).strip()) for cell in column])
-
-
-def _at(cells: list[Any], known: Mask) -> list[Any]:
-    return [cell for cell, good in zip(cells, known, strict=True) if good]
+            if isinstance(column, np.ndarray):
+                columns[name] = column[known]
+            else:
+                columns[name] = list(itertools.compress(column, known))

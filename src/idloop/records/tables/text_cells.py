@@ -118,8 +118,9 @@ def _numbers(table: Table, name: str, cells: list[Any]) -> Array | None:
         return None
     others = [row for row, cell in enumerate(cells) if not _is_value(cell)]
     # What may be a number in another way of writing is not left out.
-    written = (isinstance(cells[row], str) and not _is_written_otherwise(cells[row]) for row in others)
-    if 2 * len(others) >= len(cells) or not all(written):
+    otherwise = (cells[row] for row in others)
+    words = (isinstance(one, str) and not (GROUPED.fullmatch(one) or DECIMAL_COMMA.fullmatch(one)) for one in otherwise)
+    if 2 * len(others) >= len(cells) or not all(words):
         return None
     if others:
         said = listed([repr(word[:20]) for word, _ in Counter(cells[row] for row in others).most_common()], 3)
@@ -132,10 +133,6 @@ def _numbers(table: Table, name: str, cells: list[Any]) -> Array | None:
     return np.array([
         np.nan if row in left_out or cell is None or cell == "" else float(cell) for row, cell in enumerate(cells)
     ])  # fmt: skip
-
-
-def _is_written_otherwise(cell: str) -> bool:
-    return GROUPED.fullmatch(cell) is not None or DECIMAL_COMMA.fullmatch(cell) is not None
 
 
 def _is_value(cell: Any) -> bool:
