@@ -16,20 +16,10 @@ def record_from_model(
 ) -> Record:
     """Return samples as a record with the names and units of a model.
 
-    Parameters
-    ----------
-    name : str
-        Name of the record.
-    model : Model
-        Gives names and units of the command and the outputs.
-    time : ndarray, shape (n,)
-        Stamps of all samples [s].
-    command : ndarray, shape (n,)
-        In the unit of the model's input; held until the next stamp.
-    output : ndarray, shape (n, p)
-        In the order and units of the model's outputs.
-    reference : ndarray, shape (n, 2), optional
-        Position and velocity that a controller followed; NaN = not given. None in open loop.
+    `time` (n,): stamps of all samples [s].
+    `command` (n,): in the unit of the model's input; held until the next stamp.
+    `output` (n, p): in the order and units of the model's outputs.
+    `reference` (n, 2): position and velocity that a controller followed; NaN = not given. None in open loop.
     """
     return Record(
         name=name,

@@ -1,11 +1,11 @@
-"""Parquet files and files of Arrow (Feather version 2, IPC), read piece by piece.
+"""Parquet files and files of Arrow (Feather version 2, IPC).
 
 Read by pyarrow, the reference implementation of both.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +21,6 @@ from idloop.records.tables.table import Table
 from idloop.spelling import listed
 
 _STREAM = b"\xff\xff\xff\xff"
-_MOST_ROWS = 65_536  # of a piece
-_TEXT = 64  # bytes of a cell as a text
 _LIST = 64  # longest list of a fixed size that becomes columns
 _PER_SECOND = {"s": 1, "ms": 1_000, "us": 1_000_000, "ns": 1_000_000_000}
 
@@ -30,13 +28,12 @@ _PER_SECOND = {"s": 1, "ms": 1_000, "us": 1_000_000, "ns": 1_000_000_000}
 def read_parquet(path: Path, _: Options) -> Table:
     """Read the columns of a Parquet file."""
 
-    def pieces() -> tuple[Any, Iterator[Any]]:
+    def load() -> Any:
         from pyarrow import parquet
 
-        file = parquet.ParquetFile(path, memory_map=False)
-        return file.schema_arrow, file.iter_batches(batch_size=_MOST_ROWS, use_threads=False)
+        return parquet.ParquetFile(path, memory_map=False).read(use_threads=False)
 
-    return _read(path, "Parquet", pieces)
+    return _read(path, "Parquet", load)
 
 
 def read_feather(path: Path, _: Options) -> Table:
@@ -49,20 +46,16 @@ def read_feather(path: Path, _: Options) -> Table:
             f"{path}: a Feather file of version 1; save it again as version 2, with pyarrow.feather.write_feather"
         )
 
-    def pieces() -> tuple[Any, Iterator[Any]]:
+    def load() -> Any:
         from pyarrow import OSFile, ipc
 
-        options = ipc.IpcReadOptions(use_threads=False)
-        if head == _STREAM:
-            reader = ipc.open_stream(OSFile(str(path), "rb"), options=options)
-            return reader.schema, iter(reader)
-        file = ipc.open_file(OSFile(str(path), "rb"), options=options)
-        return file.schema, (file.get_batch(number) for number in range(file.num_record_batches))
+        opened = ipc.open_stream if head == _STREAM else ipc.open_file
+        return opened(OSFile(str(path), "rb"), options=ipc.IpcReadOptions(use_threads=False)).read_all()
 
-    return _read(path, "Arrow", pieces)
+    return _read(path, "Arrow", load)
 
 
-def _read(path: Path, what: str, pieces: Callable[[], tuple[Any, Iterator[Any]]]) -> Table:
+def _read(path: Path, what: str, load: Callable[[], Any]) -> Table:
     try:
         import pyarrow as pa  # noqa: F401 - each process that reads a file then has it
     except ImportError:
@@ -70,7 +63,7 @@ def _read(path: Path, what: str, pieces: Callable[[], tuple[Any, Iterator[Any]]]
 
     def read() -> Any:
         try:
-            return _columns(path, *pieces())
+            return _columns(path, load())
         except InputError:
             raise
         except Exception as error:  # noqa: BLE001 - the library lets those of Arrow, of codecs and of Python through
@@ -81,44 +74,27 @@ def _read(path: Path, what: str, pieces: Callable[[], tuple[Any, Iterator[Any]]]
     return Table(path, columns, units=units, notes=notes)
 
 
-def _columns(path: Path, schema: Any, batches: Iterator[Any]) -> tuple[dict[str, Any], dict[str, str], list[str]]:
+def _columns(path: Path, table: Any) -> tuple[dict[str, Any], dict[str, str], list[str]]:
     """Columns by name, their units, and the names of those that are left out."""
     import pyarrow as pa
 
-    parts: dict[str, list[Any]] = {}
-    units: dict[str, str] = {}
-    skipped: dict[str, None] = {}
-    size = 0
-    _check(path, len(schema), 0)
-    for batch in batches:
-        batch.validate(full=True)
-        _check(path, 0, batch.nbytes)
-        flat = pa.Table.from_batches([batch])
-        for _ in range(3):
-            flat = flat.flatten()
-        for field, column in zip(flat.schema, flat.columns, strict=True):
-            values = _values(column.combine_chunks(), pa)
-            if values is None:
-                skipped[field.name] = None
-            for name, one in values or []:
-                full = field.name + name
-                parts.setdefault(full, []).append(one)
-                size += one.nbytes if isinstance(one, np.ndarray) else _TEXT * len(one)
-                units |= _unit(full, field)
-        _check(path, len(parts), size)
-    columns = {
-        name: np.concatenate(several) if all(isinstance(one, np.ndarray) for one in several)
-        else [cell for one in several for cell in one]
-        for name, several in parts.items()
-    }  # fmt: skip
-    return columns, units, list(skipped)
-
-
-def _check(path: Path, columns: int, size: int) -> None:
-    if columns > MOST_COLUMNS:
-        raise InputError(f"{path}: {columns:,} columns, more than {MOST_COLUMNS:,}; keep fewer")
-    if size > MOST_TABLE:
+    if table.nbytes > MOST_TABLE:
         raise InputError(f"{path}: its columns take more than {MOST_TABLE >> 30} GiB; keep fewer")
+    table.validate(full=True)
+    for _ in range(3):
+        table = table.flatten()
+    columns: dict[str, Any] = {}
+    units: dict[str, str] = {}
+    skipped: list[str] = []
+    for field, column in zip(table.schema, table.columns, strict=True):
+        values = _values(column.combine_chunks(), pa)
+        skipped += [field.name] if values is None else []
+        for name, one in values or []:
+            columns[field.name + name] = one
+            units |= _unit(field.name + name, field)
+        if len(columns) > MOST_COLUMNS:
+            raise InputError(f"{path}: more than {MOST_COLUMNS:,} columns; keep fewer")
+    return columns, units, skipped
 
 
 def _values(column: Any, pa: Any) -> list[tuple[str, Any]] | None:

@@ -110,12 +110,6 @@ def _header(title: str) -> str | None:
     return clock_unit(cells[0]) if len(cells) in (2, 3) else None
 
 
-def _is_blocks(head: bytes) -> bool:
-    """Whether a text is two blocks or more, each with a title of its own and stamps that begin anew."""
-    text = text_of(head)
-    return bool(text) and _are_blocks(_blocks(text.splitlines()[:-1]), least=2)
-
-
 def _goes_on_as_blocks(path: Path) -> bool:
     """Whether a first block that is longer than the beginning of the file is followed by a second one."""
     if path.stat().st_size > MOST_TABLE // 8:
@@ -130,6 +124,7 @@ def _goes_on_as_blocks(path: Path) -> bool:
 
 
 def _are_blocks(blocks: Iterable[_Block], least: int) -> bool:
+    """Whether there are as many blocks, each with a title of its own and stamps that begin anew."""
     whole = [block for block in blocks if block.rows]
     if len(whole) < least or any(len(block.rows) < _LEAST_ROWS for block in whole[:-1]):
         return False
@@ -144,7 +139,7 @@ FORM = Form(
     (),
     "text with one block for each signal",
     "a title, then rows of a stamp and a value; columns by the titles, each with its own stamps in `title.time`",
-    _is_blocks,
+    lambda head: _are_blocks(_blocks(text_of(head).splitlines()[:-1]), least=2),
     read_blocks,
     _goes_on_as_blocks,
 )

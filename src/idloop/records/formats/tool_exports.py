@@ -29,7 +29,7 @@ _MOST_ABOVE = 100  # lines above the rows of TwinCAT
 _NAME, _PERIOD = "name", "sampletime[ms]"
 _VARIABLE = re.compile(r"(\d+)\.Variable\s*;\s*(.*?)\s*")
 _CODESYS = re.compile(r"\[key\]\s*;\s*\[value\]", re.IGNORECASE)
-_WORDS = {"TRUE": 1.0, "FALSE": 0.0}
+_WORDS = {"TRUE": "1", "FALSE": "0"}
 
 
 def _read_labview(path: Path, options: Options) -> Table:
@@ -176,7 +176,7 @@ def _read_codesys(path: Path, _: Options) -> Table:
             if not name or (len(cells) < 3 and not any(cells)):
                 continue
             try:
-                stamp, value = float(cells[1]), _codesys_number(cells[2])
+                stamp, value = float(cells[1]), float(_WORDS.get(cells[2], cells[2]).replace(",", "."))
             except (ValueError, IndexError):
                 raise InputError(
                     f"{path}: line {number} of {name!r} is {line.strip()[:40]!r}, not a stamp and a value; correct the"
@@ -197,10 +197,6 @@ def _read_codesys(path: Path, _: Options) -> Table:
         table.add_series(name, np.array(stamps), np.array(values), "ms")
     table.notes.append("the stamps of a trace are taken as ms; of one with µs set `time:` of each signal")
     return table
-
-
-def _codesys_number(text: str) -> float:
-    return _WORDS[text] if text in _WORDS else float(text.replace(",", "."))
 
 
 def _is_codesys(head: bytes) -> bool:

@@ -65,6 +65,8 @@ def start_model(
         ratio, spring = _transmission(records, f"{joint}.position", f"{load[0]}.position")
         bodies, couplings = _with_load(body, load[0], spring)
         sensor = [_output(load[0], "position", load[1], records) | ({"scale": ratio} if ratio != 1.0 else {})]
+    steps = [float(np.median(np.diff(record.input_time))) for record in records if len(record.input_time) > 1]
+    delay = {"effect": "input_delay", "at": "input", "delay": {"value": _rounded(float(np.median(steps or [0.0])))}}
     signal = {"topic": "joint_command", "joint": joint, "field": "effort", "unit": command_unit or _FORCES[place]}
     content = {
         "schema": SCHEMA,
@@ -74,9 +76,7 @@ def start_model(
         "bodies": bodies,
         "couplings": couplings,
         "drive": _drive(loop, gain, friction, force=force),
-        "effects": [{"effect": "input_delay", "at": "input", "delay": {"value": _sample_time(records)}}]
-        if loop
-        else [],
+        "effects": [delay] if loop else [],
     }
     return build_model(ModelFile.model_validate(content), name)
 
@@ -86,11 +86,6 @@ def _drive(loop: str, gain: float, friction: float, *, force: bool) -> dict[str,
         return {"gain": 1.0 if force else {"value": _rounded(gain)}}
     gains = {"proportional": gain} | ({"derivative": friction} if loop == "position_loop" else {})
     return {"kind": loop, "unit": "-"} | {name: {"value": _rounded(one), "min": 0.0} for name, one in gains.items()}
-
-
-def _sample_time(records: Sequence[Record]) -> float:
-    steps = [float(np.median(np.diff(record.input_time))) for record in records if len(record.input_time) > 1]
-    return _rounded(float(np.median(steps))) if steps else 0.0
 
 
 def _output(joint: str, field: str, unit: str, records: Sequence[Record]) -> dict[str, Any]:

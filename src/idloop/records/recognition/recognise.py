@@ -39,6 +39,8 @@ from idloop.records.recognition.guess import (
 from idloop.records.recognition.joints import in_blocks, joints_by_name, joints_by_side, joints_with_command, one_joint
 from idloop.records.recognition.role_units import doubt_of_left_out, is_linear, set_units, set_wraps, unit_by_words
 from idloop.records.recognition.roles import (
+    AT_LOAD,
+    AT_MOTOR,
     BY_UNIT,
     FIELD_WORDS,
     IN_OR_OUT,
@@ -49,8 +51,6 @@ from idloop.records.recognition.roles import (
     may_be_measured,
     may_be_supply,
     role_by_name,
-    says_load,
-    says_motor,
     says_no_command,
 )
 from idloop.records.recognition.table_column import TableColumn, numbers_of, runs_of
@@ -489,7 +489,7 @@ def _load(log: Choice, every: Map[str, TableColumn]) -> None:
     measured = [one for one in every.values() if one.by_name.role == "position" and one.name != place.name]
     found = [one for one in measured if _slack_between(place, one)]
     if found:
-        other, turned = found[0].name, says_load(place.parsed) or says_motor(found[0].parsed)
+        other, turned = found[0].name, AT_LOAD & set(place.parsed.words) or AT_MOTOR & set(found[0].parsed.words)
         both = f"--position {shlex.quote(other)} --load {shlex.quote(place.name)}"
         names = listed(one.name for one in found)
         doubt = (

@@ -14,7 +14,7 @@ from idloop.records.recognition.column_name import (
     is_counter,
     parse_column_name,
 )
-from idloop.records.tables.base_units import SECONDS, TIME_WORDS
+from idloop.records.tables.base_units import SECONDS, TIME_WORDS, base_of
 
 Signal = Literal[
     "time", "command", "position", "velocity", "effort", "reference", "reference velocity", "temperature", "supply"
@@ -64,29 +64,8 @@ FIELD_WORDS = _FIELD_AXES.keys() | _ALONG_FIELD
 # Names of a plant's signals, and of a controller's, by which the other one is meant.
 IN_OR_OUT = (("input",), ("output",))
 
-_ANGLES = {"rad", "mrad", "deg", "arcmin", "arcsec", "rev", "m", "cm", "mm", "um", "in", "counts"}
-_SPEEDS = {
-    "rad/s", "mrad/s", "deg/s", "rev/s", "rpm", "m/s", "cm/s", "mm/s", "um/s", "m/min", "mm/min", "in/s",
-    "counts/s",
-}  # fmt: skip
-_COMMANDS = {
-    "V",
-    "mV",
-    "A",
-    "mA",
-    "N·m",
-    "mN·m",
-    "kN·m",
-    "N",
-    "mN",
-    "kN",
-    "%",
-    "kip",
-    "lbf",
-    "lbf·in",
-    "lbf·ft",
-    "ozf·in",
-}
+# Units, as the topics have them, of a place, a speed and a force.
+_PLACES, _SPEEDS, _COMMANDS = {"rad", "m", "counts"}, {"rad/s", "m/s", "counts/s"}, {"V", "A", "N·m", "N"}
 CURRENTS = {"current", "i", "iq", "strom", "corriente", "courant", "corrente", "cur", "curr", "amps"}
 TORQUES = {"torque", "tau", "effort", "efforts", "moment", "drehmoment", "trq"}
 _FORCE_NAMES = TORQUES | {"force", "kraft"}
@@ -97,8 +76,9 @@ _COMPUTED = {
     "rigid", "model", "modelled", "modeled", "predicted", "prediction", "pred", "simulated", "sim", "theoretical",
     "friction", "gravity", "coriolis", "centrifugal",
 }  # fmt: skip
-_AT_MOTOR = {"motor", "rotor", "drive"}
-_AT_LOAD = {"load", "link", "arm", "output", "joint", "stage", "abtrieb"}
+# Words of a sensor at the motor, and of one at what it drives.
+AT_MOTOR = {"motor", "rotor", "drive"}
+AT_LOAD = {"load", "link", "arm", "output", "joint", "stage", "abtrieb"}
 _COORDINATES = {"q", "x", "y", "z", "theta", "phi", "alpha", "beta"}
 _INPUTS = {"u", "input", "inp"}
 # Which of several columns is the command: what says so, then what acts first in the chain from command to force.
@@ -134,7 +114,7 @@ def role_by_name(name: ColumnName) -> RoleByName:
     if words & _SUPPLIES or (voltage and "bus" in words):
         return RoleByName("supply", 1.0, "by its name")
     # A T in newton metres is a torque.
-    if (words & TIME_WORDS and unit not in _COMMANDS) or (unit in SECONDS and not words & _FORCES):
+    if (words & TIME_WORDS and not _is_force(unit)) or (unit in SECONDS and not words & _FORCES):
         by_word = words & TIME_WORDS
         return RoleByName("time", 1.0 + (len(words) == 1) + bool(by_word), _because(by_word, unit))
     kind = _kind(name, words, unit)
@@ -227,16 +207,6 @@ def is_feed_forward(name: ColumnName) -> bool:
     return bool(set(name.words) & FEED_FORWARD) and role_by_name(name).role == "command"
 
 
-def says_motor(name: ColumnName) -> bool:
-    """Whether a name says that a sensor is at the motor."""
-    return bool(set(name.words) & _AT_MOTOR)
-
-
-def says_load(name: ColumnName) -> bool:
-    """Whether a name says that a sensor is at what a motor drives."""
-    return bool(set(name.words) & _AT_LOAD)
-
-
 def _axes_joined(words: set[str]) -> set[str]:
     """Words of a name with the axis of a current or voltage joined to it: i_q, q-axis current and Iq are iq."""
     said = next((letter for word, letter in _FIELD_AXES.items() if word in words), "")
@@ -249,11 +219,11 @@ def _axes_joined(words: set[str]) -> set[str]:
 def _kind(name: ColumnName, words: set[str], unit: str) -> str:
     """Quantity by unit, then by words; of V and v, N and n the case decides."""
     # Parts of a whole may be of anything that a word says.
-    if unit in _COMMANDS and (unit != "%" or words & _FORCES or not words & (_VELOCITIES | _POSITIONS)):
+    if _is_force(unit) and (unit != "%" or words & _FORCES or not words & (_VELOCITIES | _POSITIONS)):
         return "force"
-    if unit in _SPEEDS:
+    if base_of(unit) in _SPEEDS:
         return "velocity"
-    if unit in _ANGLES:
+    if base_of(unit) in _PLACES:
         return "velocity" if words & (_VELOCITIES - {"w", "v", "n"}) else "position"
     if name.letter in ("V", "U", "I", "F", "T", "M"):
         return "force"
@@ -267,6 +237,10 @@ def _kind(name: ColumnName, words: set[str], unit: str) -> str:
         if said & known:
             return kind
     return ""
+
+
+def _is_force(unit: str) -> bool:
+    return unit == "%" or base_of(unit) in _COMMANDS
 
 
 def _because(words: set[str], unit: str) -> str:

@@ -6,7 +6,6 @@ import itertools
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -146,7 +145,7 @@ def find_time_base(
     if (base := _between_rows(table, numbers, count)) is not None:
         return base
     for name in table.columns:
-        if name not in numbers and (dates := _dates(table.raw(name))) is not None and np.ptp(dates) > 0.0:
+        if name not in numbers and (dates := dates_ns(table.raw(name))) is not None and np.ptp(dates) > 0.0:
             return _of_column(table, numbers, name, unit, "by its cells")
     if (tick := _period_in_notes(table, _TICK)) and (counter := _counter(table, numbers)):
         time = Time(compute=f"{quoted(counter)} * {tick[0]:.12g}", unit="s")
@@ -276,7 +275,8 @@ def _named(table: Table, numbers: dict[str, Array]) -> str:
     for position, name in enumerate(table.columns):
         if _role(table, name).role == "time" and _may_be_time(table, numbers, name):
             # A column that starts again now and then is as good; a fine one is better.
-            ranked.append((-_role(table, name).rank, -_levels(table, numbers, name), position, name))
+            levels = np.unique(numbers[name]).size if name in numbers else len(set(table.raw(name)))
+            ranked.append((-_role(table, name).rank, -levels, position, name))
     return min(ranked)[-1] if ranked else ""
 
 
@@ -319,16 +319,12 @@ def _increment(table: Table) -> tuple[float, str] | None:
 
 def _may_be_time(table: Table, numbers: dict[str, Array], name: str) -> bool:
     if name not in numbers:
-        dates = _dates(table.raw(name))
+        dates = dates_ns(table.raw(name))
         return dates is not None and bool(np.ptp(dates) > 0.0)
     value = numbers[name][np.isfinite(numbers[name])]
     if _is_interval(value, name_in(table, name).words):
         return False
     return value.size > 2 and float(np.ptp(value)) > 0.0 and float(np.mean(np.diff(value) >= 0)) >= _RISING
-
-
-def _levels(table: Table, numbers: dict[str, Array], name: str) -> int:
-    return np.unique(numbers[name]).size if name in numbers else len(set(table.raw(name)))
 
 
 def _is_clock(value: Array) -> bool:
@@ -361,19 +357,14 @@ def _starts_again(value: Array) -> bool:
     )
 
 
-def _dates(cells: Sequence[Any]) -> Array | None:
-    """Dates as ISO 8601 [s since 1970]; None where the cells are none."""
-    found = dates_ns(cells)
-    return None if found is None else np.asarray(found * 1e-9, dtype=np.float64)
-
-
 def _of_column(table: Table, numbers: dict[str, Array], name: str, unit: str, reason: str) -> TimeBase:
     if name not in numbers:
-        dates = _dates(table.raw(name))
+        dates = dates_ns(table.raw(name))
         if dates is None:
             raise InputError(f"{table.path}: time column {name!r} holds neither {_WAYS}; name another with --time")
-        doubt = _stands_still(name, dates)
-        return TimeBase(Time(column=name, unit="iso8601"), f"{reason}; dates in ISO 8601", doubt, dates)
+        seconds = np.asarray(dates * 1e-9, dtype=np.float64)
+        time = Time(column=name, unit="iso8601")
+        return TimeBase(time, f"{reason}; dates in ISO 8601", _stands_still(name, seconds), seconds)
     given, said = _unit_given(table, name, unit), name_in(table, name).unit
     known = given or (said if said in SECONDS else "")
     return _of_values(Time(column=name), numbers[name], reason, known, "as given" if given else "by its name")
