@@ -21,21 +21,35 @@ from idloop.records.formats.tree import table_of_tree
 from idloop.records.tables.base_units import is_unit_key
 from idloop.records.tables.table import Table
 
-_SIGNATURE = b"GCOL\x01\0\0\0"
-_HEAD, _ENTRY = 16, 16
+if TYPE_CHECKING:
+    import h5py
+
+HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_HEAP, _HEAD, _ENTRY = b"GCOL\x01\0\0\0", 16, 16  # signature of a heap, bytes of its head and of that of an entry
+# Bytes of one text of a series of texts.
+_TEXT = 64
+
+
+def is_hdf5(head: bytes) -> bool:
+    """Whether a file begins as HDF5, with or without a block of the user's in front."""
+    return any(head[place : place + 8] == HDF5_SIGNATURE for place in (0, 512, 1024, 2048, 4096))
 
 
 def heap_damage(path: Path) -> str:
-    """Return what is wrong with the heaps of a file, with lengths of eight bytes; empty when they are valid."""
+    """Return what is wrong with the heaps of a file, in which texts of any length lie; empty when they are valid.
+
+    The library trusts their sizes: one of zero keeps it busy for ever instead of raising an error. Source: The HDF
+    Group, *HDF5 File Format Specification*, "Level 1E - Global Heap", with lengths of eight bytes.
+    """
     with path.open("rb") as stream:
         if not path.stat().st_size:
             return ""
         with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            place = data.find(_SIGNATURE)
+            place = data.find(_HEAP)
             while place >= 0:
                 if not _is_whole(data, place):
                     return f"the heap of texts at byte {place} is damaged"
-                place = data.find(_SIGNATURE, place + len(_SIGNATURE))
+                place = data.find(_HEAP, place + len(_HEAP))
     return ""
 
 
@@ -55,19 +69,6 @@ def _is_whole(data: mmap.mmap, place: int) -> bool:
             return bool(length == end - place)
         place += _ENTRY + -(-length // 8) * 8
     return bool(place <= end)
-
-
-if TYPE_CHECKING:
-    import h5py
-
-HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
-# Bytes of one text of a series of texts.
-_TEXT = 64
-
-
-def is_hdf5(head: bytes) -> bool:
-    """Whether a file begins as HDF5, with or without a block of the user's in front."""
-    return any(head[place : place + 8] == HDF5_SIGNATURE for place in (0, 512, 1024, 2048, 4096))
 
 
 @contextmanager

@@ -33,7 +33,11 @@ _PAUSE = 1.0  # between tests that all count from their own beginning [s]
 
 
 def read_sysid_json(path: Path, _: Options) -> Table:
-    """Read the tests of a file one after the other; each is a part."""
+    """Read the tests of a file one after the other; each is a part.
+
+    Source: ``sysid-generate`` of WPILib 2021 to 2023 and the logger of its robot programs. Each row of a test has the
+    numbers of `_MECHANISM`, or those of `_DRIVETRAIN`.
+    """
     content = read_json(read_text(path, MOST_JSON_TABLE), str(path), MOST_JSON_TABLE)
     tests = {
         name: _rows(path, name, content[name]) for name in _TESTS if isinstance(content, dict) and content.get(name)

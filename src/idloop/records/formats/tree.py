@@ -22,6 +22,12 @@ from idloop.spelling import joined_names
 _MOST_PARTS = 256
 # What a series with gaps holds.
 _CELL = (int, float, type(None))
+# Lists of what was recorded at the same time, and no runs, by the word of their name.
+_BESIDE_EACH_OTHER = {
+    "joint", "joints", "motor", "motors", "axis", "axes", "servo", "servos", "actuator", "actuators", "channel",
+    "channels", "signal", "signals", "topic", "topics", "series", "traces",
+}  # fmt: skip
+_FEWEST_ROWS = 3  # of a run
 _LAST_BLOCK = re.compile(r"(?:[^/]|//)*$")
 
 
@@ -210,45 +216,37 @@ def _tall(value: np.ndarray[Any, Any]) -> np.ndarray[Any, Any] | None:
     return matrix if matrix.shape[0] >= matrix.shape[1] else matrix.T
 
 
+def _entries(value: Any) -> list[Any]:
+    """Entries of a structure array or a cell array; none for anything else."""
+    if isinstance(value, np.ndarray) and (value.dtype.kind != "O" or value.ndim != 1):
+        return []
+    several = isinstance(value, list | tuple | np.ndarray) and len(value) <= _MOST_PARTS
+    return list(value) if several else []
+
+
 def _by_name(value: Any) -> Any:
     """Return elements of a data set by name, where each has a name and a series of values; else the value itself."""
-    if isinstance(value, np.ndarray) and (value.dtype.kind != "O" or value.ndim != 1):
-        return value
-    several = [value] if isinstance(value, Mapping) else value
-    if not isinstance(several, list | tuple | np.ndarray) or not 0 < len(several) <= _MOST_PARTS:
-        return value
+    several = [value] if isinstance(value, Mapping) else _entries(value)
     if not all(isinstance(one, Mapping) and isinstance(one.get("Values"), Mapping) for one in several):
         return value
     names = [one.get("Name") for one in several]
-    if all(isinstance(name, str) and name for name in names) and len(set(names)) == len(names):
+    if names and all(isinstance(name, str) and name for name in names) and len(set(names)) == len(names):
         return {name: one["Values"] for name, one in zip(names, several, strict=True)}
     return value
 
 
 def _parts(value: Any) -> list[Any] | None:
     """Entries of a structure array, or of a cell array of series of several lengths; None for anything else."""
-    if isinstance(value, np.ndarray) and (value.dtype.kind != "O" or value.ndim != 1):
-        return None
-    if not isinstance(value, list | tuple | np.ndarray) or not 0 < len(value) <= _MOST_PARTS:
-        return None
-    if all(isinstance(part, Mapping) for part in value):
-        return list(value)
-    several = all(_is_series(part) for part in value)
-    return list(value) if several and len({len(part) for part in value}) > 1 else None
+    several = _entries(value)
+    if several and all(isinstance(part, Mapping) for part in several):
+        return several
+    return several if all(map(_is_series, several)) and len({len(part) for part in several}) > 1 else None
 
 
 def _is_series(value: Any) -> bool:
     if isinstance(value, np.ndarray):
         return value.ndim == 1 and value.dtype.kind != "O"
     return isinstance(value, list) and not any(isinstance(one, list | tuple | Mapping | np.ndarray) for one in value)
-
-
-# Lists of what was recorded at the same time, by the word of their name.
-_BESIDE_EACH_OTHER = {
-    "joint", "joints", "motor", "motors", "axis", "axes", "servo", "servos", "actuator", "actuators", "channel",
-    "channels", "signal", "signals", "topic", "topics", "series", "traces",
-}  # fmt: skip
-_FEWEST_ROWS = 3
 
 
 def runs_in(content: Any, key: str | None = None) -> tuple[list[Any], list[str], dict[str, Any]] | None:
