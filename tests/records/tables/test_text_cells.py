@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from idloop.records.tables.table import Table
-from idloop.records.tables.table_files import read_table
-from idloop.records.tables.text_cells import read_texts
+from idloop.records.tables.table_files import read_table, read_texts
 
 
 def _read(cells, **columns):

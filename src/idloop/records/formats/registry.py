@@ -28,6 +28,7 @@ FORMS: tuple[Form, ...] = (
     wpilog.FORM, tool_exports.CODESYS, tool_exports.LABVIEW, tool_exports.TWINCAT, tool_exports.TEKTRONIX,
     json_file.SYSID, json_file.LINES, json_file.FORM, blocks.FORM, echo.FORM, labels.FORM,
 )  # fmt: skip
+_ALL = (TEXT, *FORMS)
 HEAD = 1 << 16
 _WORKBOOK = (
     "a workbook of Excel; save its sheet as CSV, there or by pandas.read_excel('x.xlsx').to_csv('x.csv', index=False)"
@@ -59,7 +60,7 @@ def form_of(path: Path, kind: str | None = None) -> Form:
 
     Raises InputError: it is none of those that are read.
     """
-    known = {form.kind: form for form in (*FORMS, TEXT)}
+    known = {form.kind: form for form in _ALL}
     if kind is not None:
         if kind not in known:
             raise InputError(
@@ -97,7 +98,7 @@ def form_of(path: Path, kind: str | None = None) -> Form:
 def table_of_forms() -> str:
     """Return all forms as a table of a page: file, `format`, columns."""
     rows = ["| file | `format` | columns |", "|---|---|---|"]
-    for form in (TEXT, *FORMS):
+    for form in _ALL:
         names = ", ".join(f"`{suffix}`" for suffix in form.suffixes)
         rows.append(f"| {form.about}{': ' if names else ''}{names} | `{form.kind}` | {form.columns} |")
     return "\n".join(rows)
@@ -105,9 +106,9 @@ def table_of_forms() -> str:
 
 def suffixes() -> list[str]:
     """Return the suffixes of all forms."""
-    return [suffix for form in (TEXT, *FORMS) for suffix in form.suffixes]
+    return [suffix for form in _ALL for suffix in form.suffixes]
 
 
 def kinds() -> list[str]:
     """Return the names of all forms."""
-    return [form.kind for form in (TEXT, *FORMS)]
+    return [form.kind for form in _ALL]

@@ -11,12 +11,11 @@ import numpy as np
 
 from idloop.arrays import Array
 from idloop.records.inspection.velocity_check import velocity_slope
-from idloop.records.recognition.choice import Choice
 from idloop.records.recognition.column_name import is_counter, name_in
 from idloop.records.recognition.guess import MOTION, SET_POINTS, quoted
 from idloop.records.recognition.role_units import base_field
 from idloop.records.recognition.roles import RoleByName, Signal, is_feed_forward
-from idloop.records.recognition.table_column import TableColumn
+from idloop.records.recognition.table_column import Choice, TableColumn
 from idloop.records.recognition.time_base import TimeBase
 from idloop.records.recognition.unnamed_columns import follows, longest_way, smoothest_first
 from idloop.records.tables.base_units import COUNTS, is_unit_of

@@ -16,7 +16,6 @@ from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.records.formats.known_columns import recognise as known_drive
 from idloop.records.inspection.coupled import has_slack
-from idloop.records.recognition.choice import Choice
 from idloop.records.recognition.column_name import ColumnName, name_in, parse_column_name
 from idloop.records.recognition.consistency import (
     doubt_of_lost_rows,
@@ -53,7 +52,7 @@ from idloop.records.recognition.roles import (
     role_by_name,
     says_no_command,
 )
-from idloop.records.recognition.table_column import TableColumn, numbers_of, runs_of
+from idloop.records.recognition.table_column import Choice, TableColumn, numbers_of, runs_of
 from idloop.records.recognition.time_base import TimeBase, base_of_clock, doubt_of_decimation, find_time_base
 from idloop.records.recognition.unnamed_columns import fill_by_values, find_set_point, follows, longest_way
 from idloop.records.tables.base_units import COUNTS, base_unit, known_clock_unit

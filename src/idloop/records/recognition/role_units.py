@@ -10,7 +10,6 @@ import numpy as np
 
 from idloop.arrays import Array
 from idloop.errors import InputError
-from idloop.records.recognition.choice import Choice
 from idloop.records.recognition.column_name import WANTED, ColumnName, parse_column_name
 from idloop.records.recognition.guess import LOAD, MOTION, SET_POINTS, Guess, quoted
 from idloop.records.recognition.roles import CURRENTS, TORQUES, role_by_name
@@ -22,7 +21,7 @@ from idloop.records.recognition.signal_units import (
     steps_per_turn,
     usual_resolution,
 )
-from idloop.records.recognition.table_column import TableColumn
+from idloop.records.recognition.table_column import Choice, TableColumn
 from idloop.records.recognition.time_base import TimeBase
 from idloop.records.recognition.unnamed_columns import longest_way
 from idloop.records.tables.base_units import COUNTS, SECONDS, base_of, base_unit

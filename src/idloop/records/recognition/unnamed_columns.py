@@ -8,12 +8,11 @@ import numpy as np
 
 from idloop.arrays import Array
 from idloop.records.inspection.motion import white_noise
-from idloop.records.recognition.choice import Choice
 from idloop.records.recognition.column_name import FLAGS
 from idloop.records.recognition.guess import MOTION, Given, Guess, with_unit
 from idloop.records.recognition.joints import run_together, slopes_and_means
 from idloop.records.recognition.signal_units import motion_units
-from idloop.records.recognition.table_column import TableColumn
+from idloop.records.recognition.table_column import Choice, TableColumn
 from idloop.records.recognition.time_base import TimeBase
 from idloop.records.tables.expression import Expression
 
