@@ -91,15 +91,10 @@ def read_record(
         Anything above, unknown topic or joint, clock running backwards, two clocks.
     """
     with Bag(bag, distro) as opened:
-        records = _read_runs(opened, model, stamps, split=run is not None)
-    if run is None:
-        record = records[0]
-    elif 0 <= run < len(records):
-        record = records[run]
-    else:
+        records = _read_runs(opened, model, stamps, wrap, split=run is not None)
+    if run is not None and not 0 <= run < len(records):
         raise InputError(f"{bag}: no run {run}; the bag holds {len(records)} (counted from 0)")
-    for name, span in (wrap or {}).items():
-        record = record.unwrapped(name, span)
+    record = records[run or 0]
     if check:
         record = check_record(record, held=model.input.kind == "held")
         (record,) = check_commands(without_wrong_velocities([record], output_scales(model)))
@@ -127,12 +122,9 @@ def read_records(
     records = []
     for one in several:
         with nullcontext(one) if isinstance(one, Bag) else Bag(one, distro) as bag:
-            runs = _read_runs(bag, model, stamps, split=split)
+            runs = _read_runs(bag, model, stamps, wrap, split=split)
         for record in runs:
-            whole = record
-            for name, span in (wrap or {}).items():
-                whole = whole.unwrapped(name, span)
-            records += usable_parts(cut_at_gaps(whole), partial(check_record, held=model.input.kind == "held"))
+            records += usable_parts(cut_at_gaps(record), partial(check_record, held=model.input.kind == "held"))
     return without_wrong_velocities(records, output_scales(model))
 
 
@@ -141,7 +133,9 @@ def output_scales(model: ModelSignals) -> dict[str, float]:
     return {f"{one.joint}.{one.field}": float(getattr(one, "scale", 1.0)) for one in model.outputs}
 
 
-def _read_runs(bag: Bag, model: ModelSignals, stamps: str, *, split: bool) -> list[Record]:
+def _read_runs(
+    bag: Bag, model: ModelSignals, stamps: str, wrap: Mapping[str, float] | None, *, split: bool
+) -> list[Record]:
     if stamps not in ("header", "receive"):
         raise InputError(f"stamps {stamps!r} are unknown; use header or receive")
     path, topics = bag.path, bag.topics
@@ -180,7 +174,10 @@ def _read_runs(bag: Bag, model: ModelSignals, stamps: str, *, split: bool) -> li
         record = _align(path, name, model, part, command, measured, extra)
         end_ns = int(record.absolute(record.time[-1:])[0])
         values, notes = conditions.read(part, units, record.start_ns, end_ns)
-        records.append(replace(record, conditions=values, findings=(*record.findings, *common, *notes)))
+        record = replace(record, conditions=values, findings=(*record.findings, *common, *notes))
+        for output, span in (wrap or {}).items():
+            record = record.unwrapped(output, span)
+        records.append(record)
     return records
 
 
@@ -190,12 +187,12 @@ def _unit_findings(model: ModelSignals, bag_units: Mapping[str, str]) -> list[Fi
     for signal in (model.input, *model.outputs):
         unit = bag_units.get(f"{signal.joint}.{signal.field}", signal.unit)
         if unit != signal.unit:
+            where = f"{signal.joint}.{signal.field}"
             text = (
-                f"{signal.joint}.{signal.field} is in {unit or 'a unit that is not known'} in the bag and in"
-                f" {signal.unit} in the model; its values are used without conversion: correct the unit in the model"
-                " file or in the mapping"
+                f"{where} is in {unit or 'a unit that is not known'} in the bag and in {signal.unit} in the model; its"
+                " values are used without conversion: correct the unit in the model file or in the mapping"
             )
-            found.append(Finding("unit", text, where=f"{signal.joint}.{signal.field}", level="warning"))
+            found.append(Finding("unit", text, where=where, level="warning"))
     return found
 
 

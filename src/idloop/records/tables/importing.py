@@ -72,8 +72,7 @@ def import_bag(
         raise InputError(f"{bag}: exists already and is not overwritten; choose another name or remove it")
     attributes: dict[str, float | str] = {}
     findings: list[Finding] = []
-    from_bag = is_bag(source)
-    if mapping.format == "bag" or (mapping.format is None and not mapping.files and from_bag):
+    if mapping.format == "bag" or (mapping.format is None and not mapping.files and is_bag(source)):
         read = signals_from_bag(source, mapping, signals)
     else:
         table = _table(source, mapping, signals)
@@ -83,40 +82,31 @@ def import_bag(
     _check(source, read)
     streams = _streams(read)
     channels = {signal.name: signal.unit for signal in read}
-    findings += [
-        finding
-        for stream in streams
-        if stream.topic != CONDITIONS  # at any rate: they are interpolated linearly
-        for finding in stamp_findings(
-            stream.topic, stamp_statistics(stream.stamp_ns), held=stream.topic == "joint_command"
-        )
-    ]
+    statistics = {stream.topic: stamp_statistics(stream.stamp_ns) for stream in streams}
+    for topic, of_topic in statistics.items():
+        if topic != CONDITIONS:  # at any rate: they are interpolated linearly
+            findings += stamp_findings(topic, of_topic, held=topic == "joint_command")
     findings += _value_findings(read)
-    custom = {
-        IMPORT: json.dumps(
-            {
-                "mapping": mapping.name,
-                "part": part or "",
-                "source": source.name,
-                "files": mapping.files,
-                "units": channels,
-                "attributes": attributes,
-                "notes": mapping.notes,
-                "cite": mapping.cite,
-            }
-        )
+    origin = {
+        "mapping": mapping.name,
+        "part": part or "",
+        "source": source.name,
+        "files": mapping.files,
+        "units": channels,
+        "attributes": attributes,
+        "notes": mapping.notes,
+        "cite": mapping.cite,
     }
-    write_bag(bag, streams, custom=custom)
+    write_bag(bag, streams, custom={IMPORT: json.dumps(origin)})
     measured = next((stream for stream in streams if stream.topic == "joint_states"), streams[0])
-    statistics = stamp_statistics(measured.stamp_ns)
     return Imported(
         bag=bag,
         source=source,
         mapping=mapping.name,
         part=part or "",
         samples=len(measured),
-        duration=statistics.duration,
-        period=statistics.period,
+        duration=statistics[measured.topic].duration,
+        period=statistics[measured.topic].period,
         channels=channels,
         attributes=attributes,
         findings=tuple(findings),
