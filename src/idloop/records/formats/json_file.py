@@ -30,6 +30,13 @@ _DRIVETRAIN = (
 )  # fmt: skip
 _KEYS = re.compile(r'\s*\{.*?"(?:fast|slow|dynamic|quasistatic)-(?:forward|backward)"\s*:', re.DOTALL)
 _PAUSE = 1.0  # between tests that all count from their own beginning [s]
+# Entries of a list within a sample that become columns of their own.
+_MOST_ENTRIES = 64
+# A list of at most as many mappings holds records or settings, not samples.
+_HANDFUL = 9
+# A number in brackets alone begins a line of a console log, and a list in each line is a table of text.
+_JSON = re.compile(r'\s*(\{\s*["}]|\[\s*([\[\]{"]|-?\d[\d.eE+-]*\s*(,|\]\s*\Z)))')
+_LISTS = re.compile(r"\s*\[[^\[\]{}]*\][ \t]*\r?\n\s*\[")
 
 
 def read_sysid_json(path: Path, _: Options) -> Table:
@@ -78,15 +85,6 @@ def _rows(path: Path, name: str, rows: Any) -> np.ndarray[Any, np.dtype[np.float
     if found.ndim != 2 or not np.isfinite(found).all():
         raise InputError(f"{path}: {name} is no list of rows of as many finite numbers; check the copy of the file")
     return found
-
-
-# Entries of a list within a sample that become columns of their own.
-_MOST_ENTRIES = 64
-# A list of at most as many mappings holds records or settings, not samples.
-_HANDFUL = 9
-# A number in brackets alone begins a line of a console log, and a list in each line is a table of text.
-_JSON = re.compile(r'\s*(\{\s*["}]|\[\s*([\[\]{"]|-?\d[\d.eE+-]*\s*(,|\]\s*\Z)))')
-_LISTS = re.compile(r"\s*\[[^\[\]{}]*\][ \t]*\r?\n\s*\[")
 
 
 def read_json_table(path: Path, options: Options) -> Table:

@@ -36,6 +36,8 @@ _MARKS = str.maketrans("", "", "{}'\"")
 # Of Teleplot: `>name:value`, `>name:stamp:value§unit|flags`, several values apart by semicolons; stamps are in ms.
 _TELEPLOT = re.compile(r">\s*([^:|]+):([^|§]+)(?:§([^|]*))?(?:\|(\w*))?")
 _NO_SERIES = ("t", "xy")
+_CLOCK_NAME = "time"
+_LEAST, _MOST = 3, 200  # lines by which a file is recognised
 
 
 @dataclass(frozen=True)
@@ -100,10 +102,6 @@ def _teleplot(text: str) -> list[Reading]:
             return []
         found.append(Reading(match[1], float(value), "".join(stamp), "ms" if stamp else "", match[3] or ""))
     return found
-
-
-_CLOCK_NAME = "time"
-_LEAST, _MOST = 3, 200  # lines by which a file is recognised
 
 
 def read_labels(path: Path, _: Options) -> Table:

@@ -24,6 +24,8 @@ from idloop.records.tables.table import Table
 
 # Bytes of the header of a file before its version.
 _SUBSYSTEM = 124
+_FIELDS = {"InputData", "OutputData", "InputName", "OutputName", "Ts", "SamplingInstants"}
+_PAUSE = 10.0  # periods between experiments
 
 
 def read_mat(path: Path, _: Options) -> Table:
@@ -139,8 +141,6 @@ def _plain(value: Any, depth: int) -> Any:
     return np.squeeze(value) if isinstance(value, np.ndarray) else value
 
 
-_FIELDS = {"InputData", "OutputData", "InputName", "OutputName", "Ts", "SamplingInstants"}
-_PAUSE = 10.0  # periods between experiments
 Parts = dict[str, tuple[float, float]]
 
 

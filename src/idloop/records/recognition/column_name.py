@@ -48,40 +48,6 @@ _IN_VOLTS = {
 _MOTORS = {"motor", "drive", "actuator", "servo", "armature"}
 # Behind a name most often the way in, and a unit only where the name says that it is a length.
 _WAY_IN = "in"
-
-
-def is_in_volts(words: Iterable[str], wanted: Container[str]) -> bool:
-    """Whether a small v behind words in small letters is the unit of a voltage; `wanted` are those of a set-point."""
-    rest = set(words)
-    return bool(rest & _IN_VOLTS) or (bool(rest & _MOTORS) and any(word in wanted for word in rest))
-
-
-def is_unit_behind(suffix: str, words: Iterable[str]) -> bool:
-    """Whether a unit behind words is one: a single letter, and ``in``, mean motor, measured and input as well."""
-    if suffix != _WAY_IN and (len(suffix) > 1 or not suffix.isalpha()):
-        return True
-    rest = set(words)
-    said = [units for some, units in _UNITS_OF_WORDS if some & rest]
-    return any(base_of(suffix) in units for units in said) if said else suffix != _WAY_IN
-
-
-def unit_within(word: str) -> tuple[str, str]:
-    """Return name and symbol of a word such as ``yrad`` and ``wrads``; an empty unit where it has none that fits."""
-    small = word.lower()
-    if any(small in some for some, _ in _UNITS_OF_WORDS):
-        return word, ""
-    for some, units in _UNITS_OF_WORDS:
-        for name in some:
-            symbol = small.removeprefix(name) if small.startswith(name) else ""
-            per_second = f"{symbol[:-1]}/s" if symbol.endswith("s") else ""
-            for text in (per_second, symbol):
-                unit, factor = read_unit(text)
-                plain = unit.casefold() == text and factor == 1.0 and text != _WAY_IN
-                if plain and len(symbol) > 1 and base_of(unit) in units:
-                    return word[: len(name)], unit
-    return word, ""
-
-
 # A unit behind a name: in brackets, or as in "speed in rpm" and "n / rpm". A bracket without its other half is none.
 BRACKETS = re.compile(r"\s*[\[(<{]\s*([^\[(<{\])>}]*?)\s*[\])>}]")
 _BEHIND = re.compile(r"(?:\s+in\s+|\s+/\s+|\s*,\s+)(\S+)\s*$")
@@ -129,8 +95,39 @@ _TOGETHER = re.compile(
     r"(position|pos|angle|velocity|vel|speed|current|torque|voltage|effort|force|pwm)"
     rf"({_SIDES})?"
 )
-
 _FEEDBACK = re.compile(r"([fr])(pos|vel|acc)")  # as controllers of motion abbreviate
+
+
+def is_in_volts(words: Iterable[str], wanted: Container[str]) -> bool:
+    """Whether a small v behind words in small letters is the unit of a voltage; `wanted` are those of a set-point."""
+    rest = set(words)
+    return bool(rest & _IN_VOLTS) or (bool(rest & _MOTORS) and any(word in wanted for word in rest))
+
+
+def is_unit_behind(suffix: str, words: Iterable[str]) -> bool:
+    """Whether a unit behind words is one: a single letter, and ``in``, mean motor, measured and input as well."""
+    if suffix != _WAY_IN and (len(suffix) > 1 or not suffix.isalpha()):
+        return True
+    rest = set(words)
+    said = [units for some, units in _UNITS_OF_WORDS if some & rest]
+    return any(base_of(suffix) in units for units in said) if said else suffix != _WAY_IN
+
+
+def unit_within(word: str) -> tuple[str, str]:
+    """Return name and symbol of a word such as ``yrad`` and ``wrads``; an empty unit where it has none that fits."""
+    small = word.lower()
+    if any(small in some for some, _ in _UNITS_OF_WORDS):
+        return word, ""
+    for some, units in _UNITS_OF_WORDS:
+        for name in some:
+            symbol = small.removeprefix(name) if small.startswith(name) else ""
+            per_second = f"{symbol[:-1]}/s" if symbol.endswith("s") else ""
+            for text in (per_second, symbol):
+                unit, factor = read_unit(text)
+                plain = unit.casefold() == text and factor == 1.0 and text != _WAY_IN
+                if plain and len(symbol) > 1 and base_of(unit) in units:
+                    return word[: len(name)], unit
+    return word, ""
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,13 @@ from idloop.spelling import listed
 # Share of the rows in which a counter rises by one number, and steps of the stamps that are usual, in their median.
 _COUNTS, _USUAL = 0.9, 1.5
 _FEWEST_ROWS = 10
+_MAY_DIFFER = ("", *MOTION, *SET_POINTS)  # roles of two columns whose difference a control error may be
+_ROUNDED = 0.01  # of the spread of each of three columns, by which rounding may leave their difference
+_MOST_COMPARED = 20
+# What a swapped name may stand at: not at a set-point, whose slope is often logged beside it.
+_MAY_BE = ("command", "effort", *MOTION, "other", "")
+_MOST_NAMED = 8
+_GAINS = (("kp", "position", "reference"), ("kd", "velocity", "reference velocity"))
 
 
 def doubt_of_lost_rows(table: Table, numbers: Map[str, Array], base: TimeBase) -> str:
@@ -52,11 +59,6 @@ def doubt_of_lost_rows(table: Table, numbers: Map[str, Array], base: TimeBase) -
             f" '{quoted(name)} * {period:.6g}=s'"
         )
     return ""
-
-
-_MAY_DIFFER = ("", *MOTION, *SET_POINTS)  # roles of two columns whose difference a control error may be
-_ROUNDED = 0.01  # of the spread of each of three columns, by which rounding may leave their difference
-_MOST_COMPARED = 20
 
 
 def without_control_error(columns: dict[str, TableColumn], given: Container[str]) -> dict[str, TableColumn]:
@@ -129,12 +131,6 @@ def _is_set_point(one: TableColumn, other: TableColumn) -> bool:
         error, change = (one.value - other.value)[run], np.diff(other.value[run])
         towards += float(np.nansum(change * (error[1:] + error[:-1])))
     return towards > 0.0
-
-
-# What a swapped name may stand at: not at a set-point, whose slope is often logged beside it.
-_MAY_BE = ("command", "effort", *MOTION, "other", "")
-_MOST_NAMED = 8
-_GAINS = (("kp", "position", "reference"), ("kd", "velocity", "reference velocity"))
 
 
 def doubt_of_names(log: Choice) -> str:

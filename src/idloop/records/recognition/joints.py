@@ -26,6 +26,10 @@ _RUNS_WITH = 0.9  # correlation of a velocity with the slope of its position
 _AT_REST = 0.05  # travel of a joint beside that of the farthest, which shows nothing of its velocity
 _SAME = 0.1  # of the spread of a column, by which one that runs with it differs
 _FEWEST_JOINTS, _MOST_COLUMNS = 2, 64
+_OF_SEVERAL = re.compile(r"(.*)\[(\d+)\]")
+_NUMBERED = re.compile(r".*\D(\d+)")
+_SIDES = {"x", "y", "z", "left", "right"}  # words that tell one axis of a machine from another
+_PATH_BLOCKS, _FEWEST_BLOCKS = 4000, 4  # means along which the path of a joint is measured
 
 
 def slopes_and_means(values: Sequence[Array], runs: Iterable[slice]) -> tuple[Array, Array]:
@@ -119,12 +123,6 @@ def run_together(one: Array, other: Array) -> bool:
         return False
     known = np.isfinite(one) & np.isfinite(other)
     return bool(known.any()) and float(np.std((one - other)[known])) < _SAME * float(np.std(one[known]))
-
-
-_OF_SEVERAL = re.compile(r"(.*)\[(\d+)\]")
-_NUMBERED = re.compile(r".*\D(\d+)")
-_SIDES = {"x", "y", "z", "left", "right"}  # words that tell one axis of a machine from another
-_PATH_BLOCKS, _FEWEST_BLOCKS = 4000, 4  # means along which the path of a joint is measured
 
 
 def joints_by_name(names: Iterable[str]) -> dict[str, str] | None:

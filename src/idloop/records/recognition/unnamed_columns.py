@@ -19,6 +19,10 @@ from idloop.records.tables.expression import Expression
 _FEWEST_ROWS = 10  # that show noise
 _TINY = 1e-9  # share of the variance that is no change
 _COARSE = 0.3  # of the range, for the steps of a sensor
+_MOST_BY_LOOKS = 3  # columns without a name that are recognised by their values alone
+_MOST_PAIRED = 6  # ... of which two are a position and its slope
+_MOST_COMPARED = 20  # columns without a name that are held against the slope of the position
+_FOLLOWS = 0.6  # correlation of a velocity with the command
 
 
 def smoothest_first(signals: Sequence[tuple[Array, Sequence[slice]]]) -> list[int]:
@@ -66,12 +70,6 @@ def _changes(value: Array, runs: Sequence[slice]) -> Array:
         lag = count >> halved
         squares.append(np.mean(np.concatenate([np.square(piece[lag:] - piece[:-lag]) for piece in pieces])))
     return np.array(squares) / float(np.nanvar(value))
-
-
-_MOST_BY_LOOKS = 3  # columns without a name that are recognised by their values alone
-_MOST_PAIRED = 6  # ... of which two are a position and its slope
-_MOST_COMPARED = 20  # columns without a name that are held against the slope of the position
-_FOLLOWS = 0.6  # correlation of a velocity with the command
 
 
 def fill_by_values(log: Choice) -> None:

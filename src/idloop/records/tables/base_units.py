@@ -133,6 +133,23 @@ _KEYS = {
 _PREFIXED = {
     "rad", "deg", "°", "V", "A", "N", "Nm", "N·m", "N.m", "N*m", "rad/s", "deg/s", "°/s", "dps", "rev", "rev/s", "rpm",
 }  # fmt: skip
+# What each field of JointState may be in. A sensor that is read in volts stays in volts.
+_FIELDS = {
+    "position": ("rad", "m", "V", "-"),
+    "velocity": ("rad/s", "m/s", "V/s", "V", "-"),
+    "condition": ("°C", "V", "A", "N·m", "N", "-"),
+    "effort": ("V", "A", "N·m", "N", "rad", "m", "rad/s", "m/s", "-"),
+}
+TIME_WORDS = frozenset({
+    "t", "time", "times", "timestamp", "timestamps", "stamp", "stamps", "timevec", "tout", "zeit", "clock", "elapsed",
+    "elapsedtime", "sec", "seconds", "millis", "micros", "millisec", "microsec", "timeseconds", "datetime",
+    "tiempo", "tempo", "tijd",
+})  # fmt: skip
+# What may stand before a time: which clock, or since when.
+_WHICH = re.compile(
+    r"(?:elapsed|relative|absolute|receive|received|log|recorded|sample|local|utc|unix|system)[\s_]+(?=time)"
+)
+_BEHIND = re.compile(r"^(.*?)[\s_.\-]*[\[(<]?([a-zµμ]+)[\])>]?$")
 
 
 def known_unit(text: str) -> str:
@@ -153,15 +170,6 @@ def read_unit(text: str) -> tuple[str, float]:
     factor, rest = _multiple(text)
     unit = known_unit(rest) if factor != 1.0 else ""
     return (unit, factor) if unit and unit not in SECONDS else ("", 1.0)
-
-
-# What each field of JointState may be in. A sensor that is read in volts stays in volts.
-_FIELDS = {
-    "position": ("rad", "m", "V", "-"),
-    "velocity": ("rad/s", "m/s", "V/s", "V", "-"),
-    "condition": ("°C", "V", "A", "N·m", "N", "-"),
-    "effort": ("V", "A", "N·m", "N", "rad", "m", "rad/s", "m/s", "-"),
-}
 
 
 def is_unit_of(unit: str, field: str) -> bool:
@@ -236,18 +244,6 @@ def _without_accents(text: str) -> str:
     """A text with plain letters for those with accents; of other alphabets as it is."""
     found = normalize("NFD", text.replace("ł", "l").replace("ø", "o"))
     return normalize("NFC", "".join(one for one in found if not "\u0300" <= one <= "\u036f" or one == "\u0306"))
-
-
-TIME_WORDS = frozenset({
-    "t", "time", "times", "timestamp", "timestamps", "stamp", "stamps", "timevec", "tout", "zeit", "clock", "elapsed",
-    "elapsedtime", "sec", "seconds", "millis", "micros", "millisec", "microsec", "timeseconds", "datetime",
-    "tiempo", "tempo", "tijd",
-})  # fmt: skip
-# What may stand before a time: which clock, or since when.
-_WHICH = re.compile(
-    r"(?:elapsed|relative|absolute|receive|received|log|recorded|sample|local|utc|unix|system)[\s_]+(?=time)"
-)
-_BEHIND = re.compile(r"^(.*?)[\s_.\-]*[\[(<]?([a-zµμ]+)[\])>]?$")
 
 
 def clock_unit(name: str) -> str | None:

@@ -38,6 +38,7 @@ _APART = re.compile(r"\t|\s{2,}")
 # How a date or a time of day is written stands for its unit: hh:mm:ss,ms and TT.MM.JJJJ.
 _PATTERN = re.compile(r"[hmsdytjna]{1,4}(?:[.:,/\- ]+[hmsfdytjna]{1,4})+", re.IGNORECASE)
 _UNIT_CELL = re.compile(r"\[.*\]|\(.*\)|<.*>|-|[%°µΩa-zA-Z²³·/*^.0-9]{1,8}")
+_ABOVE = 3  # rows in which the name of a column is looked for that the header does not name
 
 
 @dataclass(frozen=True)
@@ -85,9 +86,6 @@ def split(lines: Sequence[str], delimiter: str) -> list[Row]:
         return [line.split() for line in lines]
     # Line by line: a quote that is never closed takes no other line with it.
     return [next(iter(csv.reader([line], delimiter=delimiter, skipinitialspace=True)), []) for line in lines]
-
-
-_ABOVE = 3  # rows in which the name of a column is looked for that the header does not name
 
 
 def find_layout(lines: Sequence[str], *, delimiter: str | None = None, header: bool | None = None) -> Layout:

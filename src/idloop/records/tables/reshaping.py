@@ -21,6 +21,19 @@ from idloop.spelling import joined_names, listed
 
 _MOST_SIGNALS, _FEWEST_SAMPLES = 64, 50
 _LONGER = 10  # times as many columns as rows, of a table that is turned
+_MOST_NAMES, _FEWEST_ROWS = 64, 10
+_VALUES = {"value", "values", "varvalue", "val", "wert", "valor", "valeur", "valore", "waarde", "reading"}
+_STAMP = "stamp"
+_WHOLE = re.compile(r"(?:^|.*[._\s])(?:tv_)?(?:secs?|seconds)", re.IGNORECASE)
+_REST = {
+    1e9: re.compile(r"(?:^|.*[._\s])(?:tv_)?(?:nanosecs?|nsecs?|nanoseconds|ns)", re.IGNORECASE),
+    1e6: re.compile(r"(?:^|.*[._\s])(?:tv_)?(?:usecs?|microsecs?|microseconds|us)", re.IGNORECASE),
+}
+# Seconds since 1970 of the years 2000 to 2100, which a column without a name must hold.
+_DATES = (9.5e8, 4.1e9)
+_FEWEST_STAMPS = 3
+_RISING = 0.97  # share of the steps of both together that are not negative
+_FILLED = 0.5  # of its range, up to which a rest without a name goes
 
 
 def turn_rows(table: Table) -> None:
@@ -40,10 +53,6 @@ def turn_rows(table: Table) -> None:
     rows = np.column_stack(others if named else [first, *others])
     table.columns = dict(zip(names, rows, strict=True))
     table.notes.append(f"each of its {count} rows is a signal{' with its name before it' if named else ''}")
-
-
-_MOST_NAMES, _FEWEST_ROWS = 64, 10
-_VALUES = {"value", "values", "varvalue", "val", "wert", "valor", "valeur", "valore", "waarde", "reading"}
 
 
 def spread_names(table: Table) -> None:
@@ -109,19 +118,6 @@ def _varies(column: Array, label: NDArray[Any]) -> bool:
     return any(
         float(np.ptp(column[rows])) > 0.0 for one in set(label.tolist()) if (rows := (label == one) & known).any()
     )
-
-
-_STAMP = "stamp"
-_WHOLE = re.compile(r"(?:^|.*[._\s])(?:tv_)?(?:secs?|seconds)", re.IGNORECASE)
-_REST = {
-    1e9: re.compile(r"(?:^|.*[._\s])(?:tv_)?(?:nanosecs?|nsecs?|nanoseconds|ns)", re.IGNORECASE),
-    1e6: re.compile(r"(?:^|.*[._\s])(?:tv_)?(?:usecs?|microsecs?|microseconds|us)", re.IGNORECASE),
-}
-# Seconds since 1970 of the years 2000 to 2100, which a column without a name must hold.
-_DATES = (9.5e8, 4.1e9)
-_FEWEST_STAMPS = 3
-_RISING = 0.97  # share of the steps of both together that are not negative
-_FILLED = 0.5  # of its range, up to which a rest without a name goes
 
 
 def join_stamps(table: Table) -> None:

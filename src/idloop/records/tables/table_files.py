@@ -20,6 +20,15 @@ from idloop.records.tables.table import Table
 from idloop.spelling import did_you_mean, listed
 
 __all__ = ["Table", "read_table"]
+_ISO = re.compile(r"\d{4}-\d\d-\d\d")
+_CLOCK = re.compile(
+    r"(?:\d{1,4}[./-]\d{1,2}[./-]\d{2,4}[ T]+)?"
+    r"(?:(?P<hour>[01]?\d|2[0-3]):)?(?P<minute>[0-5]?\d):(?P<second>[0-5]\d)(?P<part>[.,]\d+|[:;]\d{3}(?!\d))?"
+    r"\s*(?P<half>[AaPp])?\.?[Mm]?\.?"
+)
+_DAY, _HOUR = 86_400.0, 3_600.0
+# Cells that tell what kind of column it is.
+_FIRST = 200
 
 
 def read_table(path: Path, kind: str | None = None, options: Mapping[str, Any] | None = None) -> Table:
@@ -58,17 +67,6 @@ def read_table(path: Path, kind: str | None = None, options: Mapping[str, Any] |
     spread_names(table)
     join_stamps(table)
     return table
-
-
-_ISO = re.compile(r"\d{4}-\d\d-\d\d")
-_CLOCK = re.compile(
-    r"(?:\d{1,4}[./-]\d{1,2}[./-]\d{2,4}[ T]+)?"
-    r"(?:(?P<hour>[01]?\d|2[0-3]):)?(?P<minute>[0-5]?\d):(?P<second>[0-5]\d)(?P<part>[.,]\d+|[:;]\d{3}(?!\d))?"
-    r"\s*(?P<half>[AaPp])?\.?[Mm]?\.?"
-)
-_DAY, _HOUR = 86_400.0, 3_600.0
-# Cells that tell what kind of column it is.
-_FIRST = 200
 
 
 def read_texts(table: Table) -> None:
