@@ -424,8 +424,8 @@ def _add_column_of(log: Choice, guess: Guess, numbers: dict[str, Array]) -> None
     if guess.column and guess.column not in log.columns:
         computed = "compute" in guess.options
         value = Expression(guess.column).evaluate(numbers) if computed else numbers[guess.column]
-        nameless = ColumnName((), "", ""), RoleByName("", 0.0, "")
-        log.columns[guess.column] = TableColumn(guess.column, *nameless, value, runs_of(value, log.base))
+        runs = runs_of(value, log.base)
+        log.columns[guess.column] = TableColumn(guess.column, ColumnName((), "", ""), RoleByName(""), value, runs)
 
 
 def _by_name(log: Choice, role: str) -> Guess | None:

@@ -98,8 +98,8 @@ class RoleByName:
     """What a name says."""
 
     role: Role  # empty where the name says nothing
-    rank: float  # the larger, the surer; among columns of one role the largest is taken
-    reason: str
+    rank: float = 0.0  # the larger, the surer; among columns of one role the largest is taken
+    reason: str = ""
 
 
 def role_by_name(name: ColumnName) -> RoleByName:
@@ -107,7 +107,7 @@ def role_by_name(name: ColumnName) -> RoleByName:
     words, unit = _axes_joined(set(name.words)), name.unit
     wanted, measured = words & WANTED, words & MEASURED
     if is_counter(name) and not words & TIME_WORDS:
-        return RoleByName("other", 0.0, "")
+        return RoleByName("other")
     if words & _TEMPERATURES or unit == "°C":
         return RoleByName("temperature", 1.0, "by its name")
     voltage = unit in ("V", "mV") or bool(words & _VOLTAGES)
@@ -121,11 +121,11 @@ def role_by_name(name: ColumnName) -> RoleByName:
     along = words & _ALONG_FIELD or ("d" in words and unit in ("A", "mA", "V", "mV"))
     none = words & _NEVER or (along and not words & (_POSITIONS | _VELOCITIES))
     if none or (words & _WITHOUT_UNIT and not unit):
-        return RoleByName("other", 0.0, "")
+        return RoleByName("other")
     if words == {"observation", "state"} and not unit:
         return RoleByName("position", 1.0, _because(words, unit))
     if words & _OTHER and not kind:
-        return RoleByName("", 0.0, "")
+        return RoleByName("")
     # In data sets for learning an action is the next set-point.
     if words in ({"r"}, {"action"}, {"actions"}) and not unit:
         return RoleByName("reference", 1.0, _because(words, unit))
@@ -154,7 +154,7 @@ def role_by_name(name: ColumnName) -> RoleByName:
         return RoleByName("command", 3.0, _because(wanted, unit))
     if wanted:
         return RoleByName("reference", 1.0, _because(wanted, unit))
-    return RoleByName("", 0.0, "")
+    return RoleByName("")
 
 
 def is_named_as_signal(name: str) -> bool:

@@ -68,7 +68,7 @@ class TableColumn:
 
     def as_other(self) -> TableColumn:
         """Return it as no signal of the axis."""
-        return replace(self, by_name=RoleByName("other", 0.0, ""))
+        return replace(self, by_name=RoleByName("other"))
 
     def with_sign(self) -> TableColumn:
         """Return it with the sign of negative numbers that were logged as large positive ones."""

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import itertools
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import pairwise
+from itertools import compress, pairwise
 from typing import Any
 
 import numpy as np
@@ -207,4 +206,4 @@ def cut_at_ends(columns: dict[str, Any], clocks: Mapping[str, str]) -> None:
             if isinstance(column, np.ndarray):
                 columns[name] = column[known]
             else:
-                columns[name] = list(itertools.compress(column, known))
+                columns[name] = list(compress(column, known))
