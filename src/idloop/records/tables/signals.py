@@ -91,9 +91,8 @@ def signals_from_table(table: Table, mapping: Mapping, signals: Signals) -> list
     for topic, field, channel, time, value in raw:
         stamp, bad = stamps[first if not value.ndim or time is None else time]
         kept = _within(stamp, signals, held=channel.time is not None and _is_held(topic)) & ~bad
-        both = (stamp[kept] + shift,) * 2
         values = np.broadcast_to(value, stamp.shape)[kept]
-        found.append(_make_signal(topic, field, channel, values, both, mapping, channel.joint or signals.joint or ""))
+        found.append(_make_signal(topic, field, channel, values, (stamp[kept] + shift,) * 2, mapping))
     return found
 
 
@@ -202,34 +201,31 @@ def signals_from_bag(source: Path, mapping: Mapping, signals: Signals) -> list[S
                 continue
             names[channel.topic] = resolve_topic(channel.topic, known, source)
         streams = read_streams(bag, set(names.values()))
-    read = {}
-    for channel in (channel for *_, channel in assigned if channel.topic in names):
-        stream, time = streams[names[str(channel.topic)]], channel.time or signals.time or Time(stamps="header")
+    read = []
+    for topic, field, channel in assigned:
+        if channel.topic not in names:
+            continue
+        stream, time = streams[names[channel.topic]], channel.time or signals.time or Time(stamps="header")
         if time.stamps is None:
             raise InputError(
                 f"mapping {mapping.name}: {source} is a bag, whose messages have stamps of their own: give"
                 " `time: {stamps: header}` or `time: {stamps: receive}`"
             )
-        stamps = stream.receive_ns if time.stamps == "receive" else stream.stamp_ns, stream.receive_ns
-        read[id(channel)] = stream, tuple(_moved(one, time) for one in stamps)
-    begin = min((int(stamp.min()) for _, (stamp, _) in read.values() if stamp.size), default=0)
+        stamp = _moved(stream.receive_ns if time.stamps == "receive" else stream.stamp_ns, time)
+        read.append((topic, field, channel, stream, (stamp, _moved(stream.receive_ns, time))))
+    if not read:
+        raise InputError(f"mapping {mapping.name}: it assigns no topic; add `command:` and `position:` or `velocity:`")
+    begin = min((int(stamp.min()) for *_, (stamp, _) in read if stamp.size), default=0)
     found = []
-    for topic, field, channel in assigned:
-        if id(channel) not in read:
-            continue
-        stream, (stamp, receive) = read[id(channel)]
+    for topic, field, channel, stream, (stamp, receive) in read:
         kept = _within(stamp - begin, signals, held=_is_held(topic))
         value = _convert(stream.number(channel.source_joint or "", channel.field or ""), None, channel)
-        joint = channel.joint or signals.joint or ""
-        both = stamp[kept], receive[kept]
-        found.append(_make_signal(topic, field, channel, value[kept], both, mapping, joint))
-    if not found:
-        raise InputError(f"mapping {mapping.name}: it assigns no topic; add `command:` and `position:` or `velocity:`")
+        found.append(_make_signal(topic, field, channel, value[kept], (stamp[kept], receive[kept]), mapping))
     return found
 
 
 def _assignments(signals: Signals) -> list[tuple[str, str, Channel]]:
-    """Return (topic, field, channel) for everything that the mapping assigns."""
+    """Return (topic, field, channel) for everything that the mapping assigns, each channel with its joint."""
     assigned = [
         ("reference", "position", signals.reference.position),
         ("reference", "velocity", signals.reference.velocity),
@@ -240,15 +236,16 @@ def _assignments(signals: Signals) -> list[tuple[str, str, Channel]]:
         ("joint_states", "effort", signals.effort),
         ("joint_command", "effort", signals.command),
     ]
-    found = [(topic, field, channel) for topic, field, channels in assigned for channel in channels]
-    named = [one.model_copy(update={"joint": name}) for name, one in signals.conditions.items()]
-    return [*found, *((CONDITIONS, FIELD, channel) for channel in named)]
+    found = [(topic, field, one, one.joint or signals.joint) for topic, field, several in assigned for one in several]
+    found += [(CONDITIONS, FIELD, one, name) for name, one in signals.conditions.items()]
+    return [(topic, field, one.model_copy(update={"joint": joint})) for topic, field, one, joint in found]
 
 
 def _make_signal(
-    topic: str, field: str, channel: Channel, value: Array, stamps: tuple[Stamps, Stamps], mapping: Mapping, joint: str
+    topic: str, field: str, channel: Channel, value: Array, stamps: tuple[Stamps, Stamps], mapping: Mapping
 ) -> Signal:
     """Return converted values as a signal: unwrapped where a range is declared, in the unit of the topic."""
+    joint = channel.joint
     if not joint:
         raise InputError(f"mapping {mapping.name}: no joint named; add `joint: motor` at the top")
     doubtful: tuple[tuple[float, float], ...] = ()
