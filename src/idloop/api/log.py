@@ -26,8 +26,8 @@ from idloop.records.recognition.roles import is_named_as_signal, role_by_name
 from idloop.records.recognition.table_column import numbers_of
 from idloop.records.recognition.time_base import doubt_of_unit, find_time_base
 from idloop.records.tables.base_units import SECONDS, base_unit, known_unit
-from idloop.records.tables.joined import joined_tables
 from idloop.records.tables.mapping import Time
+from idloop.records.tables.table import joined_tables
 from idloop.records.tables.table_files import read_table
 from idloop.reporting.text.blocks import Block, Table
 from idloop.spelling import joined_names, listed
