@@ -506,14 +506,13 @@ def with_causes(done: FirstFit, inspections: Sequence[Inspection], note: str) ->
     """Add what was left out; and where one body describes nothing, the faults that may be why."""
     notes = (*done.notes, note) if note else done.notes
     # What makes something impossible is the cause before what lowers the accuracy.
-    faults = [what(one) for one in sorted((one for some in inspections for one in some.faults), key=_spoils_nothing)]
+    faults = [
+        what(one)
+        for one in sorted((one for some in inspections for one in some.faults), key=lambda one: not one.spoils)
+    ]
     if not ((done.incomplete or done.unmoved) and faults):
         return replace(done, notes=notes)
     return replace(done, notes=notes, why_not=f"{done.why_not}; or what the inspection names is the cause: {faults[0]}")
-
-
-def _spoils_nothing(fault: Finding) -> bool:
-    return not fault.spoils
 
 
 def _excited(inspections: tuple[Inspection, ...]) -> tuple[tuple[Inspection, ...], str]:

@@ -47,15 +47,11 @@ def export(model: Model) -> Exported:
     ]
     if not ranges:
         notes.append("No parameter has a standard error: export a model that fit or refine has written.")
-    left_out = effects_left_out(model, {a.name for a in model.effects if _has_range(model, a.name, ranges)})
+    carried = {a.name for a in model.effects if any(f"{a.name}.{own}" in ranges for own in parameters_of(model, a))}
+    left_out = effects_left_out(model, carried)
     text = commented(model, "Ranges for domain randomisation", notes, left_out)
     text += yaml.safe_dump(document, sort_keys=False, allow_unicode=True, default_flow_style=None, width=120)
     return Exported("ranges", file_name(model.name, ".ranges.yaml"), text, left_out)
-
-
-def _has_range(model: Model, name: str, ranges: dict[str, Any]) -> bool:
-    (active,) = (one for one in model.effects if one.name == name)
-    return any(f"{name}.{own}" in ranges for own in parameters_of(model, active))
 
 
 def _range(parameter: Parameter) -> dict[str, Any]:

@@ -173,23 +173,20 @@ def identify_joint(bag: Bag | Path, model: Model, common: dict[str, Any]) -> Ite
     records = joint_records(bag, model)
     found = fit(model, records, criterion="force")
     residual = found.residuals[0].value[:, 0]
+    noticed = [one.text for record in records for one in record.findings if one.level == "warning"]
     started = datetime.fromtimestamp(records[0].start_ns * 1e-9, tz=timezone.utc)
     common = common | {
         "time": common["time"] or started, "seconds": sum(one.duration for one in records),
         "samples": sum(one.time.size for one in records), "error_fitted": found.force_error,
         "error_unseen": found.force_error_unseen,
         "force_residual": float(np.sqrt(np.mean(residual**2))), "force_unit": model.units.force,
-        "notes": "; ".join(dict.fromkeys((*found.warnings, *_warnings(records)))) or None,
+        "notes": "; ".join(dict.fromkeys((*found.warnings, *noticed))) or None,
     }  # fmt: skip
     units = {one.name: one.unit for one in found.model.parameters}
     for name, value, stderr in zip(found.names, found.values.tolist(), found.stderr.tolist(), strict=True):
         known = stderr if np.isfinite(stderr) else None
         yield common | {"parameter": name, "value": value, "stderr": known, "unit": units[name]}
     yield common | {"parameter": FORCE_ERROR, "value": found.force_error_unseen, "stderr": None, "unit": "1"}
-
-
-def _warnings(records: Sequence[Record]) -> Iterator[str]:
-    return (one.text for record in records for one in record.findings if one.level == "warning")
 
 
 @contextmanager

@@ -65,21 +65,13 @@ def robot_motions(records: Sequence[JointRecord], prismatic: Sequence[bool]) -> 
         return found
 
     cutoff = max(motion(record, place, None).cutoff for record in records for place in moving)
-    return [
-        _joined(record, [motion(record, place, cutoff) for place in range(len(models))], cutoff) for record in records
-    ]
-
-
-def _joined(record: JointRecord, motions: Sequence[Motion], cutoff: float) -> RobotMotion:
-    return RobotMotion(
-        record,
-        position=np.column_stack([one.position[:, 0] for one in motions]),
-        velocity=np.column_stack([one.velocity[:, 0] for one in motions]),
-        acceleration=np.column_stack([one.acceleration[:, 0] for one in motions]),
-        rest_speed=np.array([float(one.rest_speed[0]) for one in motions]),
-        cutoff=cutoff,
-        band=min(one.comparison_band for one in motions),
-    )
+    found = []
+    for record in records:
+        motions = [motion(record, place, cutoff) for place in range(len(models))]
+        smooth = (np.column_stack([getattr(one, key)[:, 0] for one in motions]) for key in _KEYS)
+        rest_speed = np.array([float(one.rest_speed[0]) for one in motions])
+        found.append(RobotMotion(record, *smooth, rest_speed, cutoff, min(one.comparison_band for one in motions)))
+    return found
 
 
 @dataclass(frozen=True)

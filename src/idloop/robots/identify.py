@@ -145,9 +145,12 @@ def identify(
         ]
         if not changed:
             break
-        climbed = refine_joints(
-            [anew[place] for place in changed], workers, _within(report, 0.05 + 0.9 * number / rounds, 0.9 / rounds)
-        )
+        done = 0.05 + 0.9 * number / rounds
+
+        def within(share: float, text: str, done: float = done) -> None:
+            report(done + 0.9 / rounds * share, f"joint {text}")
+
+        climbed = refine_joints([anew[place] for place in changed], workers, within)
         tasks = tasks or anew
         ladders = ladders or [Ladder((Step(None, one.model),), NOT_EXCITED, level=one.level) for one in tasks]
         for place, ladder in zip(changed, climbed, strict=True):
@@ -183,10 +186,6 @@ def _is_own(torques: Sequence[Array], motions: Sequence[RobotMotion], place: int
     plain = np.column_stack([a, v, np.sign(v), np.ones_like(v)])
     rest = torque - plain @ np.linalg.lstsq(plain, torque, rcond=None)[0]
     return bool(np.mean(rest**2) > _OWN**2 * np.mean(torque**2))
-
-
-def _within(report: Report, done: float, whole: float) -> Report:
-    return lambda share, text: report(done + whole * share, f"joint {text}")
 
 
 def torque_error(
