@@ -1,4 +1,4 @@
-"""The part of a model that rigid-body formats represent: inertias, springs, dampers, dry friction, drive."""
+"""The part of a model that rigid-body formats represent: a chain of bodies, or all of it as one rigid joint."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from idloop.errors import InputError
-from idloop.exporters.exported import acts
-from idloop.physics.effect import parameter_as
+from idloop.exporters.exported import acts, effects_left_out, quantity
+from idloop.physics.effect import INPUT, parameter_as
 from idloop.physics.engine import Engine
 from idloop.physics.layout import Layout
 from idloop.physics.model import ActiveEffect, Model, values_of
 
 DRY = "coulomb_friction"
+# Effects that a rigid body with springs has, and a joint has not.
+_NOT_OF_A_JOINT = ("cable_spring", "load_torque", "compliance")
 
 
 @dataclass
@@ -111,6 +113,55 @@ def _add(found: Mechanics, body: Body, active: ActiveEffect, values: dict[str, f
             body.rest = (body.stiffness * body.rest + at_rest) / together
             body.stiffness = together
         found.whole.add(name)
+
+
+@dataclass(frozen=True)
+class RigidJoint:
+    """Numbers of the joint, in SI units, with the friction and the inertia of all bodies of the chain."""
+
+    inertia: float
+    viscous: float
+    dry: float
+    effort: float | None  # largest force of the drive; None without a limit
+    velocity: float | None  # no-load speed; None without a limit
+    left_out: tuple[str, ...]  # couplings and effects that a rigid joint cannot hold
+
+
+def rigid_joint(model: Model, found: Mechanics) -> RigidJoint:
+    """Return the chain moving as one body. `found`: rigid-body part of the model."""
+    carried = {name for name in found.whole if name.split("@")[0] not in _NOT_OF_A_JOINT}
+    efforts, speeds = [], []
+    if model.loop is not None:
+        efforts.append(abs(found.gain) * values_of(model.loop, model.values)["limit"])
+    for active in model.effects:
+        if active.effect.site != INPUT or not acts(model, active):
+            continue
+        values = values_of(active, model.values)
+        if active.effect.name == "saturation":
+            efforts.append(abs(found.gain) * values["limit"])
+            carried.add(active.name)
+        elif active.effect.name == "speed_limit_voltage":
+            efforts.append(abs(found.gain) * values["supply"] / values["resistance"])
+            found.partly[active.name] = "stall effort and no-load speed are exported, the slope between them is not"
+            if values["back_emf"] > 0.0:
+                speeds.append(values["supply"] / values["back_emf"])
+    finite = [one for one in efforts if one < float("inf")]
+    return RigidJoint(
+        inertia=sum(body.inertia for body in found.bodies),
+        viscous=sum(body.viscous for body in found.bodies),
+        dry=sum(body.dry for body in found.bodies),
+        effort=min(finite, default=None),
+        velocity=min(speeds, default=None),
+        left_out=(*_couplings_left_out(model), *effects_left_out(model, carried, found.partly)),
+    )
+
+
+def _couplings_left_out(model: Model) -> list[str]:
+    lines = []
+    for coupling in model.couplings:
+        stiffness, damping = (quantity(model.parameter(f"{coupling}.{key}")) for key in ("stiffness", "damping"))
+        lines.append(f"coupling {coupling} (stiffness {stiffness}, damping {damping}): exported as rigid")
+    return lines
 
 
 def scale_notes(model: Model) -> list[str]:

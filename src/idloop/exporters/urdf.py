@@ -5,8 +5,7 @@ from __future__ import annotations
 from xml.etree import ElementTree as ET
 
 from idloop.exporters.exported import Exported, comment_lines, file_name, quantity, rest_left_out, xml_text
-from idloop.exporters.mechanics import digits, mechanics, scale_notes
-from idloop.exporters.rigid_joint import rigid_joint
+from idloop.exporters.mechanics import digits, mechanics, rigid_joint, scale_notes
 from idloop.physics.model import Model
 
 TYPES = {"rad": "continuous", "m": "prismatic"}

@@ -6,8 +6,7 @@ import math
 import re
 
 from idloop.exporters.exported import Exported, acts, comment_lines, file_name, quantity, rest_left_out
-from idloop.exporters.mechanics import Mechanics, digits, mechanics, scale_notes
-from idloop.exporters.rigid_joint import RigidJoint, rigid_joint
+from idloop.exporters.mechanics import Mechanics, RigidJoint, digits, mechanics, rigid_joint, scale_notes
 from idloop.physics.model import Model, values_of
 
 # Type of the joint and instance of its schemas.
