@@ -20,7 +20,7 @@ EXCEPTIONS = {
     "cli/verbs/demo.py": "the demonstration hides effects that it knows",
     "cli/_demo_loop.py": "so does its closed loop",
     "estimation/describing_functions/elements.py": "describing functions of single elements",
-    "exporters/mechanics.py": "rigid-body formats have fields for Coulomb friction, a constant force and limits, no springs",
+    "exporters/mechanics.py": "rigid-body formats have fields for Coulomb friction, a constant force and limits",
     "exporters/mujoco.py": "MJCF has fields for the range, the bias and the lag of a drive, and for a gap",
     "exporters/usd.py": "a USD joint has a level of friction at rest",
     "exporters/ros2_control.py": "a PID has fields for a limit and for viscous friction; a law's own `velocity_filter`",
