@@ -68,9 +68,9 @@ def robot_motions(records: Sequence[JointRecord], prismatic: Sequence[bool]) -> 
     found = []
     for record in records:
         motions = [motion(record, place, cutoff) for place in range(len(models))]
-        smooth = (np.column_stack([getattr(one, key)[:, 0] for one in motions]) for key in _KEYS)
+        q, v, a = (np.column_stack([getattr(one, key)[:, 0] for one in motions]) for key in _KEYS)
         rest_speed = np.array([float(one.rest_speed[0]) for one in motions])
-        found.append(RobotMotion(record, *smooth, rest_speed, cutoff, min(one.comparison_band for one in motions)))
+        found.append(RobotMotion(record, q, v, a, rest_speed, cutoff, min(one.comparison_band for one in motions)))
     return found
 
 
