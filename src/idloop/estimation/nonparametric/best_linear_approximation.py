@@ -110,13 +110,7 @@ def robust_best_linear_approximation(
 
 
 def fast_best_linear_approximation(
-    data: SampledData | Sequence[SampledData],
-    period: int,
-    *,
-    lines: LineGrid | Sequence[LineGrid] | None = None,
-    skip: int = 1,
-    by_reference: bool = False,
-    drift: bool = True,
+    data: SampledData | Sequence[SampledData], period: int, **options: Any
 ) -> FrequencyResponse:
     """One experiment on an odd random harmonic grid (fast method, Pintelon and Schoukens, 2nd ed., section 4.3.2).
 
@@ -127,7 +121,7 @@ def fast_best_linear_approximation(
 
     Parameters
     ----------
-    data, period, lines, skip, by_reference, drift
+    data, period, **options
         As for the robust method; one experiment is enough, more are averaged.
 
     Returns
@@ -140,7 +134,7 @@ def fast_best_linear_approximation(
     InputError
         An excitation that leaves no odd line empty or excites even ones, or fewer than two periods.
     """
-    spectra = by_period(data, period, lines=lines, skip=skip, by_reference=by_reference, drift=drift)
+    spectra = by_period(data, period, **options)
     first = spectra.data[0]
     any_excited = np.flatnonzero(np.any(spectra.excited, axis=0))
     harmonic = np.arange(1, spectra.frequency.size + 1)

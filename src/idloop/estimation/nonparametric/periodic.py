@@ -91,16 +91,13 @@ def _closest(miss: Array, period: int) -> int:
 
 @dataclass(frozen=True, eq=False)
 class PeriodicSpectra:
-    """Complex peak amplitudes of the lines of all experiments.
-
-    `driver` (experiments, k): what is free of the plant's noise: the reference, or the input of an open loop.
-    """
+    """Complex peak amplitudes of the lines of all experiments."""
 
     data: tuple[SampledData, ...]
     frequency: Array  # shape (k,): lines above zero and below half the sample rate [Hz]
     output: tuple[Complex, ...]  # shape (periods, k, p): for each experiment and period
     input: tuple[Complex, ...]  # shape (periods, k)
-    driver: Complex
+    driver: Complex  # shape (experiments, k): free of the plant's noise: the reference, or the input of an open loop
     excited: Mask  # shape (experiments, k): where the driver carries power
 
     @property
@@ -118,10 +115,10 @@ def by_period(
     data: SampledData | Sequence[SampledData],
     period: int,
     *,
-    lines: LineGrid | Sequence[LineGrid] | None,
-    skip: int,
-    by_reference: bool,
-    drift: bool,
+    lines: LineGrid | Sequence[LineGrid] | None = None,
+    skip: int = 1,
+    by_reference: bool = False,
+    drift: bool = True,
 ) -> PeriodicSpectra:
     """Cut records into periods and transform each of them.
 
