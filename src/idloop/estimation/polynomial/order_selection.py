@@ -14,7 +14,16 @@ from idloop.errors import InputError
 from idloop.estimation.black_box.sampled import SampledData, together
 from idloop.estimation.linear.least_squares import triangle
 from idloop.estimation.polynomial.polynomials import Orders
-from idloop.estimation.polynomial.regression import channels, check_inputs, first_row, regression_blocks, solution
+from idloop.estimation.polynomial.regression import (
+    Channel,
+    Solution,
+    channels,
+    check_inputs,
+    first_row,
+    regression_blocks,
+    solution,
+    usable_rows,
+)
 from idloop.estimation.statistics.information_criteria import Information
 
 Criterion = Literal["validation", "aic", "bic", "fpe", "loss"]
@@ -162,17 +171,23 @@ def arx_structures(
     orders = tuple(Orders.of(m, na=a, nb=b, nk=k) for a, b, k in listed)
     if not orders:
         raise InputError("no structures to compare; give at least one of na, nb and nk each")
-    every = _covering(orders)
+    every = covering(orders)
     check_inputs(experiments, every)
-    factor, samples = _factored(experiments, every)
-    other = _factored(judged, every) if judged else None
+    for side in filter(None, (experiments, judged)):
+        rows = usable_rows(channels(side, 0), every)
+        if rows <= every.size:
+            raise InputError(
+                f"{side[0].name}: {rows} usable samples for the largest structure of {every.size} coefficients and a"
+                f" longest lag of {first_row(every)}; record longer or lower the orders"
+            )
+    factor, samples = factored(channels(experiments, 0), every)
+    other = factored(channels(judged, 0), every) if judged else None
     loss, judgement = np.empty(len(orders)), np.empty(len(orders))
     for index, one in enumerate(orders):
-        columns = [*_columns(one, every), every.size]
-        fitted = solution(triangle([factor[:, columns]]))
+        fitted = fit(factor, one, every)
         loss[index] = fitted.squares / samples
         if other is not None:
-            left = other[0][:, columns] @ np.append(-fitted.coefficients, 1.0)
+            left = other[0][:, _columns(one, every)] @ np.append(-fitted.coefficients, 1.0)
             judgement[index] = float(left @ left) / other[1]
     return ArxStructures(orders, loss, judgement if other is not None else None, samples)
 
@@ -205,7 +220,7 @@ def _several(value: Any) -> list[Any]:
     return [value] if isinstance(value, int) else list(value)
 
 
-def _covering(orders: Sequence[Orders]) -> Orders:
+def covering(orders: Sequence[Orders]) -> Orders:
     """The smallest structure that holds all columns of the others."""
     m = orders[0].inputs
     begin, end = [0] * m, [0] * m
@@ -217,23 +232,21 @@ def _covering(orders: Sequence[Orders]) -> Orders:
     return Orders(max(o.na for o in orders), nb, 0, 0, (0,) * m, tuple(begin))
 
 
+def factored(signals: Sequence[Channel], every: Orders) -> tuple[Array, int]:
+    """Triangular factor of the rows of a structure, and their number."""
+    return triangle(regression_blocks(signals, every, first_row(every))), usable_rows(signals, every)
+
+
+def fit(factor: Array, orders: Orders, every: Orders) -> Solution:
+    """Least squares of a structure from the factor of one that holds its columns."""
+    return solution(triangle([factor[:, _columns(orders, every)]]))
+
+
 def _columns(orders: Orders, every: Orders) -> list[int]:
+    """Places of a structure's coefficients, and of the target, in the factor."""
     columns = [*range(orders.na)]
     for i in range(orders.inputs):
         if orders.nb[i]:
             first = every.b(i).start + orders.nk[i] - every.nk[i]
             columns += range(first, first + orders.nb[i])
-    return columns
-
-
-def _factored(data: Sequence[SampledData], every: Orders) -> tuple[Array, int]:
-    """Triangular factor and number of rows of one side."""
-    signals = channels(data, 0)
-    first = first_row(every)
-    rows = sum(max(len(c.output) - first, 0) for c in signals)
-    if rows <= every.size:
-        raise InputError(
-            f"{data[0].name}: {rows} usable samples for the largest structure of {every.size} coefficients and a"
-            f" longest lag of {first}; record longer or lower the orders"
-        )
-    return triangle(regression_blocks(signals, every, first)), rows
+    return [*columns, every.size]

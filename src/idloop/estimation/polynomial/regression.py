@@ -85,6 +85,11 @@ def first_row(orders: Orders) -> int:
     return max([orders.na, *reach, 0])
 
 
+def usable_rows(data: Sequence[Channel], orders: Orders) -> int:
+    """Samples whose whole past is known."""
+    return sum(max(len(c.output) - first_row(orders), 0) for c in data)
+
+
 def regressors(channel: Channel, orders: Orders, first: int, last: int) -> Array:
     """Rows phi(t) with y(t) = phi(t)^T theta + e(t), t = first..last-1 (Ljung, 2nd ed., eq. 4.11)."""
     parts = [-lagged(channel.output, range(1, orders.na + 1), first, last)]
@@ -102,8 +107,7 @@ def regression_blocks(data: Sequence[Channel], orders: Orders, first: int) -> It
 
 def least_squares(data: Sequence[Channel], orders: Orders) -> Solution:
     """ARX coefficients in the order of `Orders.names`."""
-    first = first_row(orders)
-    rows = sum(max(len(c.output) - first, 0) for c in data)
+    first, rows = first_row(orders), usable_rows(data, orders)
     if rows <= orders.size:
         raise InputError(
             f"{rows} usable samples for {orders.size} coefficients and a longest lag of {first};"

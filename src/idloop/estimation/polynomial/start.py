@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from idloop.arrays import Array
-from idloop.errors import InputError
 from idloop.estimation.linear.least_squares import rows_in_blocks, triangle
 from idloop.estimation.polynomial.instruments import by_command, four_steps, refined
+from idloop.estimation.polynomial.order_selection import covering, factored, fit
 from idloop.estimation.polynomial.polynomials import Orders, reflect
 from idloop.estimation.polynomial.regression import (
     Channel,
@@ -186,29 +186,15 @@ def _long_model(data: Sequence[Channel], orders: Orders) -> tuple[list[Array], l
     lengths = [n for n in sorted({*_LONG, 2 * shortest}) if n >= shortest and n * (1 + len(inputs)) < rows / 8]
     if not lengths:
         lengths = [shortest]
-    longest = _long_orders(orders, lengths[-1])
-    first = first_row(longest)
-    blocks = (
-        np.hstack([regressors(c, longest, start, stop), c.output[start:stop, None]])
-        for c in data
-        for start, stop in rows_in_blocks(len(c.output), first)
-    )
-    factor = triangle(blocks)
-    rows = sum(max(len(c.output) - first, 0) for c in data)
-    best = None
-    for length in lengths:
-        size = _long_orders(orders, length)
-        columns = [*range(length)]
-        for i in inputs:
-            begin = longest.b(i).start
-            columns += range(begin, begin + size.nb[i])
-        fitted = solution(triangle([factor[:, [*columns, factor.shape[1] - 1]]]))
-        criterion = rows * np.log(max(fitted.squares, 1e-300)) + 2.0 * size.size
-        if best is None or criterion < best[0]:
-            best = (criterion, size, fitted.coefficients)
-    if best is None:
-        raise InputError("too few samples for a start of the search; record longer or lower the orders")
-    _, size, coefficients = best
+    sizes = [_long_orders(orders, length) for length in lengths]
+    longest = covering(sizes)
+    factor, rows = factored(data, longest)
+    fits = [fit(factor, size, longest) for size in sizes]
+    criteria = [
+        rows * np.log(max(one.squares, 1e-300)) + 2.0 * size.size for one, size in zip(fits, sizes, strict=True)
+    ]
+    place = int(np.argmin(criteria))
+    size, coefficients = sizes[place], fits[place].coefficients
     begin = first_row(size)
     innovations = [np.concatenate([np.zeros(min(begin, len(c.output))), residual_of(c, size, coefficients, begin)])
                    for c in data]  # fmt: skip
