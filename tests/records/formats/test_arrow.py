@@ -103,6 +103,15 @@ def test_what_takes_too_much_is_one_line(tmp_path, monkeypatch, write, name):
         read_table(tmp_path / name)
 
 
+def test_memory_that_ends_is_the_same_line(tmp_path):
+    def load():
+        raise pa.ArrowMemoryError("malloc failed")
+
+    (tmp_path / "a.parquet").write_bytes(b"PAR1")
+    with pytest.raises(InputError, match="its columns take more than"):
+        reader._read(tmp_path / "a.parquet", "Parquet", load)
+
+
 @pytest.mark.parametrize(("write", "name"), [(_parquet, "a.parquet"), (_feather, "a.feather"), (_stream, "a.arrows")])
 def test_a_file_that_is_cut_off_is_one_line(tmp_path, write, name):
     write(tmp_path / name, _table())

@@ -31,7 +31,11 @@ def read_parquet(path: Path, _: Options) -> Table:
     def load() -> Any:
         from pyarrow import parquet
 
-        return parquet.ParquetFile(path, memory_map=False).read(use_threads=False)
+        file = parquet.ParquetFile(path, memory_map=False)
+        # Values that are all the same take a few bytes of the file for any number of rows.
+        if file.metadata.num_rows * file.metadata.num_columns > MOST_TABLE:
+            raise _too_large(path)
+        return file.read(use_threads=False)
 
     return _read(path, "Parquet", load)
 
@@ -66,6 +70,8 @@ def _read(path: Path, what: str, load: Callable[[], Any]) -> Table:
             return _columns(path, load())
         except InputError:
             raise
+        except MemoryError:
+            raise _too_large(path) from None
         except Exception as error:  # noqa: BLE001 - the library lets those of Arrow, of codecs and of Python through
             raise not_readable(path, what, error) from None
 
@@ -74,12 +80,16 @@ def _read(path: Path, what: str, load: Callable[[], Any]) -> Table:
     return Table(path, columns, units=units, notes=notes)
 
 
+def _too_large(path: Path) -> InputError:
+    return InputError(f"{path}: its columns take more than {MOST_TABLE >> 30} GiB; keep fewer")
+
+
 def _columns(path: Path, table: Any) -> tuple[dict[str, Any], dict[str, str], list[str]]:
     """Columns by name, their units, and the names of those that are left out."""
     import pyarrow as pa
 
     if table.nbytes > MOST_TABLE:
-        raise InputError(f"{path}: its columns take more than {MOST_TABLE >> 30} GiB; keep fewer")
+        raise _too_large(path)
     table.validate(full=True)
     for _ in range(3):
         table = table.flatten()
