@@ -128,8 +128,7 @@ def _from_archive(stream: BinaryIO) -> tuple[Any, _Bytes]:
     if f"{folder}byteorder" in sizes and entry(f"{folder}byteorder", 64) != b"little":
         raise InputError(_OTHER_ORDER)
     content = read_pickle(io.BytesIO(entry(where, _MOST_PICKLE)), _NAMES, _storage)
-    storages = {name: entry(name, MOST_TABLE) for name in sizes if name.startswith(f"{folder}data/")}
-    return content, lambda storage: storages[f"{folder}data/{storage.key}"]
+    return content, lambda storage: entry(f"{folder}data/{storage.key}", MOST_TABLE)
 
 
 def _from_pickles(stream: BinaryIO, size: int) -> tuple[Any, _Bytes]:
