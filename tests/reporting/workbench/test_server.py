@@ -272,8 +272,6 @@ def test_outside_this_machine_the_address_holds_a_token_and_nothing_is_served_wi
         site.close()
 
 
-# Tornado leaves the socket of a failed try to the garbage collector.
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_a_port_in_use_is_one_line(source):
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
@@ -282,8 +280,6 @@ def test_a_port_in_use_is_one_line(source):
             Site(source, Place(port=taken.getsockname()[1]))
 
 
-# Tornado leaves the socket of a failed try to the garbage collector.
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_an_address_of_another_machine_is_one_line(source):
     with pytest.raises(InputError, match=r"203\.0\.113\.7"):
         Site(source, Place("203.0.113.7"))

@@ -198,6 +198,11 @@ class Site:
 def _bound(place: Place) -> list[socket.socket]:
     """Sockets that listen at a place, or one line on why nothing can."""
     try:
+        family, _, _, _, address = socket.getaddrinfo(place.address, place.port, type=socket.SOCK_STREAM)[0]
+        # Tornado leaves the socket of a failed try open.
+        with socket.socket(family, socket.SOCK_STREAM) as one:
+            one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            one.bind(address)
         return bind_sockets(place.port, place.address)
     except (OSError, OverflowError) as error:
         reason = getattr(error, "strerror", None) or str(error)
