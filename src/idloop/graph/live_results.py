@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 
 from idloop.documents import read_json
 from idloop.errors import IdloopError, InputError
-from idloop.records.bags.bag_limits import limit_bag_readers
+from idloop.records.bags.storage.unpacking import limit_bag_readers
 
 _TYPE = "diagnostic_msgs/msg/DiagnosticArray"
 

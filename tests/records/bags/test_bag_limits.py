@@ -15,9 +15,9 @@ from rosbags.typesys import Stores, get_typestore
 from idloop.errors import IdloopError, InputError
 from idloop.graph.live_results import read_results
 from idloop.records import write_bag
-from idloop.records.bags import bag_limits
 from idloop.records.bags.bag import Bag
 from idloop.records.bags.recover import recover_bag
+from idloop.records.bags.storage import unpacking
 from idloop.records.bags.write import make_stream
 
 # A DiagnosticArray with a very long name of its frame.
@@ -59,7 +59,7 @@ def messages(path: Path) -> list[bytes]:
 
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bag_limits, "MOST_UNPACKED", 1 << 20)
+    monkeypatch.setattr(unpacking, "MOST_UNPACKED", 1 << 20)
 
 
 @pytest.mark.parametrize("compression", [CompressionType.ZSTD, CompressionType.LZ4])

@@ -24,10 +24,10 @@ def test_encoding_is_what_rosbags_writes(joint_state, typestore, names, present,
     rng = np.random.default_rng(seed)
     stamps = rng.integers(0, 2**31 * 10**9, size=3)
     values = tuple(rng.normal(size=(3, len(names))) if there else None for there in present)
-    rows = encode_rows(tuple(names), stamps, values, frame_id="base")
+    rows = encode_rows(tuple(names), stamps, values)
     for k in range(3):
         parts = [() if value is None else value[k] for value in values]
-        message = joint_state(int(stamps[k]), names, *parts, frame="base")
+        message = joint_state(int(stamps[k]), names, *parts, frame="")
         assert rows[k].tobytes() == bytes(typestore.serialize_cdr(message, JOINT_STATE))
     layout = read_layout(rows[0].tobytes())
     assert layout.names == tuple(names)

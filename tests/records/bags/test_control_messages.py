@@ -12,7 +12,7 @@ import pytest
 from idloop.errors import InputError
 from idloop.records import read_streams
 from idloop.records.bags.fields import bag_fields
-from idloop.records.bags.known_types import FORMS
+from idloop.records.bags.message_types import FORMS
 from idloop.records.bags.stream import JOINT_STATE
 
 STATES, CONTROLLER = "control_msgs/msg/DynamicJointState", "control_msgs/msg/JointTrajectoryControllerState"

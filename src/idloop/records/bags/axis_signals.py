@@ -47,30 +47,31 @@ def axis_signals(bag: Path | str, outputs: Sequence[str] = (), joint: str | None
         units = signal_units(opened.custom)
     driven = [name.rpartition(".")[0] for name in _known(streams[command]) if name.endswith(".effort")]
     if joint is not None and joint not in driven:
-        raise InputError(
-            f"{bag}: {command} has no effort of joint {joint!r}; it has {listed(driven)}{did_you_mean(joint, driven)}"
-        )
+        near = did_you_mean(joint, driven)
+        raise InputError(f"{bag}: {command} has no effort of joint {joint!r}; it has {listed(driven)}{near}")
     if joint is None and len(driven) != 1:
         advice = "name one with --joint" if driven else "name the streams with --model"
         raise InputError(f"{bag}: {command} holds the effort of {len(driven)} joints ({listed(driven)}); {advice}")
-    chosen = driven[0] if joint is None else joint
+    chosen = joint or driven[0]
     measured = _known(streams[states])
-    wanted = list(outputs) or [name for name, moves in measured.items() if moves and _joint(name) == chosen]
-    for name in wanted:
-        if name not in measured:
-            raise InputError(
-                f"{bag}: no measured output {name!r} in {states}; it has"
-                f" {listed(measured)}{did_you_mean(name, measured)}"
-            )
+    wanted = list(outputs) or [name for name, moves in measured.items() if moves and name.rpartition(".")[0] == chosen]
     if not wanted:
         raise InputError(
             f"{bag}: {states} holds no field of joint {chosen!r} that moves; choose from {listed(measured)} with"
             " --output, or name the streams with --model"
         )
-    return AxisSignals(
-        _signal("joint_command", f"{chosen}.effort", units),
+    for name in wanted:
+        if name not in measured:
+            near = did_you_mean(name, measured)
+            raise InputError(f"{bag}: no measured output {name!r} in {states}; it has {listed(measured)}{near}")
+
+    def signal(topic: str, name: str) -> InputSignal:
+        own, _, field = name.rpartition(".")
         # Relative names: another bag may have them in another namespace.
-        tuple(_signal("joint_states", name, units) for name in wanted),
+        return InputSignal(topic, own, field, units.get(name, "-"))
+
+    return AxisSignals(
+        signal("joint_command", f"{chosen}.effort"), tuple(signal("joint_states", name) for name in wanted)
     )
 
 
@@ -95,15 +96,6 @@ def chosen_outputs(signals: AxisSignals, outputs: Sequence[str]) -> AxisSignals:
         if name not in known:
             raise InputError(f"no output {name!r} in the model; it has {listed(known)}{did_you_mean(name, known)}")
     return replace(signals, outputs=tuple(known[name] for name in outputs)) if outputs else signals
-
-
-def _joint(name: str) -> str:
-    return name.rpartition(".")[0]
-
-
-def _signal(topic: str, name: str, units: dict[str, str]) -> InputSignal:
-    joint, _, field = name.rpartition(".")
-    return InputSignal(topic, joint, field, units.get(name, "-"))
 
 
 def _known(stream: JointStream) -> dict[str, bool]:

@@ -9,73 +9,57 @@ import numpy as np
 
 from idloop.arrays import Integers
 from idloop.errors import InputError
-from idloop.records.bags.known_types import FORMS, form_of
-from idloop.records.bags.storage.bag_metadata import DISTROS, read_metadata
-from idloop.records.bags.storage.ros1_types import ros2_types
+from idloop.records.bags.message_types import build_typestore, one_line
+from idloop.records.bags.storage.readable_messages import mcap_messages
 from idloop.records.bags.storage.storage_file import StorageFile
-from idloop.records.bags.storage.storage_files import storage_files
+from idloop.records.bags.storage.storage_files import DISTROS, read_metadata, storage_files
 from idloop.records.bags.storage.unpacking import Scratch
 from idloop.records.bags.topics import Topic
 from idloop.spelling import did_you_mean, listed
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Mapping
+    from collections.abc import Collection, Iterator, Mapping
     from types import TracebackType
 
     from rosbags.typesys.store import Typestore
 
     from idloop.records.bags.stream import JointStream
 
-_MAGIC = b"\x89MCAP0\r\n"
+_MAGIC, _SHORTEST = b"\x89MCAP0\r\n", 45  # of an mcap file: its end, and fewest bytes
 
 
 class Bag:
     """A bag open for reading: a folder of storage files, with or without its metadata, or one file, packed or not.
 
-    Parameters
-    ----------
-    path : Path or str
-        Folder or file: mcap and sqlite3 of ROS 2, ``.bag`` of ROS 1, each of them also packed by Zstandard.
-    distro : str, optional
-        ROS distribution that message types come from where the bag does not define them itself.
-    definitions : mapping of str to str, optional
-        Further message definitions, type name to text of the ``.msg`` file.
-
-    Attributes
-    ----------
-    custom : dict of str to str
-        Text stored with the metadata.
-    announced : dict of str to int
-        Messages of each topic according to the metadata; empty where the bag has none.
-    unknown_types : set of str
-        Types without a definition, known once `typestore` was read.
-    decoded : dict of str to JointStream
-        Topics that were read from it, by name.
-
-    Raises
-    ------
-    InputError
-        Missing, empty, truncated or foreign file; unknown `distro`.
+    `path`: folder or file: mcap and sqlite3 of ROS 2, ``.bag`` of ROS 1, each of them also packed by Zstandard.
+    `distro`: ROS distribution that message types come from where the bag does not define them itself.
+    `definitions`: further message definitions, type name to text of the ``.msg`` file.
+    Raises InputError: missing, empty, truncated or foreign file; unknown `distro`.
     """
+
+    custom: dict[str, str]  # text stored with the metadata
+    announced: dict[str, int]  # messages of each topic according to the metadata; empty where the bag has none
+    unknown_types: set[str]  # types without a definition, known once `typestore` was read
+    decoded: dict[str, JointStream]  # topics that were read from it, by name
 
     def __init__(
         self, path: Path | str, distro: str | None = None, definitions: Mapping[str, str] | None = None
     ) -> None:
         self.path = Path(path)
-        self._distro = distro
         self._definitions = dict(definitions or {})
         self._files: list[StorageFile] = []
         self._scratch = Scratch()
         self._typestore: Typestore | None = None
-        self.unknown_types: set[str] = set()
-        self.decoded: dict[str, JointStream] = {}
+        self.unknown_types = set()
+        self.decoded = {}
         if distro is not None and distro not in DISTROS:
             raise InputError(
                 f"unknown ROS distribution {distro!r}; known are {listed(DISTROS)}{did_you_mean(distro, DISTROS)}"
             )
         try:
             metadata = read_metadata(self.path)
-            self.custom, self.announced, self._stated_distro = metadata.custom, metadata.counts, metadata.distro
+            self.custom, self.announced = metadata.custom, metadata.counts
+            self._distro = distro or metadata.distro
             for file in metadata.files or storage_files(self.path):
                 self._open(file)
             self._check_counts()
@@ -91,10 +75,10 @@ class Bag:
         except Exception as error:  # noqa: BLE001 - rosbags lets struct, YAML and SQLite errors of damaged files through
             if file.suffix == ".mcap" and not _ends_well(file):
                 raise InputError(_truncation_message(self.path, file)) from None
-            reason = error.args[0] if error.args and type(error).__name__ == "ReaderError" else error
-            kind = "" if type(error).__name__ == "ReaderError" else f"{type(error).__name__}: "
+            kind = type(error).__name__
+            reason = error.args[0] if kind == "ReaderError" and error.args else f"{kind}: {error}"
             raise InputError(
-                f"{file}: cannot be read as a bag ({kind}{one_line(reason)}); copy it again, or save what is left with"
+                f"{file}: cannot be read as a bag ({one_line(reason)}); copy it again, or save what is left with"
                 f" `idloop recover {self.path}`"
             ) from None
 
@@ -172,9 +156,6 @@ class Bag:
                 f" `idloop recover {self.path}`"
             ) from None
 
-    def _first_message(self, topic: str) -> bytes | None:
-        return next((data for _, _, _, data in self._messages([topic])), None)
-
     def _as_cdr(self, connection: Any, data: bytes) -> bytes:
         """Convert a message of ROS 1."""
         try:
@@ -189,84 +170,27 @@ class Bag:
     def typestore(self) -> Typestore:
         """Message types: those the bag defines, over those of the distribution."""
         if self._typestore is None:
-            self._typestore = self._build_typestore()
+            distro, topics = self._distro or "jazzy", list(self.topics.values())
+            store = build_typestore(distro, self._definitions, self._files, topics, self._first_message)
+            self.unknown_types = {topic.type for topic in topics if topic.type not in store.fielddefs}
+            self._typestore = store
         return self._typestore
 
-    def _build_typestore(self) -> Typestore:
-        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-
-        base = get_typestore(Stores(f"ros2_{self._distro or self._stated_distro or 'jazzy'}"))
-        types: dict[str, Any] = dict(base.fielddefs)
-        for name, text in self._definitions.items():
-            try:
-                types.update(get_types_from_msg(text, name))
-            except Exception as error:  # noqa: BLE001 - any parsing error means a damaged file
-                raise InputError(f"definition of {name}: not a valid .msg text ({one_line(error)})") from None
-        for file in self._files:
-            for connection in file.connections:
-                own = _own_types(connection)
-                types.update(ros2_types(own) if file.ros1 else own)
-        for topic in self.topics.values():
-            if topic.type not in types and topic.type in FORMS:
-                types.update(form_of(topic.type, types, self._first_message(topic.name)))
-        # A type that refers to an unknown one would make the whole store fail: leave such types out.
-        while incomplete := [name for name, (_, fields) in types.items() if not _references(fields) <= types.keys()]:
-            for name in incomplete:
-                del types[name]
-        store = get_typestore(Stores.EMPTY)
-        store.register(types)
-        self.unknown_types = {topic.type for topic in self.topics.values() if topic.type not in types}
-        return store
-
-
-def _own_types(connection: Any) -> dict[str, Any]:
-    """Return the types that the bag itself defines for a connection; none when the text cannot be parsed."""
-    from rosbags.interfaces import MessageDefinitionFormat
-    from rosbags.typesys import get_types_from_idl, get_types_from_msg
-
-    definition = connection.msgdef
-    if not definition.data.strip():  # a recovered topic of unknown type
-        return {}
-    try:
-        if definition.format == MessageDefinitionFormat.MSG:
-            return dict(get_types_from_msg(definition.data, connection.msgtype))
-        if definition.format == MessageDefinitionFormat.IDL:
-            found: dict[str, Any] = {}
-            for part in definition.data.split("=" * 80 + "\n"):
-                text = part.split("\n", 1)[1] if part.startswith("IDL: ") else part
-                found |= get_types_from_idl(text) if text.strip() else {}
-            return found
-    except Exception:  # noqa: BLE001 - one unreadable definition must not stop the reading of the other topics
-        return {}
-    return {}
-
-
-def _references(fields: Iterable[tuple[str, Any]]) -> set[str]:
-    from rosbags.interfaces import Nodetype
-
-    def names(node: Any) -> set[str]:
-        kind, args = node
-        if kind == Nodetype.NAME:
-            return {args}
-        return names(args[0]) if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE) else set()
-
-    return {name for _, node in fields for name in names(node)}
+    def _first_message(self, topic: str) -> bytes | None:
+        return next((data for _, _, _, data in self._messages([topic])), None)
 
 
 def _ends_well(path: Path) -> bool:
     """Whether an mcap file is closed by its magic bytes."""
     with path.open("rb") as stream:
-        stream.seek(0, 2)
-        if stream.tell() < 45:
+        if stream.seek(0, 2) < _SHORTEST:
             return False
-        stream.seek(-8, 2)
+        stream.seek(-len(_MAGIC), 2)
         return stream.read() == _MAGIC
 
 
 def _truncation_message(bag: Path, file: Path) -> str:
     """Return how much of a cut mcap file can still be read, and how to save it."""
-    from idloop.records.bags.storage.readable_messages import mcap_messages
-
     stamps = [message.stamp_ns for message in mcap_messages(file) if message is not None]
     if not stamps:
         return f"{file}: the file is cut off and no message in it is readable; record again"
@@ -274,8 +198,3 @@ def _truncation_message(bag: Path, file: Path) -> str:
         f"{file}: the file is cut off (recorder killed or disk full?); {len(stamps)} messages over"
         f" {(max(stamps) - min(stamps)) * 1e-9:.1f} s are readable: save them with `idloop recover {bag}`"
     )
-
-
-def one_line(reason: object) -> str:
-    """Return the message of another library in a form that fits into a sentence."""
-    return " ".join(str(reason).split()).rstrip(".")

@@ -7,13 +7,10 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from idloop.arrays import Integers
 from idloop.records.bags.stream import JointStream
 from idloop.records.inspection.clocks import stamp_statistics
-
-Stamps = NDArray[np.int64]
 
 
 def split_runs(stream: JointStream) -> list[JointStream]:
@@ -37,7 +34,7 @@ def announced_runs(stream: JointStream, runs: int) -> list[JointStream]:
     return [part.take(_last_announced(part.stamp_ns)) for part in parts]
 
 
-def _last_announced(stamp: Stamps) -> Integers:
+def _last_announced(stamp: Integers) -> Integers:
     """Return the rows that no later message replaces."""
     later = np.append(np.minimum.accumulate(stamp[::-1])[::-1][1:], np.iinfo(np.int64).max)
     return np.flatnonzero(stamp < later)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
@@ -15,8 +15,9 @@ from idloop.records.bags.bag import Bag
 from idloop.records.bags.metadata import signal_units
 from idloop.records.bags.read import decode_stream, readable_topics
 from idloop.records.bags.stream import JointStream
+from idloop.records.bags.topics import Topic
 
-# Messages of a topic that are decoded at least, where it has as many, and messages of the bag that are passed over.
+# Messages of a topic that are decoded about, where it has as many, and messages of the bag that are passed over.
 _SAMPLE, _PASSED = 200, 100_000
 
 
@@ -37,22 +38,19 @@ class BagField:
     moves: bool  # whether the number changes within the messages that were looked at
 
 
-def bag_fields(
-    path: Path | str, *, distro: str | None = None, definitions: Mapping[str, str] | None = None
-) -> list[BagField]:
+def bag_fields(path: Path | str, *, definitions: Mapping[str, str] | None = None) -> list[BagField]:
     """List the numbers that a bag offers, from some messages of each topic.
 
     `path`: bag of any form.
-    `distro`: ROS distribution of message types that the bag does not define.
     `definitions`: definitions of further message types.
     Returns: by topic. Topics without numbers of an axis, such as images, and fields without a value are left out.
     Raises InputError: bag missing, empty or damaged.
     """
-    with Bag(path, distro, definitions) as bag:
+    with Bag(path, definitions=definitions) as bag:
         units = signal_units(bag.custom)
         topics = bag.topics
         found: list[BagField] = []
-        for sample, stream in _sampled(bag):
+        for rate, stream in _sampled(bag, topics):
             for name, values in stream.columns().items():
                 joint, own = _address(stream, name)
                 known = values[np.isfinite(values)]
@@ -63,7 +61,7 @@ def bag_fields(
                         joint=joint,
                         field=own,
                         count=topics[stream.topic].count,
-                        rate=sample.rate,
+                        rate=rate,
                         unit=units.get(name, ""),
                         stamped=stream.stamped,
                         moves=bool(known.size and np.ptp(known) > 0),
@@ -72,43 +70,24 @@ def bag_fields(
     return found
 
 
-@dataclass
-class _Sample:
-    """Some messages of a topic, evenly chosen while it is passed over."""
-
-    kept: list[tuple[int, bytes]] = field(default_factory=list)
-    every: int = 1
-    seen: int = 0
-    first: int = 0
-    last: int = 0
-
-    def add(self, receive: int, data: bytes) -> None:
-        """Pass over one message."""
-        if self.seen % self.every == 0:
-            self.kept.append((receive, data))
-        if len(self.kept) > 2 * _SAMPLE:
-            del self.kept[1::2]
-            self.every *= 2
-        self.first = receive if self.seen == 0 else min(self.first, receive)
-        self.last = max(self.last, receive)
-        self.seen += 1
-
-    @property
-    def rate(self) -> float:
-        """Messages per second [Hz]."""
-        return (self.seen - 1) / (self.last - self.first) * 1e9 if self.last > self.first else float("nan")
-
-
-def _sampled(bag: Bag) -> Iterator[tuple[_Sample, JointStream]]:
-    """Some messages of each topic that can be read; topics whose messages do not decode are left out."""
-    samples = {topic: _Sample() for topic in sorted(readable_topics(bag))}
-    for topic, receive, data in islice(bag.messages(samples), _PASSED):
-        samples[topic].add(receive, data)
-    for name, sample in samples.items():
-        stamps = np.array([stamp for stamp, _ in sample.kept], dtype=np.int64)
+def _sampled(bag: Bag, topics: Mapping[str, Topic]) -> Iterator[tuple[float, JointStream]]:
+    """Rate [Hz] and some messages of each topic that can be read; those whose messages do not decode are left out."""
+    names = sorted(readable_topics(bag))
+    passed = min(1.0, _PASSED / max(sum(topics[name].count for name in names), 1))
+    every = {name: max(int(passed * topics[name].count) // _SAMPLE, 1) for name in names}
+    received: dict[str, list[int]] = {name: [] for name in names}
+    kept: dict[str, list[bytes]] = {name: [] for name in names}
+    for name, receive, data in islice(bag.messages(names), _PASSED):
+        if len(received[name]) % every[name] == 0:
+            kept[name].append(data)
+        received[name].append(receive)
+    for name in names:
+        stamps = np.array(received[name], dtype=np.int64)
+        span = float(np.ptp(stamps)) if stamps.size else 0.0
         with suppress(InputError):
-            if sample.kept:
-                yield sample, decode_stream(bag, bag.topics[name], stamps, [data for _, data in sample.kept])
+            if stamps.size:
+                stream = decode_stream(bag, topics[name], stamps[:: every[name]], kept[name])
+                yield (stamps.size - 1) / span * 1e9 if span > 0.0 else float("nan"), stream
 
 
 def _address(stream: JointStream, name: str) -> tuple[str, str]:

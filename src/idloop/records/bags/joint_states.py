@@ -12,11 +12,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.arrays import Array
+from idloop.arrays import Array, Integers
 from idloop.records.bags.cdr import SECOND, CdrError, CdrWriter, JointLayout, read_layout
 
 Bytes = NDArray[np.uint8]
-Stamps = NDArray[np.int64]
 
 _STAMP = slice(4, 12)
 _MOST_PADDING = 7  # bytes behind the last number
@@ -25,9 +24,8 @@ _MOST_LAYOUTS = 32  # more changes of layout than this: message by message is fa
 
 def encode_rows(
     names: tuple[str, ...],
-    stamp_ns: Stamps,
+    stamp_ns: Integers,
     values: tuple[Array | None, Array | None, Array | None],
-    frame_id: str = "",
 ) -> Bytes:
     """Serialise n messages at once; returns their bytes as a table (n, size), little-endian CDR.
 
@@ -35,7 +33,7 @@ def encode_rows(
     """
     writer = CdrWriter()
     writer.stamp(0)
-    writer.string(frame_id)
+    writer.string("")  # frame
     writer.uint32(len(names))
     for name in names:
         writer.string(name)
@@ -53,7 +51,7 @@ def encode_rows(
     return rows
 
 
-def decode_rows(rows: Bytes, layout: JointLayout) -> tuple[Stamps, tuple[Array, Array, Array]]:
+def decode_rows(rows: Bytes, layout: JointLayout) -> tuple[Integers, tuple[Array, Array, Array]]:
     """Return stamps in ns (n,) and position, velocity, effort (n, count) of messages of one layout."""
     stamp = np.ascontiguousarray(rows[:, _STAMP])
     seconds = stamp[:, :4].copy().view(layout.order + "i4")[:, 0].astype(np.int64)
@@ -67,7 +65,7 @@ def decode_rows(rows: Bytes, layout: JointLayout) -> tuple[Stamps, tuple[Array, 
     return seconds * SECOND + nanoseconds, (doubles(0), doubles(1), doubles(2))
 
 
-def decode_joint_states(payloads: Sequence[bytes]) -> tuple[Stamps, tuple[str, ...], tuple[Array, Array, Array]]:
+def decode_joint_states(payloads: Sequence[bytes]) -> tuple[Integers, tuple[str, ...], tuple[Array, Array, Array]]:
     """Decode JointState messages; joints may come, go and change place between messages.
 
     Returns `stamp_ns` (n,).
@@ -93,7 +91,7 @@ def decode_joint_states(payloads: Sequence[bytes]) -> tuple[Stamps, tuple[str, .
     return stamp, tuple(order), (values[0], values[1], values[2])
 
 
-def _groups(payloads: Sequence[bytes]) -> Iterator[tuple[Stamps, Bytes, JointLayout]]:
+def _groups(payloads: Sequence[bytes]) -> Iterator[tuple[Integers, Bytes, JointLayout]]:
     """Yield indices, bytes and layout of the messages that have one layout."""
     lengths = np.fromiter(map(len, payloads), dtype=np.int64, count=len(payloads))
     layouts = 0

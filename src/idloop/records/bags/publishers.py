@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from idloop.arrays import Array, Mask
+from idloop.arrays import Array, Integers, Mask
 from idloop.records.bags.stream import JointStream
 
-Stamps = NDArray[np.int64]
+Evidence = Literal["clocks", "fields", "stamps"]
 
 _FEWEST = 4  # messages of the rarer publisher, and changes between the two
 _ON_GRID = 0.1  # periods that a stamp may lie beside the next point of a grid
@@ -27,8 +26,7 @@ class Publishers:
     """Two sequences within the messages of one topic."""
 
     topic: str
-    # What tells them apart: two clocks, different joints or fields, or two grids of stamps
-    evidence: Literal["clocks", "fields", "stamps"]
+    evidence: Evidence  # what tells them apart: two clocks, different joints or fields, or two grids of stamps
     second: Mask  # shape (n,): messages of the rarer sequence
     clock_offset: float  # median of its stamp minus receive time, minus that of the other [s]
     # Signals, such as ``motor.position``, of which the sequences hold different values at the same time; empty only
@@ -55,39 +53,29 @@ def find_publishers(stream: JointStream) -> Publishers | None:
     if len(stream) < 4 * _FEWEST:
         return None
     columns = stream.columns()
-    second = _two_clocks(stream) if stream.stamped else None
-    if second is not None:
-        return _publishers(stream, "clocks", second, _contradicting(stream.receive_ns, columns, second))
-    for evidence, found in _sequences(stream, columns):
-        contradicting = _contradicting(stream.stamp_ns, columns, found)
-        if contradicting:
-            return _publishers(stream, evidence, found, contradicting)
+    ahead = (stream.stamp_ns - stream.receive_ns) * 1e-9
+    for evidence, second in _sequences(stream, columns):
+        clocks = evidence == "clocks"
+        contradicting = _contradicting(stream.receive_ns if clocks else stream.stamp_ns, columns, second)
+        if clocks or contradicting:
+            offset = float(np.median(ahead[second]) - np.median(ahead[~second]))
+            return Publishers(stream.topic, evidence, second, offset, contradicting)
     return None
 
 
-def _publishers(
-    stream: JointStream, evidence: Literal["clocks", "fields", "stamps"], second: Mask, contradicting: tuple[str, ...]
-) -> Publishers:
-    ahead = (stream.stamp_ns - stream.receive_ns) * 1e-9
-    offset = float(np.median(ahead[second]) - np.median(ahead[~second]))
-    return Publishers(stream.topic, evidence, second, offset, contradicting)
-
-
-def _sequences(stream: JointStream, columns: dict[str, Array]) -> Iterator[tuple[Literal["fields", "stamps"], Mask]]:
-    if stream.is_joint_state:
-        found = _rarer(_other_fields(columns))
-        if found is not None:
-            yield "fields", found
+def _sequences(stream: JointStream, columns: dict[str, Array]) -> Iterator[tuple[Evidence, Mask]]:
+    """Rarer messages of two sequences that alternate, and what tells them apart; likeliest first."""
+    if stream.stamped and (found := _two_clocks(stream)) is not None:
+        yield "clocks", found
+    if stream.is_joint_state and (found := _rarer(_other_fields(columns))) is not None:
+        yield "fields", found
     for grid in _other_grids(stream.stamp_ns, list(columns.values())):
-        found = _rarer(grid)
-        if found is not None:
+        if (found := _rarer(grid)) is not None:
             yield "stamps", found
 
 
-def _rarer(second: Mask | None) -> Mask | None:
+def _rarer(second: Mask) -> Mask | None:
     """Mask of the rarer sequence; None where the two do not alternate."""
-    if second is None:
-        return None
     changes = np.count_nonzero(np.diff(second))
     rarer = min(second.sum(), second.size - second.sum())
     # Messages in long runs are those of one publisher that has changed its rate.
@@ -116,7 +104,7 @@ def _two_clocks(stream: JointStream) -> Mask | None:
     return None if _fills_the_gaps(*parts) else second
 
 
-def _fills_the_gaps(late: Stamps, others: Stamps) -> bool:
+def _fills_the_gaps(late: Integers, others: Integers) -> bool:
     """Whether the stamps of messages that came late are those missing on the one grid of a single publisher."""
     inside = late[(late > others[0]) & (late < others[-1])]
     if inside.size < late.size // 2:
@@ -127,18 +115,18 @@ def _fills_the_gaps(late: Stamps, others: Stamps) -> bool:
     return bool(period > 0 and np.median(nearest) > (1 - 2 * _ON_GRID) * period)
 
 
-def _other_fields(columns: dict[str, Array]) -> Mask | None:
+def _other_fields(columns: dict[str, Array]) -> Mask:
     """Messages that carry other signals than most do."""
     if not columns:
-        return None
+        return np.zeros(0, dtype=np.bool_)
     given = ~np.isnan(np.column_stack(list(columns.values())))
     if np.all(given == given[:1]):
-        return None
-    kinds, which, counts = np.unique(given, axis=0, return_inverse=True, return_counts=True)
-    return None if len(kinds) < 2 else np.asarray(which.ravel() != np.argmax(counts))
+        return np.zeros(len(given), dtype=np.bool_)
+    _, which, counts = np.unique(given, axis=0, return_inverse=True, return_counts=True)
+    return np.asarray(which.ravel() != np.argmax(counts))
 
 
-def _other_grids(stamp: Stamps, columns: list[Array]) -> Iterator[Mask]:
+def _other_grids(stamp: Integers, columns: list[Array]) -> Iterator[Mask]:
     """Messages beside a grid of stamps on which the others lie, where these form one as well; likeliest first."""
     if np.any(np.diff(stamp) < 0):
         return
@@ -160,7 +148,7 @@ def _other_grids(stamp: Stamps, columns: list[Array]) -> Iterator[Mask]:
         yield _matched_twins(~_chain(stamp, period, start), stamp, columns)
 
 
-def _periods(stamp: Stamps) -> list[float]:
+def _periods(stamp: Integers) -> list[float]:
     """Periods that the grid of one of two publishers may have [ns]: the commonest steps over one to three messages."""
     found = []
     for over in (1, 2, 3):
@@ -174,7 +162,7 @@ def _periods(stamp: Stamps) -> list[float]:
     return found
 
 
-def _chain(stamp: Stamps, period: float, start: int) -> Mask:
+def _chain(stamp: Integers, period: float, start: int) -> Mask:
     """Follow a grid from one message to the next; points without a message are passed over."""
     chosen = np.zeros(stamp.size, dtype=np.bool_)
     tolerance = _ON_GRID * period
@@ -201,7 +189,7 @@ def _chain(stamp: Stamps, period: float, start: int) -> Mask:
     return chosen
 
 
-def _matched_twins(second: Mask, stamp: Stamps, columns: list[Array]) -> Mask:
+def _matched_twins(second: Mask, stamp: Integers, columns: list[Array]) -> Mask:
     """Of two messages with one stamp give each to the sequence that it continues: they arrive in any order."""
     twins = np.flatnonzero((np.diff(stamp) == 0) & (second[1:] != second[:-1]))
     if not twins.size or not columns:
@@ -219,7 +207,7 @@ def _matched_twins(second: Mask, stamp: Stamps, columns: list[Array]) -> Mask:
     return result
 
 
-def _contradicting(time_ns: Stamps, columns: dict[str, Array], second: Mask) -> tuple[str, ...]:
+def _contradicting(time_ns: Integers, columns: dict[str, Array], second: Mask) -> tuple[str, ...]:
     """Signals of which the rarer sequence is far from the other, as interpolated to the same time."""
     time = (time_ns - time_ns[0]).astype(np.float64)
     found = []

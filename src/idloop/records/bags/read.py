@@ -9,9 +9,10 @@ import numpy as np
 
 from idloop.arrays import Integers
 from idloop.errors import InputError
-from idloop.records.bags.bag import Bag, one_line
+from idloop.records.bags.bag import Bag
 from idloop.records.bags.joint_states import decode_joint_states
 from idloop.records.bags.message_fields import carries_signals, decode_any
+from idloop.records.bags.message_types import one_line
 from idloop.records.bags.stream import JOINT_STATE, JointStream
 from idloop.records.bags.topics import Topic, resolve_topic
 from idloop.records.finding import Finding
@@ -59,11 +60,9 @@ def read_streams(
         for topic in wanted:
             _check_readable(bag, topic)
     # What an open bag was read for once is not decoded again: a robot's joints share their topics.
-    raw = bag.raw([topic.name for topic in wanted if topic.name not in bag.decoded])
-    for topic in wanted:
-        if topic.name in bag.decoded:
-            continue
-        receive, payloads = raw[topic.name]
+    new = {topic.name: topic for topic in wanted if topic.name not in bag.decoded}
+    for name, (receive, payloads) in bag.raw(new).items():
+        topic = new[name]
         if not payloads:
             raise InputError(
                 f"{bag.path}: {topic.name} should have {topic.count} messages and has none; the file is damaged, copy"
@@ -120,18 +119,14 @@ def decode_stream(bag: Bag, topic: Topic, receive_ns: Integers, payloads: list[b
     findings: list[Finding] = []
     announced = bag.announced.get(topic.name, 0)
     if len(payloads) < announced:
-        text = (
-            f"{topic.name}: {len(payloads)} of {announced} messages that the metadata announce are in the files; copy"
-            " the bag again"
-        )
+        there = f"{len(payloads)} of {announced} messages that the metadata announce are in the files"
+        text = f"{topic.name}: {there}; copy the bag again"
         findings.append(Finding("fewer_messages", text, announced - len(payloads), topic.name, "warning"))
     stamped = stamps is not None and bool(np.any(stamps))
     if not stamped:
         why = "the type has no header" if stamps is None else "all header stamps are zero"
-        text = (
-            f"{topic.name}: the messages carry no stamps ({why}); receive times are used, which contain the delay and"
-            " the jitter of the transport"
-        )
+        used = "receive times are used, which contain the delay and the jitter of the transport"
+        text = f"{topic.name}: the messages carry no stamps ({why}); {used}"
         findings.append(Finding("receive_stamps", text, len(payloads), topic.name, "warning"))
     return JointStream(
         topic=topic.name,

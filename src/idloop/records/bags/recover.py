@@ -12,11 +12,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from idloop.errors import IdloopError, InputError
-from idloop.records.bags.bag import Bag, one_line
+from idloop.records.bags.bag import Bag
 from idloop.records.bags.joint_states import plain_layout
-from idloop.records.bags.storage.bag_metadata import BagMetadata, read_metadata
-from idloop.records.bags.storage.readable_messages import Channel, Message, readable_messages
-from idloop.records.bags.storage.storage_files import storage_files
+from idloop.records.bags.message_types import one_line
+from idloop.records.bags.storage.message import Channel, Message
+from idloop.records.bags.storage.readable_messages import readable_messages
+from idloop.records.bags.storage.storage_files import read_metadata, storage_files
 from idloop.records.bags.storage.unpacking import Scratch
 from idloop.records.bags.stream import JOINT_STATE
 
@@ -72,10 +73,15 @@ def recover_bag(bag: Path, target: Path) -> Recovered:
     try:
         with Scratch() as scratch:
             copy.write(_in_order(files, scratch))
-        _read_back(bag, target, copy)
+        _read_back(bag, copy)
     except BaseException:
         shutil.rmtree(target, ignore_errors=True)
         raise
+    try:
+        announced = read_metadata(bag).counts
+    except InputError:  # damaged: it announces nothing
+        announced = {}
+    seen = copy.topics + copy.left_out
     return Recovered(
         bag=target,
         messages=copy.topics.total(),
@@ -83,7 +89,7 @@ def recover_bag(bag: Path, target: Path) -> Recovered:
         topics=dict(sorted(copy.topics.items())),
         cut=tuple(copy.cut),
         left_out=dict(copy.left_out),
-        missing=_missing(bag, copy),
+        missing={topic: count - seen[topic] for topic, count in announced.items() if count > seen[topic]},
         unchecked=tuple(sorted({topic for topic, kind in copy.connections if copy.stores[topic, kind] is None})),
     )
 
@@ -116,29 +122,34 @@ class _Copy:
         with ExitStack() as stack:
             writer = None
             for file, message in messages:
-                if message is None:
+                if message is None or not self._decodes(message):
                     self.cut[file] = None
                     continue
-                channel = message.channel
+                channel, stamp = message.channel, message.stamp_ns
                 key = (channel.topic, channel.message_type)
-                if key not in self.stores:
-                    self.stores[key] = _typestore(channel.message_type, channel.definition)
-                if not _decodes(self.stores[key], message):
-                    self.cut[file] = None
-                    self.left_out[channel.topic] += 1
-                    continue
                 if writer is None:
                     writer = stack.enter_context(Writer(self.target, version=9, storage_plugin=StoragePlugin.MCAP))
                 if key not in self.connections:
                     self.connections[key] = _connect(writer, channel, self.stores[key])
-                if 0 <= message.stamp_ns < 2**63:
-                    stamp = message.stamp_ns
+                if 0 <= stamp < 2**63:
                     self.first, self.last = min(self.first, stamp), max(self.last, stamp)
                 else:  # the time is damaged, the message is kept
-                    self.cut[file] = None
-                    stamp = self.last
+                    self.cut[file], stamp = None, self.last
                 writer.write(self.connections[key], stamp, message.data)
                 self.topics[channel.topic] += 1
+
+    def _decodes(self, message: Message) -> bool:
+        """Whether the content fits the type; True where the type is unknown."""
+        channel = message.channel
+        key = (channel.topic, channel.message_type)
+        if key not in self.stores:
+            self.stores[key] = _typestore(channel.message_type, channel.definition)
+        try:
+            _decode(self.stores[key], channel.message_type, message.data)
+        except Exception:  # noqa: BLE001 - the bytes may be anything
+            self.left_out[channel.topic] += 1
+            return False
+        return True
 
 
 @lru_cache(maxsize=64)
@@ -147,25 +158,14 @@ def _typestore(message_type: str, definition: str) -> Typestore | None:
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     known = get_typestore(Stores.LATEST)
-    if not definition:
-        return known if message_type in known.fielddefs else None
-    try:
-        store = get_typestore(Stores.EMPTY)
-        store.register({**known.fielddefs, **get_types_from_msg(definition, message_type)})
-        if message_type != JOINT_STATE:  # which is taken apart without it
-            store.get_msgdef(message_type)
-    except Exception:  # noqa: BLE001 - the text may be anything
-        return known if message_type in known.fielddefs else None
-    return store
-
-
-def _decodes(store: Typestore | None, message: Message) -> bool:
-    """Whether the content fits the type; True where the type is unknown."""
-    try:
-        _decode(store, message.channel.message_type, message.data)
-    except Exception:  # noqa: BLE001 - the bytes may be anything
-        return False
-    return True
+    with suppress(Exception):  # the text may be anything
+        if definition:
+            store = get_typestore(Stores.EMPTY)
+            store.register({**known.fielddefs, **get_types_from_msg(definition, message_type)})
+            if message_type != JOINT_STATE:  # which is taken apart without it
+                store.get_msgdef(message_type)
+            return store
+    return known if message_type in known.fielddefs else None
 
 
 def _decode(store: Typestore | None, message_type: str, data: bytes) -> None:
@@ -184,17 +184,16 @@ def _connect(writer: Any, channel: Channel, store: Typestore | None) -> Any:
             definition, _ = store.generate_msgdef(channel.message_type, ros_version=2)
         if store is not None and not type_hash:
             type_hash = store.hash_rihs01(channel.message_type)
-    type_hash = type_hash or "RIHS01_" + 64 * "0"
     return writer.add_connection(
         channel.topic,
         channel.message_type,
         msgdef=definition,
-        rihs01=type_hash,
+        rihs01=type_hash or "RIHS01_" + 64 * "0",
         serialization_format=channel.serialization,
     )
 
 
-def _read_back(bag: Path, target: Path, copy: _Copy) -> None:
+def _read_back(bag: Path, copy: _Copy) -> None:
     """Open the new bag as any reader does, decode every message, and compare the counts.
 
     Raises IdloopError: there is none, it cannot be read, or it holds something else than was written.
@@ -202,27 +201,17 @@ def _read_back(bag: Path, target: Path, copy: _Copy) -> None:
     if not copy.topics:
         raise IdloopError(f"{bag}: no message in it can be read; record again")
     found: Counter[str] = Counter()
+    nothing_left = f"nothing is left in {copy.target}"
     try:
-        with Bag(target) as written:
+        with Bag(copy.target) as written:
             types = {name: topic.type for name, topic in written.topics.items()}
             for topic, _, data in written.messages(types):
                 _decode(copy.stores[topic, types[topic]], types[topic], data)
                 found[topic] += 1
     except Exception as error:  # noqa: BLE001 - rosbags lets many kinds of errors through
         raise IdloopError(
-            f"{bag}: what could be read of it makes no bag that can be read ({one_line(error)}); nothing is left in"
-            f" {target}"
+            f"{bag}: what could be read of it makes no bag that can be read ({one_line(error)}); {nothing_left}"
         ) from None
     if found != copy.topics:
         text = ", ".join(f"{topic}: {found[topic]} of {count}" for topic, count in copy.topics.items())
-        raise IdloopError(f"{bag}: the new bag holds less than was written ({text}); nothing is left in {target}")
-
-
-def _missing(bag: Path, copy: _Copy) -> dict[str, int]:
-    """Messages that the metadata of the old bag announce beyond those that were found, by topic."""
-    try:
-        metadata = read_metadata(bag)
-    except InputError:  # damaged: they announce nothing
-        metadata = BagMetadata()
-    seen = copy.topics + copy.left_out
-    return {topic: count - seen[topic] for topic, count in metadata.counts.items() if count > seen[topic]}
+        raise IdloopError(f"{bag}: the new bag holds less than was written ({text}); {nothing_left}")

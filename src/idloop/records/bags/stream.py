@@ -76,61 +76,38 @@ class JointStream:
     def column(self, joint: str, field: str) -> Array:
         """Return the values of one joint's field, shape (n,).
 
-        Parameters
-        ----------
-        joint : str
-            Joint name. A stream with a single unnamed value (``std_msgs/Float64``) serves any joint; of a
-            bare array the position ``"0"``, ``"1"``, ... picks the column.
-        field : str
-            ``position``, ``velocity`` or ``effort``; of types that name their numbers by joints, such as
-            control_msgs/DynamicJointState, any of those; without meaning for other types.
-
-        Raises
-        ------
-        InputError
-            Unknown joint or field.
+        `joint`: name. A stream with a single unnamed value (``std_msgs/Float64``) serves any joint; of a bare array the
+        position ``"0"``, ``"1"``, ... picks the column.
+        `field`: ``position``, ``velocity`` or ``effort``; of types that name their numbers by joints, such as
+        control_msgs/DynamicJointState, any of those; without meaning for other types.
+        Raises InputError: unknown joint or field.
         """
         if not self.is_joint_state:
-            return self._value(joint, field)
+            found = [name for name in (f"{joint}.{field}", joint) if name in self.names]
+            if not found and len(self.names) != 1:
+                raise self._missing("value", joint)
+            return self.position[:, self.names.index(found[0]) if found else 0]
         if field not in FIELDS:
             raise InputError(
                 f"{self.topic}: no field {field!r}; fields are {listed(FIELDS)}{did_you_mean(field, FIELDS)}"
             )
         if joint not in self.names:
-            raise InputError(
-                f"{self.topic}: no joint {joint!r} ({self.type}); it has"
-                f" {listed(self.names)}{did_you_mean(joint, self.names)}"
-            )
+            raise self._missing("joint", joint)
         values: Array = getattr(self, field)
         return values[:, self.names.index(joint)]
 
-    def _value(self, joint: str, field: str) -> Array:
-        for name in (f"{joint}.{field}", joint):
-            if name in self.names:
-                return self.position[:, self.names.index(name)]
-        if len(self.names) == 1:
-            return self.position[:, 0]
-        raise InputError(
-            f"{self.topic}: no value {joint!r} ({self.type}); it has"
-            f" {listed(self.names)}{did_you_mean(joint, self.names)}"
-        )
+    def _missing(self, what: str, name: str) -> InputError:
+        near = did_you_mean(name, self.names)
+        return InputError(f"{self.topic}: no {what} {name!r} ({self.type}); it has {listed(self.names)}{near}")
 
     def number(self, joint: str, field: str) -> Array:
         """Return one number of each message as a mapping file names it, shape (n,).
 
-        Parameters
-        ----------
-        joint : str
-            Joint that owns the number; "" where there is only one, or the type has none.
-        field : str
-            ``position`` (also ""), ``velocity`` or ``effort`` of a JointState. Of other types a field of the joint,
-            such as ``feedback.positions``, or the place of a number: ``wrench.force.x``, ``data[0]``,
-            ``interface_values[1].values[0]``; "" for the only number.
-
-        Raises
-        ------
-        InputError
-            No such joint or field, or several joints have this field.
+        `joint`: owner of the number; "" where there is only one, or the type has none.
+        `field`: ``position`` (also ""), ``velocity`` or ``effort`` of a JointState. Of other types a field of the
+        joint, such as ``feedback.positions``, or the place of a number: ``wrench.force.x``, ``data[0]``,
+        ``interface_values[1].values[0]``; "" for the only number.
+        Raises InputError: no such joint or field, or several joints have this field.
         """
         if self.is_joint_state:
             return self.column(joint or (self.names[0] if len(self.names) == 1 else ""), field or FIELDS[0])
@@ -146,8 +123,4 @@ class JointStream:
             raise InputError(
                 f"{self.topic}: several joints have {field} ({listed(owners)}); name one as `source_joint:`"
             )
-        wanted = f"{joint}.{field}" if joint else field
-        raise InputError(
-            f"{self.topic}: no field {wanted!r} ({self.type}); it has"
-            f" {listed(self.names)}{did_you_mean(wanted, self.names)}"
-        )
+        raise self._missing("field", f"{joint}.{field}" if joint else field)

@@ -74,29 +74,24 @@ def write_bag(
     typestore = get_typestore(Stores.ROS2_JAZZY)
     when = np.concatenate([stream.receive_ns for stream in streams])
     whose = np.repeat(np.arange(len(streams)), [len(stream) for stream in streams])
-    which = np.concatenate([np.arange(len(stream)) for stream in streams])
-    order = np.argsort(when, kind="stable")
-    tables = [_payloads(stream) for stream in streams]
+    payloads = [one for stream in streams for one in _payloads(stream)]
+    texts = dict(custom or {})
+    if isinstance(content, Record) and content.conditions:
+        # No model states the units of the conditions.
+        texts = {CONDITION_UNITS: json.dumps({one.name: one.unit for one in content.conditions})} | texts
     try:
         with Writer(path, version=9, storage_plugin=StoragePlugin[storage.upper()]) as writer:
-            for key, text in (_units_of(content) | dict(custom or {})).items():
+            for key, text in texts.items():
                 writer.set_custom_data(key, text)
             connections = [
                 writer.add_connection("/" + stream.topic.removeprefix("/"), JOINT_STATE, typestore=typestore)
                 for stream in streams
             ]
-            for stream, row, at in zip(whose[order].tolist(), which[order].tolist(), when[order].tolist(), strict=True):
-                writer.write(connections[stream], at, tables[stream][row])
+            for row in np.argsort(when, kind="stable").tolist():
+                writer.write(connections[whose[row]], int(when[row]), payloads[row])
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror})") from None
     return path
-
-
-def _units_of(content: object) -> dict[str, str]:
-    """Units of the conditions of a record for the metadata of the bag; no model states them."""
-    if not isinstance(content, Record) or not content.conditions:
-        return {}
-    return {CONDITION_UNITS: json.dumps({one.name: one.unit for one in content.conditions})}
 
 
 def _rank(topic: str) -> int:
@@ -108,10 +103,7 @@ def _payloads(stream: JointStream) -> list[bytes]:
     values = [getattr(stream, field) for field in FIELDS]
     # A field that no message carries stays an empty sequence, as ROS has it for "not available".
     position, velocity, effort = (None if np.isnan(value).all() else value for value in values)
-    rows = encode_rows(stream.names, stream.stamp_ns, (position, velocity, effort))
-    size = rows.shape[1]
-    joined = rows.tobytes()
-    return [joined[start : start + size] for start in range(0, len(joined), size)]
+    return [row.tobytes() for row in encode_rows(stream.names, stream.stamp_ns, (position, velocity, effort))]
 
 
 def record_streams(record: Record) -> list[JointStream]:
@@ -123,15 +115,16 @@ def record_streams(record: Record) -> list[JointStream]:
         output_joint, _, output_field = name.rpartition(".")
         measured.setdefault(output_joint, {})[output_field] = values
     streams.append(make_stream("joint_states", record.absolute(record.time), measured))
-    if record.reference is not None and record.reference_time is not None:
-        fields = {"position": record.reference[:, 0], "velocity": record.reference[:, 1]}
-        streams.append(make_stream("reference", record.absolute(record.reference_time), {joint: fields}))
-    if record.excitation is not None and record.excitation_time is not None:
-        fields = {"position": record.excitation[:, 0], "effort": record.excitation[:, 1]}
-        streams.append(make_stream("excitation", record.absolute(record.excitation_time), {joint: fields}))
+    for topic, stamps, values, second in (
+        ("reference", record.reference_time, record.reference, "velocity"),
+        ("excitation", record.excitation_time, record.excitation, "effort"),
+    ):
+        if stamps is not None and values is not None:
+            fields = {"position": values[:, 0], second: values[:, 1]}
+            streams.append(make_stream(topic, record.absolute(stamps), {joint: fields}))
     if record.conditions:
-        stamps, columns = conditions_columns(record.conditions, record.start_ns)
-        streams.append(make_stream(CONDITIONS, stamps, {name: {FIELD: value} for name, value in columns.items()}))
+        stamp_ns, columns = conditions_columns(record.conditions, record.start_ns)
+        streams.append(make_stream(CONDITIONS, stamp_ns, {name: {FIELD: value} for name, value in columns.items()}))
     return streams
 
 

@@ -46,15 +46,13 @@ def axes_of(
     `joined`: whether the recording was put together from several files.
     """
     found: dict[str, Axis] = {}
-    two = {topic: find_publishers(stream) for topic, stream in measured.items()}
-    two_commands = None if command is None else find_publishers(command)
-    sent = None if command is None else _forward(_main(command, two_commands), start_ns)
+    two_commands, sent = (None, None) if command is None else _forward(command, start_ns)
     for topic, stream in measured.items():
+        two, read = _forward(stream, start_ns)
         signals = motions.get(topic, {})
         good = {name for name, one in signals.items() if not unusable_magnitude(name, one.minimum, one.maximum)}
         moving = {name for name, one in signals.items() if name in good and one.moves and name.endswith(_MOTIONS)}
         joints = list(dict.fromkeys(name.rpartition(".")[0] for name in signals if name in moving))
-        read = _forward(_main(stream, two[topic]), start_ns) if joints else None
         if read is None:
             continue
         time, columns = read
@@ -75,20 +73,17 @@ def axes_of(
                 joined=joined,
                 measured_stream=stream,
                 command_stream=command,
-                publishers=tuple(one for one in (two_commands, two[topic]) if one is not None),
+                publishers=tuple(one for one in (two_commands, two) if one is not None),
             )
             found[joint] = axis.without_bad_readings()
     return list(found.values())
 
 
-def _main(stream: JointStream, publishers: Publishers | None) -> JointStream:
-    """Messages of the more frequent publisher."""
-    return stream if publishers is None else stream.take(np.flatnonzero(~publishers.second))
-
-
-def _forward(stream: JointStream, start_ns: int) -> tuple[Array, dict[str, Array]] | None:
-    """Time and columns; None where the clock was set back."""
-    return None if stamp_statistics(stream.stamp_ns).resets else once_per_stamp(stream, start_ns)
+def _forward(stream: JointStream, start_ns: int) -> tuple[Publishers | None, tuple[Array, dict[str, Array]] | None]:
+    """Two publishers, and time and columns of the more frequent one; None where the clock was set back."""
+    two = find_publishers(stream)
+    main = stream if two is None else stream.take(np.flatnonzero(~two.second))
+    return two, None if stamp_statistics(main.stamp_ns).resets else once_per_stamp(main, start_ns)
 
 
 def _finite(value: Array) -> Array:

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from weakref import finalize
 
 import numpy as np
@@ -66,29 +65,6 @@ class Difference:
     text: str  # kind of difference, for the user
     delay: float  # delay of the velocity behind the motion [s]
     misfit: float  # residual of the sum over the noise that it transmits
-
-
-@dataclass(frozen=True, eq=False)
-class _Differences:
-    """Differences of the position; value[k] ends at sample k + 1."""
-
-    value: Array
-
-    @cached_property
-    def noise(self) -> float:
-        """Upper bound of the standard deviation of the position noise over the period; 0 where none is visible.
-
-        The noise of the newest sample cannot be predicted from the differences before it.
-        """
-        d = self.value
-        windows = np.lib.stride_tricks.sliding_window_view(d, _PAST + 1)
-        windows = windows[(windows[:, -1] != 0.0) | (windows[:, -2] != 0.0)]
-        if len(windows) < 4 * _PAST:
-            return 0.0
-        past, last = windows[:, :-1], windows[:, -1]
-        error = _fitted(past, last, np.abs(last), _JERKS)[1]
-        left = _trimmed(_fitted(past, last, error, _JERKS)[1], _JERKS)
-        return left if left > _LEAST_NOISE * float(np.sqrt(np.mean(np.square(d)))) else 0.0
 
 
 def difference(time: Array, position: Array, velocity: Array) -> Difference | None:
@@ -161,16 +137,15 @@ def _of(t: Array, p: Array, v: Array) -> Difference | None:
     if np.std(step) > 1e-6 * steady and np.all(step > 0.0):
         periods.append(step)
     for period in periods:
-        d = _Differences(np.diff(p) / period)
-        found = _plain(v, d, steady) or _behind_filter(v, d, steady)
-        if found is not None:
+        d = np.diff(p) / period
+        if found := _plain(v, d, steady) or _behind_filter(v, d, steady):
             return found
     return None
 
 
-def _plain(v: Array, d: _Differences, step: float) -> Difference | None:
+def _plain(v: Array, d: Array, step: float) -> Difference | None:
     """Return the plain difference over some samples that equals a velocity, if any; d[k] ends at v[k + 1]."""
-    total = np.concatenate([[0.0], np.cumsum(d.value)])
+    total = np.concatenate([[0.0], np.cumsum(d)])
     for wide in range(1, _WIDEST + 1):
         window = (total[wide:] - total[:-wide]) / wide
         # At the last sample, one sample later, or computed offline: centred, over one sample also ahead.
@@ -187,12 +162,12 @@ def _plain(v: Array, d: _Differences, step: float) -> Difference | None:
     return None
 
 
-def _behind_filter(v: Array, d: _Differences, step: float) -> Difference | None:
+def _behind_filter(v: Array, d: Array, step: float) -> Difference | None:
     """Return the difference of the last sample behind a filter that equals a velocity, if any."""
     for order, shape in _FILTERS:
         taps = np.array(shape, dtype=float) / np.sum(shape)
         k = np.arange(max(len(taps), order), v.size)
-        passed = sum(tap * d.value[k - 1 - j] for j, tap in enumerate(taps))
+        passed = sum(tap * d[k - 1 - j] for j, tap in enumerate(taps))
         found = _exact(v, d, np.column_stack([passed, *(v[k - i] for i in range(1, order + 1))]), k, order, taps)
         if found is None:
             continue
@@ -203,9 +178,7 @@ def _behind_filter(v: Array, d: _Differences, step: float) -> Difference | None:
     return None
 
 
-def _exact(
-    v: Array, d: _Differences, regressors: Array, k: Integers, order: int, taps: Array
-) -> tuple[Array, float] | None:
+def _exact(v: Array, d: Array, regressors: Array, k: Integers, order: int, taps: Array) -> tuple[Array, float] | None:
     """Return poles and misfit of a sum whose first regressor is the difference at k; None where it is not exact."""
     value = v[k]
     moving = (regressors[:, 0] != 0.0) | (value != v[k - 1])
@@ -235,7 +208,7 @@ def _exact(
     impulse = np.zeros(_MEMORY)
     impulse[: response.size] = response
     share = float(np.linalg.norm(lfilter(*filtering, impulse)))
-    noise = share * min(_noise(unsplit, response, moving, _ORDERS) / float(np.linalg.norm(response)), d.noise)
+    noise = share * min(_noise(unsplit, response, moving, _ORDERS) / float(np.linalg.norm(response)), _unpredicted(d))
     return (poles, float(left / noise)) if left <= _ROUNDING * noise and noise > 0.0 else None
 
 
@@ -252,12 +225,25 @@ def _noise(passed: Array, response: Array, moving: Mask, orders: Sequence[int]) 
     size = float(np.linalg.norm(response))
     found = []
     for order in range(1, max(orders) + 1):
-        passed, response = np.diff(passed), np.convolve(response, [1.0, -1.0])
-        moving = moving[1:]
-        if order not in orders:
-            continue
-        found.append(_trimmed(passed[moving], _JERKS) * size / float(np.linalg.norm(response)))
+        passed, response, moving = np.diff(passed), np.convolve(response, [1.0, -1.0]), moving[1:]
+        if order in orders:
+            found.append(_trimmed(passed[moving], _JERKS) * size / float(np.linalg.norm(response)))
     return min(found)
+
+
+def _unpredicted(d: Array) -> float:
+    """Upper bound of the standard deviation of the position noise over the period; 0 where none is visible.
+
+    The noise of the newest sample cannot be predicted from the differences before it.
+    """
+    windows = np.lib.stride_tricks.sliding_window_view(d, _PAST + 1)
+    windows = windows[(windows[:, -1] != 0.0) | (windows[:, -2] != 0.0)]
+    if len(windows) < 4 * _PAST:
+        return 0.0
+    past, last = windows[:, :-1], windows[:, -1]
+    error = _fitted(past, last, np.abs(last), _JERKS)[1]
+    left = _trimmed(_fitted(past, last, error, _JERKS)[1], _JERKS)
+    return left if left > _LEAST_NOISE * float(np.sqrt(np.mean(np.square(d)))) else 0.0
 
 
 def _trimmed(values: Array, share: float) -> float:

@@ -27,14 +27,9 @@ def what(finding: Finding) -> str:
 
 
 def grade(verdict: str, findings: Iterable[Finding]) -> tuple[str, str]:
-    """Return the grade and its reason, by the verdict of `idloop.records.Inspection` and its findings.
+    """Return the grade and its reason in one line, by the verdict of `idloop.records.Inspection` and its findings.
 
-    Returns
-    -------
-    grade : str
-        ``usable``, ``usable with care``, or ``not usable for`` what the faults spoil.
-    reason : str
-        One line.
+    The grade is ``usable``, ``usable with care``, or ``not usable for`` what the faults spoil.
     """
     if verdict in _VERDICTS:
         return f"{NOT_USABLE} {EVERYTHING}", _VERDICTS[verdict]

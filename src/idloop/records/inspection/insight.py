@@ -75,9 +75,9 @@ def insights(evidence: Evidence) -> list[str]:
         return ["No measured signal can be read: only rates and times are known."]
     if not evidence.moves:
         text = (
-            "Nothing moves: every measured signal is constant or noise around one value, so nothing can be identified."
+            "Nothing moves: every measured signal is constant or noise around one value, so nothing can be identified"
         )
-        return [f"{text} Command a larger motion, or check the sensors."]
+        return [f"{text}. Command a larger motion, or check the sensors."]
     found = [f"{text}." for text in dead_positions(evidence.motions)]
     if evidence.runs > 1:
         found.append(f"The clock was set back: {evidence.runs} runs in one bag. Record one run per bag.")
@@ -136,9 +136,10 @@ def _about_command(command: Excitation, evidence: Evidence) -> list[str]:
 
 
 def _about_motion(evidence: Evidence) -> list[str]:
-    moving = {name: motion for name, motion in evidence.motions.items() if motion.moves}
-    positions = {name: motion for name, motion in moving.items() if name.endswith(".position")}
-    velocities = {name: motion for name, motion in moving.items() if name.endswith(".velocity")}
+    positions, velocities = (
+        {name: one for name, one in evidence.motions.items() if one.moves and name.endswith(field)}
+        for field in (".position", ".velocity")
+    )
     found = []
     if velocities:
         speeds = [sorted((-motion.minimum, motion.maximum)) for motion in velocities.values()]

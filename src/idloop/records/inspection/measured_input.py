@@ -42,55 +42,42 @@ def acts_late(input_time: Array, command: Array, time: Array, motion: Array, ord
         return undecided
     # Index of the last command at every sample.
     place = np.searchsorted(input_time, time + 1e-3 * step, side="right") - 1
-    known = place >= 2
     acceleration = np.full(len(time), np.nan)
     if order == 2:
         acceleration[1:-1] = np.diff(motion, 2)
-        middle, speed = time, np.gradient(motion)
+        middle, speed, offsets = time, np.gradient(motion), [-1, 0, 1]
     else:
         acceleration[:-1] = np.diff(motion)
-        middle, speed = time + 0.5 * step, motion
-    steady = np.zeros(len(time), dtype=bool)
-    steady[1:-1] = (np.abs(np.diff(time)[1:] / step - 1.0) < 0.1) & (np.abs(np.diff(time)[:-1] / step - 1.0) < 0.1)
-    rows = np.flatnonzero(known & steady & (place + 2 < len(command)))
+        middle, speed, offsets = time + 0.5 * step, motion, [-1, 0, 1, 2]
+    even = np.abs(np.diff(time) / step - 1.0) < 0.1
+    steady = np.concatenate([[False], even[1:] & even[:-1], [False]])
+    rows = np.flatnonzero((place >= 2) & steady & (place + 2 < len(command)))
     if len(rows) > _MOST:
         # By chance: with even steps a command that is held over many samples would never be seen to change.
         rows = np.sort(np.random.default_rng(0).choice(rows, _MOST, replace=False))
     if len(rows) < _FEWEST:
         return undecided
-    offsets = [-1, 0, 1] if order == 2 else [-1, 0, 1, 2]
+    count = len(offsets)
     columns = [command[place[rows] + offset] for offset in offsets]
     after = np.array([np.mean(input_time[place[rows] + offset] - middle[rows]) for offset in offsets]) / step
-    rest = 0.02 * np.std(speed)
-    # A spring, friction and a constant force.
-    if np.linalg.matrix_rank(np.column_stack(columns)) < len(columns):
+    if np.linalg.matrix_rank(np.column_stack(columns)) < count:
         return undecided
-    other = [
-        *([motion[rows]] if order == 2 else []),
-        speed[rows],
-        np.tanh(speed[rows] / max(rest, 1e-300)),
-        np.ones(len(rows)),
-    ]
-    table = np.column_stack([*columns, *other])
-    target = acceleration[rows]
+    # A spring, friction and a constant force.
+    friction = np.tanh(speed[rows] / max(0.02 * np.std(speed), 1e-300))
+    others = np.column_stack([speed[rows], friction, np.ones(len(rows)), *([motion[rows]] if order == 2 else [])])
+    table, target = np.column_stack([*columns, others]), acceleration[rows]
     size = np.maximum(np.linalg.norm(table, axis=0), 1e-300)
     inverse = np.linalg.pinv(table / size, rcond=1e-12)
-    found = (inverse @ target) / size
-    left = target - table @ found
-    without = np.column_stack(other)
-    alone = target - without @ np.linalg.lstsq(without, target, rcond=None)[0]
-    if np.sum(left**2) > (1.0 - _EXPLAINED) * np.sum(alone**2):
+    weights = (inverse @ target) / size
+    left = target - table @ weights
+    alone = target - others @ np.linalg.lstsq(others, target, rcond=None)[0]
+    total = float(np.sum(weights[:count]))
+    if np.sum(left**2) > (1.0 - _EXPLAINED) * np.sum(alone**2) or total == 0.0:
         return undecided
-    count = len(offsets)
-    spread = (inverse @ inverse.T)[:count, :count] / np.outer(size[:count], size[:count])
-    covariance = spread * float(left @ left) / max(len(rows) - table.shape[1], 1)
-    weights = found[:count]
-    total = float(np.sum(weights))
-    if total == 0.0:
-        return undecided
-    late = -float(weights @ after) / total
-    slope = (-after - late) / total
-    return late, float(np.sqrt(max(slope @ covariance @ slope, 0.0)))
+    late = -float(weights[:count] @ after) / total
+    slope = (-after - late) / (total * size[:count])
+    variance = float(np.sum((inverse[:count].T @ slope) ** 2)) * float(left @ left)
+    return late, float(np.sqrt(variance / max(len(rows) - table.shape[1], 1)))
 
 
 def decided(

@@ -15,7 +15,8 @@ from idloop.arrays import Array
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.response import Projection, dry
 
-_WIDTHS = (17, 65)  # of the test functions [samples]
+# Widths of the test functions [samples], and those for shifts alone, which cost little.
+_WIDTHS, _PLAIN_WIDTHS = (17, 65), (9, 17, 33, 65, 129, 257)
 # Clocks that differ by more than this part are none; steps in which it is sought, and then around the best.
 _FASTEST, _STEP, _FINE = 0.02, 5e-4, 5e-5
 _FARTHEST, _PART = 1.0, 8  # shifts that are looked at: up to so many seconds, and this part of the record
@@ -32,48 +33,46 @@ class TimeAxes:
     # [s]; 1 where both clocks run alike
     offset: float
     stretch: float
-    share: float  # share of the acceleration that the command explains then
-    # ... with the best shift alone.
+    # Shares of the acceleration that the command explains: then, with the best shift alone, and as it is or acting
+    # later by any time
+    share: float
     without_stretch: float
-    # ... as it is, or acting later by any time.
     causal: float
     duration: float  # [s]
 
 
-def time_axes(axis: Axis) -> TimeAxes | None:
-    """Estimate the time axis of the command of an axis; None where there is too little to compare."""
+def time_axes(axis: Axis, *, stretched: bool = True) -> TimeAxes | None:
+    """Estimate the time axis of the command of an axis; None where there is too little to compare.
+
+    `stretched`: whether the clock of the command may run faster or slower.
+    """
     grid = axis.grid
     if grid is None or not np.isfinite(grid.command).any():
         return None
     source, order = (grid.position, 2) if np.isfinite(grid.position).any() else (grid.velocity, 1)
-    best: tuple[float, TimeAxes] | None = None
-    for width in _WIDTHS:
+    found = []
+    for width in _WIDTHS if stretched else _PLAIN_WIDTHS:
         functions = Projection(width, grid.period)
         if grid.time.size < width + _FEWEST:
             continue
-        table = [_every(functions, one) for one in (grid.speed, dry(grid))] + [np.ones(grid.time.size - width + 1)]
+        table = [_every(functions, grid.command), _every(functions, source, order)]
+        table += [_every(functions, one) for one in (grid.speed, dry(grid))] + [np.ones(table[0].size)]
         if order == 2:
             place = _every(functions, source)
             table.append(place - np.nanmean(place))
-        rows = (_every(functions, grid.command), _every(functions, source, order), np.column_stack(table))
-        known = np.logical_and.reduce(
-            [np.isfinite(one) if one.ndim == 1 else np.isfinite(one).all(axis=1) for one in rows]
-        )
-        if known.sum() < _FEWEST:
-            continue
-        command, acceleration, others = (one[known] for one in rows)
-        if np.std(command) == 0.0 or np.std(acceleration) == 0.0:
+        rows = np.column_stack(table)
+        known = np.isfinite(rows).all(axis=1)
+        command, acceleration, others = rows[known, 0], rows[known, 1], rows[known, 2:]
+        if known.sum() < _FEWEST or np.std(command) == 0.0 or np.std(acceleration) == 0.0:
             continue
         # The first command stands before or behind the first sample of the motion.
         ahead = float(axis.input_time[0] - grid.time[np.flatnonzero(known)[0]])
-        found = _compare(command, acceleration, others, grid.period, ahead)
-        if best is None or found.share > best[0]:
-            best = (found.share, found)
-    return None if best is None else best[1]
+        shifts = _Shifts(acceleration, others, min(int(_FARTHEST / grid.period), command.size // _PART))
+        found.append(_compare(command, shifts, grid.period, ahead, stretched=stretched))
+    return max(found, key=lambda one: one.share, default=None)
 
 
-def _compare(command: Array, acceleration: Array, others: Array, period: float, ahead: float) -> TimeAxes:
-    shifts = _Shifts(acceleration, others, min(int(_FARTHEST / period), command.size // _PART))
+def _compare(command: Array, shifts: _Shifts, period: float, ahead: float, *, stretched: bool) -> TimeAxes:
     rows = np.arange(command.size, dtype=np.float64)
 
     def at(faster: float) -> tuple[float, float, int]:
@@ -82,8 +81,10 @@ def _compare(command: Array, acceleration: Array, others: Array, period: float, 
         return float(shares[place]), faster, place - shifts.most
 
     plain = shifts.shares(command)
-    coarse = max(at(one) for one in np.arange(-_FASTEST, _FASTEST + 0.5 * _STEP, _STEP))
-    share, faster, shift = max(at(coarse[1] + one) for one in np.arange(-_STEP, _STEP + 0.5 * _FINE, _FINE))
+    share, faster, shift = at(0.0)
+    if stretched:
+        _, coarse, _ = max(at(one) for one in np.arange(-_FASTEST, _FASTEST + 0.5 * _STEP, _STEP))
+        share, faster, shift = max(at(coarse + one) for one in np.arange(-_STEP, _STEP + 0.5 * _FINE, _FINE))
     stretch = 1.0 / (1.0 + faster)
     return TimeAxes(
         offset=shift * period + ahead * (stretch - 1.0),

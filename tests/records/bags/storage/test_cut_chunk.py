@@ -11,8 +11,7 @@ from mcap.writer import CompressionType, IndexType, Writer
 from idloop.errors import InputError
 from idloop.records import read_streams, write_bag
 from idloop.records.bags.recover import recover_bag
-from idloop.records.bags.storage.cut_chunk import cut_chunk_records
-from idloop.records.bags.storage.readable_messages import mcap_messages
+from idloop.records.bags.storage.readable_messages import cut_chunk_records, mcap_messages
 from idloop.records.bags.write import make_stream
 
 STAMPS = np.arange(1, 6001, dtype=np.int64) * 10_000_000

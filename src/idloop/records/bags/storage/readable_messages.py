@@ -2,47 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import struct
+from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from io import BytesIO
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
-from idloop.records.bags.bag_limits import limit_bag_readers, unpack_message
-from idloop.records.bags.storage.cut_chunk import cut_chunk_records
-from idloop.records.bags.storage.ros1_records import Ros1Connection, read_ros1_records
-from idloop.records.bags.storage.ros1_types import ros1_typestore
+from idloop.records.bags.storage.message import ROS1, Channel, Message
+from idloop.records.bags.storage.ros1 import ros1_messages, ros1_typestore
 from idloop.records.bags.storage.sqlite_pages import SqlitePages
 from idloop.records.bags.storage.storage_files import file_format
-from idloop.records.bags.storage.unpacking import Scratch, unpack_file
+from idloop.records.bags.storage.unpacking import (
+    MOST_UNPACKED,
+    Scratch,
+    limit_bag_readers,
+    unpack_beginning,
+    unpack_file,
+    unpack_message,
+)
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
-ROS1 = "ros1"  # serialisation
 _SQLITE_MESSAGE = (type(None), int, int, bytes)  # id (it is the row's), topic, time, content
-
-
-@dataclass(frozen=True)
-class Channel:
-    """One topic of a recording."""
-
-    topic: str
-    message_type: str
-    # Text of the message's definition and REP-2011 hash of the type; empty where the recording has none
-    definition: str
-    type_hash: str
-    serialization: str  # usually ``cdr``
-
-
-@dataclass(frozen=True)
-class Message:
-    """One message: its topic, the time at which the recorder received it [ns], and its bytes."""
-
-    channel: Channel
-    stamp_ns: int
-    data: bytes
+# Of an mcap file: bytes of its magic; kind and length of a record; first and last stamp, size and checksum, and length
+# of the name of the compression of a chunk; size of its records.
+_MAGIC, _RECORD, _CHUNK, _LENGTH = 8, struct.Struct("<BQ"), struct.Struct("<QQQII"), struct.Struct("<Q")
+_IS_CHUNK = 0x06
 
 
 def mcap_messages(file: Path) -> Iterator[Message | None]:
@@ -54,30 +43,20 @@ def mcap_messages(file: Path) -> Iterator[Message | None]:
     from mcap.stream_reader import StreamReader
 
     limit_bag_readers()
-    schemas: dict[int, records.Schema] = {}
-    channels: dict[int, Channel] = {}
-    foreign: set[int] = set()  # channels without a schema: no messages of ROS
+    schemas: dict[int, Any] = {}
+    channels: dict[int, Channel | None] = {}  # None without a schema: no messages of ROS
     whole = False
 
-    def messages(found: Iterable[Any]) -> Iterator[Message]:
+    def messages(found: Iterator[Any]) -> Iterator[Message]:
         nonlocal whole
         for record in found:
             whole = whole or isinstance(record, records.Footer)
             if isinstance(record, records.Schema):
                 schemas[record.id] = record
-            elif isinstance(record, records.Channel) and not record.schema_id:
-                foreign.add(record.id)
             elif isinstance(record, records.Channel):
-                schema = schemas[record.schema_id]
-                channels[record.id] = Channel(
-                    topic=record.topic,
-                    message_type=schema.name,
-                    definition=schema.data.decode(),
-                    type_hash=record.metadata.get("topic_type_hash", ""),
-                    serialization=record.message_encoding,
-                )
-            elif isinstance(record, records.Message) and record.channel_id not in foreign:
-                yield Message(channels[record.channel_id], record.log_time, record.data)
+                channels[record.id] = _mcap_channel(record, schemas[record.schema_id]) if record.schema_id else None
+            elif isinstance(record, records.Message) and (channel := channels[record.channel_id]) is not None:
+                yield Message(channel, record.log_time, record.data)
 
     with file.open("rb") as stream:
         try:
@@ -90,32 +69,64 @@ def mcap_messages(file: Path) -> Iterator[Message | None]:
         yield None
 
 
+def _mcap_channel(record: Any, schema: Any) -> Channel:
+    type_hash = record.metadata.get("topic_type_hash", "")
+    return Channel(record.topic, schema.name, schema.data.decode(), type_hash, record.message_encoding)
+
+
+def cut_chunk_records(file: Path) -> Iterator[Any]:
+    """Yield the whole records of the chunk with which a cut mcap file ends; nothing where it ends otherwise.
+
+    A compressed chunk gives what its whole blocks hold.
+    """
+    from mcap.stream_reader import StreamReader
+
+    with file.open("rb") as stream:
+        chunk = _last_chunk(stream, file.stat().st_size)
+    # Records come one at a time: the last one is cut, and ends the file with an error.
+    with suppress(Exception):
+        *_, length = _CHUNK.unpack_from(chunk)
+        compression = chunk[_CHUNK.size : _CHUNK.size + length].decode()
+        content = unpack_beginning(chunk[_CHUNK.size + length + _LENGTH.size :], compression)
+        yield from StreamReader(BytesIO(content), skip_magic=True).records
+
+
+def _last_chunk(stream: BinaryIO, size: int) -> bytes:
+    """Content of the last record, where it is a chunk and longer than what is left of the file."""
+    place = _MAGIC
+    while place + _RECORD.size <= size:
+        stream.seek(place)
+        kind, length = _RECORD.unpack(stream.read(_RECORD.size))
+        place += _RECORD.size + length
+        if place > size:
+            return stream.read(MOST_UNPACKED) if kind == _IS_CHUNK else b""
+    return b""
+
+
 def sqlite_messages(file: Path) -> Iterator[Message | None]:
     """Yield every whole message of a rosbag2 SQLite file in the order of recording, then None where the file was cut.
 
     In a cut file the tree of a table refers to pages behind the cut, so all pages that are left are searched.
     """
     whole = False
-    try:
-        with file.open("rb") as stream, mmap(stream.fileno(), 0, access=ACCESS_READ) as data:
-            pages = SqlitePages(data)
-            whole = pages.whole
-            channels = _sqlite_channels(pages)
-            found: dict[int, int] = {}
-            for number in pages.leaves():
-                for row, values in pages.leaf(number):
-                    if tuple(map(type, values)) == _SQLITE_MESSAGE and values[1] in channels:
-                        found.setdefault(row, number)
-            # Pages are read again in the order of recording, so that memory holds the content of one at a time.
-            at, rows = 0, {}
-            for row in sorted(found):
-                if found[row] != at:
-                    at = found[row]
-                    rows = dict(pages.leaf(at))
-                _, topic, stamp, content = rows[row]
-                yield Message(channels[topic], stamp, content)
-    except ValueError:  # an empty file, or no SQLite file
-        whole = False
+    # An empty file, or no SQLite file, is a ValueError.
+    with suppress(ValueError), file.open("rb") as stream, mmap(stream.fileno(), 0, access=ACCESS_READ) as data:
+        pages = SqlitePages(data)
+        channels = _sqlite_channels(pages)
+        found: dict[int, int] = {}
+        for number in pages.leaves():
+            for row, values in pages.leaf(number):
+                if tuple(map(type, values)) == _SQLITE_MESSAGE and values[1] in channels:
+                    found.setdefault(row, number)
+        # Pages are read again in the order of recording, so that memory holds the content of one at a time.
+        at, rows = 0, {}
+        for row in sorted(found):
+            if found[row] != at:
+                at = found[row]
+                rows = dict(pages.leaf(at))
+            _, topic, stamp, content = rows[row]
+            yield Message(channels[topic], stamp, content)
+        whole = pages.whole
     if not whole:
         yield None
 
@@ -138,18 +149,6 @@ def _sqlite_channels(pages: SqlitePages) -> dict[int, Channel]:
         for number, row in pages.named_rows("topics")
         if all(isinstance(row.get(key), str) for key in ("name", "type", "serialization_format"))
     }
-
-
-def ros1_messages(file: Path) -> Iterator[Message | None]:
-    """Yield the messages of a ROS 1 bag as messages of ROS 2, and None where one is damaged or the file was cut."""
-    channels: dict[int, Channel] = {}
-    for record in read_ros1_records(file):
-        if isinstance(record, Ros1Connection):
-            channels[record.number] = Channel(record.topic, record.message_type, record.definition, "", ROS1)
-        elif record is None or record.connection not in channels:
-            yield None
-        else:
-            yield Message(channels[record.connection], record.stamp_ns, record.data)
 
 
 def readable_messages(file: Path, scratch: Scratch) -> Iterator[Message | None]:

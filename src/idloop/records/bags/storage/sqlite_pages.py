@@ -25,23 +25,11 @@ _VARINT = 9  # bytes at most
 class SqlitePages:
     """The pages of a file that may be cut off.
 
-    Parameters
-    ----------
-    data : bytes or mmap
-        The file, whole or cut off.
-
-    Attributes
-    ----------
-    count : int
-        Pages according to the header of the file.
-    whole : bool
-        Whether the file has all of them.
-
-    Raises
-    ------
-    ValueError
-        Not the beginning of an SQLite file.
+    Raises ValueError: not the beginning of an SQLite file.
     """
+
+    count: int  # pages according to the header of the file
+    whole: bool  # whether the file has all of them
 
     def __init__(self, data: bytes | mmap) -> None:
         if len(data) < _HEADER or data[: len(_MAGIC)] != _MAGIC:
@@ -52,11 +40,7 @@ class SqlitePages:
             raise ValueError(f"a page of {self._size} bytes")
         self._usable = self._size - data[20]
         self._data = data
-        changes, pages, valid_for = (
-            unpack_from(">I", data, 24)[0],
-            unpack_from(">I", data, 28)[0],
-            unpack_from(">I", data, 92)[0],
-        )
+        changes, pages, valid_for = (unpack_from(">I", data, at)[0] for at in (24, 28, 92))
         there = len(data) // self._size
         self.count = pages if pages and changes == valid_for else there
         self.whole = there >= self.count and len(data) % self._size == 0
@@ -72,10 +56,9 @@ class SqlitePages:
 
     def named_rows(self, name: str) -> Iterator[tuple[int, dict[str, Any]]]:
         """Yield (row id, values by column) of a table; nothing where there is none of this name."""
-        if found := self.table(name):
-            root, columns = found
-            for number, values in self.rows(root):
-                yield number, dict(zip(columns, values, strict=False))
+        root, columns = self.table(name) or (0, [])
+        for number, values in self.rows(root):
+            yield number, dict(zip(columns, values, strict=False))
 
     def rows(self, root: int) -> Iterator[tuple[int, list[Any]]]:
         """Yield (row id, values) of the tree of a table in its order; missing branches are left out."""

@@ -1,20 +1,23 @@
-"""The files of a bag: which they are, in which order, in which format, and what the bag is called."""
+"""The files of a bag: which they are, in which order, in which format, and what its metadata say."""
 
 from __future__ import annotations
 
 import re
-from pathlib import Path
-from typing import Literal
+from dataclasses import dataclass, field
+from pathlib import Path, PurePath
+from typing import Any, Literal
 
+from idloop.documents import read_text, read_yaml
 from idloop.errors import InputError
-from idloop.records.bags.bag_limits import ZSTD_MAGIC
-from idloop.spelling import did_you_mean
+from idloop.records.bags.storage.unpacking import ZSTD_MAGIC
+from idloop.spelling import did_you_mean, listed
 
 Format = Literal["mcap", "sqlite3", "ros1", "zstd"]
 
 SUFFIXES = (".mcap", ".db3", ".bag")
 PACKED = (".zstd", ".zst")
 METADATA = "metadata.yaml"
+DISTROS = ("humble", "iron", "jazzy", "kilted", "lyrical")
 RECOVERED = "_recovered"  # behind the name of a bag that was cut off: what could be saved of it
 _MAGIC: dict[Format, bytes] = {
     "mcap": b"\x89MCAP0\r\n",
@@ -101,3 +104,61 @@ def _number(file: Path) -> tuple[int, str]:
     """Order of the files of a bag: name_10 comes after name_9."""
     number = re.search(r"_(\d{1,18})$", bag_name(file), flags=re.ASCII)
     return (int(number[1]) if number else -1), file.name
+
+
+@dataclass(frozen=True)
+class BagMetadata:
+    """What the metadata say; empty where a bag has none."""
+
+    # Storage files in their order; empty where none of those named is there, as after renaming
+    files: tuple[Path, ...] = ()
+    counts: dict[str, int] = field(default_factory=dict)  # messages by topic
+    custom: dict[str, str] = field(default_factory=dict)  # text that was stored with the bag
+    distro: str | None = None  # ROS distribution that recorded it, where it is known
+
+
+def read_metadata(bag: Path) -> BagMetadata:
+    """Read the metadata of a bag; storage and compression are seen from the files themselves.
+
+    Raises InputError: damaged metadata, or a part of the files is missing.
+    """
+    path = bag / METADATA
+    if not bag.is_dir() or not path.exists():
+        return BagMetadata()
+    cure = f"copy it again, or save the messages with `idloop recover {bag}`"
+    try:
+        content: Any = read_yaml(read_text(path), str(path))
+        found = content["rosbag2_bagfile_information"]
+        names = [PurePath(str(name)).name for name in found["relative_file_paths"]]
+        counts: dict[str, int] = {}
+        for topic in found["topics_with_message_count"]:
+            name = str(topic["topic_metadata"]["name"])
+            counts[name] = counts.get(name, 0) + _whole(topic["message_count"])
+        custom = found.get("custom_data") or {}
+        texts = {str(key): str(text) for key, text in custom.items()}
+    except InputError as error:
+        raise InputError(f"{bag}: cannot be read as a bag ({error}); {cure}") from None
+    except (KeyError, TypeError, ValueError, AttributeError):
+        raise InputError(f"{bag}: cannot be read as a bag (its metadata are damaged); {cure}") from None
+    there = {name: one for name in names if (one := _there(bag, name)) is not None}
+    missing = [name for name in names if name not in there]
+    if missing and (there or not any(map(storage_suffix, bag.iterdir()))):
+        raise InputError(
+            f"{bag}: cannot be read as a bag ({listed(missing)} of its {METADATA} is missing); copy it as well, or name"
+            " a file that is there"
+        )
+    distro = found.get("ros_distro")
+    return BagMetadata(tuple(there.values()), counts, texts, distro if distro in DISTROS else None)
+
+
+def _whole(count: object) -> int:
+    if not isinstance(count, int):
+        raise TypeError("not a number of messages")
+    return count
+
+
+def _there(bag: Path, name: str) -> Path | None:
+    """Return a file of the metadata, whether or not it was packed or unpacked since."""
+    plain = next((name.removesuffix(packed) for packed in PACKED if name.endswith(packed)), name)
+    found = (bag / one for one in (name, plain, *(plain + packed for packed in PACKED)))
+    return next((one for one in found if one.is_file()), None)

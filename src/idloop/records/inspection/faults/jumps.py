@@ -10,8 +10,7 @@ from idloop.arrays import Array, Integers
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import around, fault, times
-from idloop.records.inspection.faults.local import isolated
-from idloop.records.inspection.faults.spikes import driven
+from idloop.records.inspection.faults.spikes import driven, isolated
 from idloop.records.inspection.motion import white_noise
 from idloop.records.inspection.response import response
 

@@ -4,22 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from idloop.arrays import Array
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import LATE, fault, late_option
 from idloop.records.inspection.measured_input import all_near, decided
-from idloop.records.inspection.response import Projection, Response, plain_responses, regress
+from idloop.records.inspection.response import Projection, plain_responses, regress
+from idloop.records.inspection.time_axes import time_axes
 
 COMMAND, VELOCITY = "late_command", "late_velocity"
 
-# Shifts of the command that are tried first [samples], then each one between the neighbours of the best.
-_SHIFTS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256)
-# Least shift [samples], and the longest as a part of the record.
-_LEAST, _LONGEST = 4, 0.05
-# What is left of the acceleration beside that with any command in time, and the share that the command must explain.
-_LEFT, _SHARE = 0.25, 0.8
-_KNOWN = 0.5  # part of the rows that must be known with every shift
+# Least shift of a command [samples], what is left of the acceleration beside that with any command in time, and the
+# share that the command must explain.
+_LEAST, _LEFT, _SHARE = 4, 0.25, 0.8
 
 # Samples that a velocity may be late: the difference of the last two positions is half a sample late.
 _USUAL, _ERRORS = 1.5, 5.0
@@ -31,50 +27,23 @@ def late_command(axis: Axis) -> Finding | None:
 
     The balance with a command that comes later than its stamps is compared with that of one that comes earlier.
     """
-    grid = axis.grid
-    if grid is None:
-        return None
-    shifts = [_earlier(one, grid.command) for one in plain_responses(axis)]
-    found = [one for one in shifts if one is not None]
-    if not found:
+    found = time_axes(axis, stretched=False)
+    early = 0.0 if found is None else -found.offset
+    if found is None or early < _LEAST * axis.period or found.share < _SHARE:
         return _a_sample_late(axis)
-    part, samples, share = min(found, key=lambda one: one[0])
-    early, name = samples * grid.period, axis.command_name
+    part = (1.0 - found.share) / (1.0 - found.causal)
+    if part > _LEFT:
+        return _a_sample_late(axis)
+    name = axis.command_name
     return fault(
         COMMAND,
         name,
         f"the motion comes {1e3 * early:.3g} ms before {name}, which no machine makes: with the command so much"
         f" earlier, {100.0 * (1.0 - part):.0f} % less of the acceleration is left unexplained",
         f"subtract {early:.4g} s from the stamps of {name} ({late_option(early)}), or record both by one clock",
-        evidence={LATE: early, "left": part, "share": share},
+        evidence={LATE: early, "left": part, "share": found.share},
         spoils=("identification",),
     )
-
-
-def _earlier(one: Response, command: Array) -> tuple[float, int, float] | None:
-    """What an earlier command leaves over what one in time does, samples that it is earlier, and share explained."""
-    most = min(max(_SHIFTS), int(_LONGEST * command.size))
-    tried = [shift for shift in _SHIFTS if shift <= most]
-    rows = {shift: one.functions.project(_moved(command, shift)) for each in tried for shift in (each, -each)}
-    # All shifts are compared on the same rows.
-    known = one.known & np.isfinite(np.array(list(rows.values()))).all(axis=0)
-    if np.count_nonzero(known) < _KNOWN * np.count_nonzero(one.known):
-        return None
-    others, _ = np.linalg.qr(one.others[known])
-    target = _beside(one.acceleration[known], others)
-    left = {shift: 1.0 - _share(target, _beside(row[known], others)) for shift, row in rows.items()}
-    in_time = min(left[shift] for shift in tried)
-    near = min(tried, key=lambda shift: left[-shift])
-    if not left[-near] < in_time:
-        return None
-    below = max((shift for shift in tried if shift < near), default=0)
-    above = min((shift for shift in tried if shift > near), default=most)
-    for shift in range(below + 1, above):
-        row = one.functions.project(_moved(command, -shift))[known]
-        left[-shift] = 1.0 - _share(target, _beside(row, others)) if np.isfinite(row).all() else np.inf
-    lead = -min(left, key=lambda shift: left[shift])
-    part, share = left[-lead] / in_time, 1.0 - left[-lead]
-    return (part, lead, share) if lead >= _LEAST and part < _LEFT and share > _SHARE else None
 
 
 def _a_sample_late(axis: Axis) -> Finding | None:
@@ -101,27 +70,6 @@ def _a_sample_late(axis: Axis) -> Finding | None:
         evidence={LATE: axis.period, "late": late, "error": error},
         spoils=("delays",),
     )
-
-
-def _moved(command: Array, shift: int) -> Array:
-    """The command so many samples later."""
-    moved = np.full_like(command, np.nan)
-    if shift >= 0:
-        moved[shift:] = command[: command.size - shift]
-    else:
-        moved[:shift] = command[-shift:]
-    return moved
-
-
-def _beside(column: Array, others: Array) -> Array:
-    """What orthonormal columns do not explain of another one."""
-    return np.asarray(column - others @ (others.T @ column))
-
-
-def _share(target: Array, command: Array) -> float:
-    """Share of the power of the target that the command explains."""
-    power = float(target @ target) * float(command @ command)
-    return float(target @ command) ** 2 / power if power > 0.0 else 0.0
 
 
 def late_velocity(axis: Axis) -> Finding | None:
