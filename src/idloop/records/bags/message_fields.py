@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
@@ -80,18 +81,15 @@ def _named(fields: Kinds, name: str, path: str) -> _Part:
     return _Part(path, "bulk")
 
 
-@dataclass
 class _Columns:
     """Columns that grow with the messages, and other ways to write their names."""
 
-    rows: int
-    values: dict[str, Array] = field(default_factory=dict)
-    paths: dict[str, str] = field(default_factory=dict)
+    def __init__(self, rows: int) -> None:
+        self.values: defaultdict[str, Array] = defaultdict(lambda: np.full(rows, np.nan))
+        self.paths: dict[str, str] = {}
 
     def set(self, row: int, name: str, value: float, path: str = "") -> None:
         """Put a value into a column; `path` is another name of it, unless it was that of another column before."""
-        if name not in self.values:
-            self.values[name] = np.full(self.rows, np.nan)
         self.values[name][row] = value
         if path and self.paths.setdefault(path, name) != name:
             self.paths[path] = ""
@@ -140,31 +138,17 @@ def _read_part(columns: _Columns, row: int, part: _Part, value: Any, names: Mapp
     """Put the numbers of one part of a message into their columns."""
     if part.kind == "number":
         columns.set(row, part.path, value)
-    elif part.kind == "numbers" and len(value) <= _LONGEST:
-        owners = names.get(len(value))
-        for index, number in enumerate(value):
-            place = f"{part.path}[{index}]"
-            if owners is None:
-                columns.set(row, place, number)
-            else:
-                columns.set(row, f"{owners[index]}.{part.path}", number, place)
-    elif part.kind == "named" and len(value) <= _LONGEST:
-        owners = names.get(len(value))
-        get_names, get_values = (attrgetter(path) for path in part.inner)
-        for index, item in enumerate(value):
-            _read_item(columns, row, part, index, owners, get_names(item), get_values(item))
-
-
-def _read_item(
-    columns: _Columns,
-    row: int,
-    part: _Part,
-    index: int,
-    owners: Sequence[str] | None,
-    own_names: Sequence[str],
-    numbers: Sequence[float],
-) -> None:
-    """Put named values, such as those of one joint, into their columns."""
-    owner = f"{part.path}[{index}]" if owners is None else owners[index]
-    for place, (name, number) in enumerate(zip(own_names, numbers, strict=False)):
-        columns.set(row, f"{owner}.{name}", number, f"{part.path}[{index}].{part.inner[1]}[{place}]")
+    if part.kind not in ("numbers", "named") or len(value) > _LONGEST:
+        return
+    owners = names.get(len(value))
+    for index, item in enumerate(value):
+        place = f"{part.path}[{index}]"
+        if part.kind == "named":  # such as those of one joint
+            own_names, numbers = (attrgetter(path)(item) for path in part.inner)
+            owner = place if owners is None else owners[index]
+            for inner, (name, number) in enumerate(zip(own_names, numbers, strict=False)):
+                columns.set(row, f"{owner}.{name}", number, f"{place}.{part.inner[1]}[{inner}]")
+        elif owners is None:
+            columns.set(row, place, item)
+        else:
+            columns.set(row, f"{owners[index]}.{part.path}", item, place)

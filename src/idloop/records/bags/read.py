@@ -27,27 +27,12 @@ def read_streams(
 ) -> dict[str, JointStream]:
     """Read topics of a bag into arrays.
 
-    Parameters
-    ----------
-    bag : Path, str or Bag
-        rosbag2 directory (mcap or sqlite3), a single ``.mcap`` or ``.db3`` file, or a bag already open.
-    topics : collection of str, optional
-        Topics to read, with or without namespace. Without it every topic that holds numbers of an axis is
-        read; images, texts and topics of unknown type are passed over.
-    distro : str, optional
-        ROS distribution of message types that the bag does not define itself (``humble`` to ``lyrical``).
-    definitions : mapping of str to str, optional
-        Definitions of further message types, type name to ``.msg`` text.
-
-    Returns
-    -------
-    dict of str to JointStream
-        By topic name as recorded.
-
-    Raises
-    ------
-    InputError
-        Bag missing, empty or damaged; topic unknown, of unknown type or without numbers.
+    `bag`: rosbag2 directory (mcap or sqlite3), a single ``.mcap`` or ``.db3`` file, or a bag already open.
+    `topics`: with or without namespace. Without them every topic that holds numbers of an axis is read; images, texts
+    and topics of unknown type are passed over.
+    `distro`, `definitions`: as of `Bag`.
+    Returns: by topic name as recorded.
+    Raises InputError: bag missing, empty or damaged; topic unknown, of unknown type or without numbers.
     """
     if not isinstance(bag, Bag):
         with Bag(bag, distro, definitions) as opened:

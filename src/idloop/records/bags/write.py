@@ -30,27 +30,13 @@ def write_bag(
 ) -> Path:
     """Write streams as a rosbag2 directory of sensor_msgs/JointState topics.
 
-    Parameters
-    ----------
-    path : Path or str
-        Directory to create; an existing one is never overwritten.
-    content : Record, iterable or mapping of JointStream
-        A record is written to the topics ``joint_command``, ``joint_states``, ``reference``, ``excitation``,
-        ``conditions``.
-    custom : mapping of str to str, optional
-        Text stored with the bag's metadata.
-    storage : {"mcap", "sqlite3"}
-        Storage format.
-
-    Returns
-    -------
-    Path
-        The bag's directory.
-
-    Raises
-    ------
-    InputError
-        `path` exists, cannot be created, or there is nothing to write.
+    `path`: directory to create; an existing one is never overwritten.
+    `content`: a record is written to the topics ``joint_command``, ``joint_states``, ``reference``, ``excitation``,
+    ``conditions``.
+    `custom`: text stored with the bag's metadata.
+    `storage`: one of "mcap", "sqlite3".
+    Returns: the directory.
+    Raises InputError: `path` exists, cannot be created, or there is nothing to write.
     """
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore

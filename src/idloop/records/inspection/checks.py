@@ -55,16 +55,8 @@ def check_record(record: Record, *, held: bool = True) -> Record:
     Readings off the course of all others are marked as not measured, those of the command are replaced by the value
     before; so are values that a log repeats which is faster than its sensor. A finding counts them.
 
-    Parameters
-    ----------
-    record : Record
-    held : bool
-        Whether the command is held, so that one that was measured is worth a finding.
-
-    Raises
-    ------
-    InputError
-        Infinite samples, an output never measured, fewer than ten samples.
+    `held`: whether the command is held, so that one that was measured is worth a finding.
+    Raises InputError: infinite samples, an output never measured, fewer than ten samples.
     """
     name = record.name
     if (bad := np.flatnonzero(~np.isfinite(record.input))).size:
@@ -168,20 +160,9 @@ def check_commands(records: Sequence[Record]) -> list[Record]:
     A record with a constant command is informative beside others: with a step that began with the record, or a
     coast-down. So are steps from rest to several levels, each of which has a record of its own.
 
-    Parameters
-    ----------
-    records : sequence of Record
-        All records of a fit.
-
-    Returns
-    -------
-    list of Record
-        The same; where there is a step to one level only, the first has a finding on what that does not show.
-
-    Raises
-    ------
-    InputError
-        All commands are one constant, and no record begins with a step from rest.
+    `records`: all records of a fit.
+    Returns: the same; where there is a step to one level only, the first has a finding on what that does not show.
+    Raises InputError: all commands are one constant, and no record begins with a step from rest.
     """
     records = list(records)
     if not records or not one_level([record.input for record in records]):
@@ -223,10 +204,7 @@ def excites(records: Sequence[Record]) -> bool:
 def check_identifiable(record: Record) -> Record:
     """Return the record if its motion can be fitted; a comparison or a monitor also accepts one without motion.
 
-    Raises
-    ------
-    InputError
-        No output changes, or a position stands still beside its moving velocity.
+    Raises InputError: no output changes, or a position stands still beside its moving velocity.
     """
     found = {name: analyse_motion(values) for name, values in _outputs(record).items()}
     motions = {name: motion for name, motion in found.items() if motion is not None}

@@ -44,7 +44,6 @@ def analyse_command(time: Array, value: Array) -> Excitation:
     rms = float(np.sqrt(weight @ (value - mean) ** 2))
     peak = float(np.abs(value - mean).max())
     moved = rms > 1e-12 * max(peak, float(np.abs(value).max()), 1e-300)
-    signs = np.sign(value[value != 0])
     band, top = _band(time, value) if moved and step.size > 8 else ((0.0, 0.0), 0.0)
     at_limit = ((value == value.max()) | (value == value.min())) & (value != 0.0)
     return Excitation(
@@ -55,7 +54,7 @@ def analyse_command(time: Array, value: Array) -> Excitation:
         crest_factor=peak / rms if moved else float("nan"),
         levels=min(int(np.unique(value).size), _MANY_LEVELS + 1),
         changes=int(np.count_nonzero(np.diff(value))),
-        sign_changes=int(np.count_nonzero(np.diff(signs))),
+        sign_changes=int(np.count_nonzero(np.diff(np.sign(value[value != 0])))),
         band_hz=band,
         top_hz=top,
         zero_share=float(weight @ (value == 0)),

@@ -157,21 +157,10 @@ def inspect_bag(
 ) -> Inspection:
     """Inspect a bag: rates, stamps, excitation, and what can be identified from it.
 
-    Parameters
-    ----------
-    path : Path or str
-        Bag.
-    command : str, optional
-        Topic of the command; by default ``joint_command``, or a topic that ends in ``commands``.
-    distro : str, optional
-        ROS distribution of message types that the bag does not define.
-    definitions : mapping of str to str, optional
-        Definitions of further message types; those of the ready mappings are known anyway.
-
-    Raises
-    ------
-    InputError
-        Bag missing, empty, damaged, or `command` not in it.
+    `command`: topic of the command; by default ``joint_command``, or a topic that ends in ``commands``.
+    `distro`: ROS distribution of message types that the bag does not define.
+    `definitions`: of further message types; those of the ready mappings are known anyway.
+    Raises InputError: bag missing, empty, damaged, or `command` not in it.
     """
     # Imported here: the validation of mapping files is slow to load.
     from idloop.records.tables.mapping import ready_definitions

@@ -87,11 +87,8 @@ def white_noise(value: Array) -> float:
     that passes a step in few samples counts as the white noise that it is.
     """
     found, sums = [], value
-    for width in _WIDTHS:
-        if width > 1:
-            if value.size < _LONG * width:
-                break
-            sums = sums[width // 2 :] + sums[: -width // 2]
+    for width in [one for one in _WIDTHS if one == 1 or value.size >= _LONG * one]:
+        sums = sums[width // 2 :] + sums[: -width // 2] if width > 1 else sums
         differences = sums
         for _ in range(3):
             differences = differences[width:] - differences[:-width]

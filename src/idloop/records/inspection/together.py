@@ -22,13 +22,7 @@ _SPOILS = ("a common fit",)
 
 
 def compare_inspections(inspections: Iterable[Inspection]) -> list[Finding]:
-    """Return the faults between recordings: other joints, units, sample times or gains.
-
-    Parameters
-    ----------
-    inspections : iterable of Inspection
-        One for each recording.
-    """
+    """Return the faults between recordings: other joints, units, sample times or gains."""
     found = list(inspections)
     unique = len({one.path.name for one in found}) == len(found)
     return between_records({one.path.name if unique else str(one.path): one.axes for one in found})

@@ -31,23 +31,20 @@ def find_wraps(position: Array) -> Wraps | None:
     """
     known = np.flatnonzero(np.isfinite(position))
     x = position[known]
-    if x.size < 20:
+    if x.size < 20 or np.ptp(x) == 0.0:
         return None
-    low, high = float(np.min(x)), float(np.max(x))
-    span, step = high - low, np.diff(x)
-    large = np.flatnonzero(np.abs(step) > _ACROSS * span) if span > 0.0 else np.zeros(0, dtype=np.int64)
-    large = large[(large >= 1) & (large < step.size - 1)]
-    before, after, jump = step[large - 1], step[large + 1], step[large]
-    beside = np.maximum(np.abs(before), np.abs(after))
-    rising = jump > 0.0
-    ends = np.where(rising, x[large] - low, high - x[large]) < _END * span
-    ends &= np.where(rising, high - x[large + 1], x[large + 1] - low) < _END * span
+    low, high, step = float(np.min(x)), float(np.max(x)), np.diff(x)
+    rows = 1 + np.flatnonzero(np.abs(step[1:-1]) > _ACROSS * (high - low))
+    before, jump, after = step[rows - 1], step[rows], step[rows + 1]
+    beside, rising, near = np.maximum(np.abs(before), np.abs(after)), jump > 0.0, _END * (high - low)
+    ends = np.where(rising, x[rows] - low, high - x[rows]) < near
+    ends &= np.where(rising, high - x[rows + 1], x[rows + 1] - low) < near
     # The motion goes on over the wrap: on the circle it goes against the jump, or both steps are small by far.
     good = ends & (beside * _LARGER < np.abs(jump)) & (before * jump <= 0.0) & (after * jump <= 0.0)
-    rows = large[good]
+    rows = rows[good]
     if not rows.size:
         return None
-    sizes = np.abs(step[rows]) + 0.5 * (np.abs(step[rows - 1]) + np.abs(step[rows + 1]))
+    sizes = (np.abs(jump) + 0.5 * (np.abs(before) + np.abs(after)))[good]
     size = float(np.median(sizes))
     if np.any(np.abs(sizes - size) > _EQUAL * size):
         return None
