@@ -15,12 +15,9 @@ from idloop.records.inspection.motion import analyse_motion, white_noise
 from idloop.records.inspection.values import bad_readings
 from idloop.records.inspection.wraps import Wraps, find_wraps
 
-# Samples on the grid at most: longer records are averaged in blocks, which changes no balance of forces.
-_MOST = 20_000
-# An interval of more than this many periods is a hole.
-_HOLE = 5.0
-# Share of a record within usual intervals, below which the mean interval is the period.
-_COVERED = 0.75
+_MOST = 20_000  # samples on the grid at most: longer records are averaged in blocks, which changes no balance of forces
+_HOLE = 5.0  # an interval of more than this many periods is a hole
+_COVERED = 0.75  # share of a record within usual intervals, below which the mean interval is the period
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,22 +27,14 @@ KIND = "differenced_velocity"
 
 # Samples in motion needed; samples of a first quick test; most samples that are used.
 _FEWEST, _QUICK, _MOST = 150, 1200, 5000
-# Share of the transmitted noise that an exact sum may leave, due to rounding.
-_ROUNDING = 0.25
-# Share of outliers, after a lost message or a wrap of the encoder.
-_ODD = 0.02
-# Jerks of the motion are not noise: this share of its largest differences is left out.
-_JERKS = 0.2
-# Orders of difference, of which the one with the least motion estimates the noise.
-_ORDERS = range(1, 9)
-# Past differences that predict the next one: exactly for half as many sines.
-_PAST = 24
-# Noise below this share of the differences is rounding.
-_LEAST_NOISE = 1e-9
-# Longest impulse response of a filter [samples].
-_MEMORY = 500
-# Widest window of a plain difference.
-_WIDEST = 10
+_ROUNDING = 0.25  # share of the transmitted noise that an exact sum may leave, due to rounding
+_ODD = 0.02  # share of outliers, after a lost message or a wrap of the encoder
+_JERKS = 0.2  # jerks of the motion are not noise: this share of its largest differences is left out
+_ORDERS = range(1, 9)  # orders of difference, of which the one with the least motion estimates the noise
+_PAST = 24  # past differences that predict the next one: exactly for half as many sines
+_LEAST_NOISE = 1e-9  # noise below this share of the differences is rounding
+_MEMORY = 500  # longest impulse response of a filter [samples]
+_WIDEST = 10  # widest window of a plain difference
 # Filters of drives behind the difference of the last sample: number of poles, and weights of the last differences.
 # A first-order low pass, plain, one sample late or by the bilinear rule; a second-order one or a tracking loop.
 _FILTERS = ((1, (1,)), (1, (0, 1)), (1, (1, 1)), (2, (1,)), (2, (0, 1)), (2, (1, 2, 1)))

@@ -16,8 +16,7 @@ KIND = "measured_input"
 
 # A measured command acts within this part of a sample, four standard errors included; a held one 0.5 samples late.
 _AT_ONCE, _ERRORS = 0.25, 4.0
-# Share of the power of the acceleration that the command must explain for a decision.
-_EXPLAINED = 0.8
+_EXPLAINED = 0.8  # share of the power of the acceleration that the command must explain for a decision
 # Rates of command and measurement that count as one.
 _SAME_RATE = 0.05
 _FEWEST, _MOST = 100, 50_000

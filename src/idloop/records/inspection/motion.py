@@ -13,10 +13,8 @@ from idloop.records.record import Record
 
 Beginning = Literal["from rest", "late", "moving", "unseen"]
 
-# von Neumann's ratio var(x) / (var(diff x) / 2) is 1 for white noise and grows with anything slower.
-_NOISE_RATIO = 1.3
-# Part of the range below which values are the same but for rounding in their computation.
-ROUNDING = 1e-12
+_NOISE_RATIO = 1.3  # von Neumann's ratio var(x) / (var(diff x) / 2) is 1 for white noise and grows with anything slower
+ROUNDING = 1e-12  # part of the range below which values are the same but for rounding in their computation
 # Shares of the final speed: below the first an axis is at rest at the beginning, at the second it has started, at the
 # third it is under way.
 _REST, _OFF, _UNDER_WAY = 0.4, 0.15, 0.5
@@ -25,8 +23,7 @@ _LATE = 0.15
 # Samples in which a step counts as that of the first sample.
 _AT_ONCE = 3
 _FEWEST = 20
-# Travel over a window of a position, and speeds, exceed the steps and the noise by this factor.
-_ABOVE = 10.0
+_ABOVE = 10.0  # travel over a window of a position, and speeds, exceed the steps and the noise by this factor
 # Share of the third differences, of least size, that gives the noise, and what it has of the mean square of a normal
 # variable; lengths of the means of which they are taken, each twice the last, and samples that more than one need.
 _KEPT, _SQUARE_OF_KEPT = 0.75, 0.27639

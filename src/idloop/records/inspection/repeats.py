@@ -16,8 +16,7 @@ _BESIDE, _STEPS = 8, 4.0
 FEWEST, SHARE, _OFTENER = 10, 0.01, 5.0
 # Ratio of the speeds before and after; share of the travel since the last new value that the next one catches up.
 _STEADY, _CATCHES_UP = 0.3, 0.6
-# Share of the values in motion from which on the log is faster than the sensor.
-FASTER_LOG = 0.3
+FASTER_LOG = 0.3  # share of the values in motion from which on the log is faster than the sensor
 
 
 def without_repeats(value: Array) -> Array:

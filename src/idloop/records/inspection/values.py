@@ -11,10 +11,8 @@ from idloop.records.finding import Finding
 
 # Larger values, and smaller motions than its inverse, are no measurement: their products leave the range of a double.
 LARGEST = 1e50
-# Share of the readings of a measurement that are lost, from which on fits feel it.
-_MANY_LOST = 0.01
-# Coarsest step of a double in a motion, as a share of it.
-_COARSEST = 1e-4
+_MANY_LOST = 0.01  # share of the readings of a measurement that are lost, from which on fits feel it
+_COARSEST = 1e-4  # coarsest step of a double in a motion, as a share of it
 # A bad reading is off the median of the samples around it by this many ranges of that median, which single values do
 # not change. More than this share of the samples are no single ones.
 _BEYOND, _AROUND, _MOST, _FEWEST = 4.0, 5, 0.01, 30

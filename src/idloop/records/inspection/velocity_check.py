@@ -35,16 +35,13 @@ _LOWEST, _HIGHEST = 0.5, 1.25
 _ERRORS = 4.0
 # ... and beside its delay by this share and so many standard errors.
 _SCALE, _CERTAIN = 0.04, 5.0
-# Windows that begin within one.
-_OVERLAP = 16
+_OVERLAP = 16  # windows that begin within one
 # The longest window counts of those whose error is up to this factor, and this share, above the least.
 _LONGEST = (2.0, 0.002)
-# Correlation of its integral with the position below which a velocity of little noise is another signal.
-_RELATED = 0.5
+_RELATED = 0.5  # correlation of its integral with the position below which a velocity of little noise is another signal
 # Fewest samples in a window, and windows side by side in a record; instants used of a long record.
 _FEWEST, _WINDOWS, _MOST = 5, 16, 100_000
-# Parts of the motion for the jackknife error of the slope, at most and at least.
-_PARTS, _FEWEST_PARTS = 12, 4
+_PARTS, _FEWEST_PARTS = 12, 4  # parts of the motion for the jackknife error of the slope, at most and at least
 # Increments exceed the noise and the step of the position, and the travel at the step of the velocity, by this factor.
 _ABOVE = 5.0
 # A window is long enough where its largest increment is this share of the largest over any window; increments below the
@@ -52,8 +49,7 @@ _ABOVE = 5.0
 _FAR, _STILL = 0.4, 0.1
 # A position step of this many times those around it is a wrap or a glitch; a pause of this many intervals is a gap.
 _JUMP, _GAP = 10.0, 5.0
-# A slope below the first is zero; to the accuracy of the second it is the factor of a unit.
-_NONE, _UNIT = 0.01, 0.04
+_NONE, _UNIT = 0.01, 0.04  # a slope below the first is zero; to the accuracy of the second it is the factor of a unit
 # Units that a mapping can confuse, in the unit of the topics.
 _ANGULAR = {"rad/s": 1.0, "rpm": pi / 30.0, "deg/s": pi / 180.0, "rev/s": 2.0 * pi, "mrad/s": 1e-3}
 _LINEAR = {"m/s": 1.0, "mm/s": 1e-3, "cm/s": 1e-2, "m/min": 1.0 / 60.0, "mm/min": 1e-3 / 60.0}

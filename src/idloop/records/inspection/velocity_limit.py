@@ -15,8 +15,7 @@ from idloop.records.inspection.values import runs
 _IN_A_ROW, _SHARE, _FEWEST = 3, 0.005, 100
 # The position goes faster there by this share of the limit, by so many of its errors, and by a step of the velocity.
 _FASTER, _CERTAIN = 0.03, 5.0
-# Elsewhere the velocity is the slope of the position, up to this share.
-_AGREES = 0.1
+_AGREES = 0.1  # elsewhere the velocity is the slope of the position, up to this share
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,8 @@ from idloop.records.inspection.response import Response, own_share, plain_respon
 
 # Evidence that a command may have lost its sign, or has: share of the travel that goes the other way.
 BACKWARD_TRAVEL = "backward_travel"
-# Correlation of speed and command in both directions, and its standard errors.
-_RELATED, _ERRORS = 0.4, 4.0
-# Share of the travel that goes the other way.
-_BACK = 0.1
+_RELATED, _ERRORS = 0.4, 4.0  # correlation of speed and command in both directions, and its standard errors
+_BACK = 0.1  # share of the travel that goes the other way
 # A load: the least command in the median, and the difference of its levels in what each of them varies by.
 _LEAST, _APART = 0.3, 1.0
 _WINDOWS, _FEWEST, _PARTS = (3, 9, 27, 81), 12, 8

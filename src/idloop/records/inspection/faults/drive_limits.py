@@ -45,10 +45,8 @@ _EXPLAINED, _LEFT, _PLAIN = 0.94, 0.7, 0.98
 _BAND, _NOISE, _WIDE = 0.01, 4.0, 0.06
 # Share of the time in the band, visits to it from below the two bands under it, and how much fuller it is than these.
 _SHARE, _VISITS, _FULLER = 0.03, 2, 3.0
-# Spread of the commands there, and the smallest usual one, as shares of the largest.
-_SPREAD, _PUSHES = 0.12, 0.4
-# Largest speeds left out, and blocks that a record is averaged to at least.
-_ODD, _BLOCKS = 0.005, 200
+_SPREAD, _PUSHES = 0.12, 0.4  # spread of the commands there, and the smallest usual one, as shares of the largest
+_ODD, _BLOCKS = 0.005, 200  # largest speeds left out, and blocks that a record is averaged to at least
 
 
 def limited_force(axis: Axis, slower: float = np.inf) -> Finding | None:

@@ -14,10 +14,8 @@ from idloop.records.inspection.response import plain_responses, response
 TWO_LEVELS, SMALL, STILL, SLOW = "two_levels", "small_motion", "standstill", "weak_excitation"
 # The axis moves by at least so many standard deviations of its noise, or of that of rounding to steps of its sensor.
 _LEAST, _OF_ROUNDING = 20.0, 12.0**-0.5
-# Share of the time under a command in which the axis stands still.
-_HELD = 0.85
-# Shares of the largest speed below which an axis stands still: at least, and at most for noise.
-_REST = (0.002, 0.02)
+_HELD = 0.85  # share of the time under a command in which the axis stands still
+_REST = (0.002, 0.02)  # shares of the largest speed below which an axis stands still: at least, and at most for noise
 # Standard errors of the gain below which the command shows no effect, and share of the command that friction and
 # position explain where it is too slow.
 _ERRORS, _FOLLOWS = 3.0, 0.8

@@ -10,10 +10,8 @@ from idloop.records.finding import Finding
 
 Places = Sequence[tuple[float, float]]
 
-# Places of a fault that are listed; the others are counted.
-_PLACES = 200
-# Evidence of how late the stamps of a command are [s], where nothing else is wrong with them.
-LATE = "command_late"
+_PLACES = 200  # places of a fault that are listed; the others are counted
+LATE = "command_late"  # evidence of how late the stamps of a command are [s], where nothing else is wrong with them
 
 
 def fault(

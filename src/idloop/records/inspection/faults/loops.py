@@ -14,8 +14,7 @@ from idloop.spelling import joined_names
 
 SET_POINT, COPY = "inner_loop", "copied_motion"
 
-# The motion follows a set-point with this gain, and this share of its power.
-_GAIN, _FOLLOWS = 0.03, 0.97
+_GAIN, _FOLLOWS = 0.03, 0.97  # the motion follows a set-point with this gain, and this share of its power
 # Units of set-points.
 _POSITION = ("rad", "deg", "rev", "m", "mm", "cm", "counts")
 _VELOCITY = ("rad/s", "rpm", "deg/s", "rev/s", "m/s", "mm/s")
@@ -30,8 +29,7 @@ _LAGS, _ENOUGH = 24, 60  # delays, and samples that they leave
 _FACTOR, _EXACT, _OWN, _WHOLE = 0.02, 0.01, 0.9, 0.98
 _WITH_POSITION = 4  # columns beside the command: speed, its sign, constant, position
 
-# Of a copy: share of the power of the command that one signal of the motion and its slope explain.
-_COPIED = 0.999
+_COPIED = 0.999  # of a copy: share of the power of the command that one signal of the motion and its slope explain
 # Time by which the motion lags the mean of a held command around it [samples]: of one that moves it 0 at least, of a
 # copy -0.5, less where that is some samples late; to so many standard errors of at most this size.
 _LAG, _EARLIEST, _ERRORS, _SURE = -0.25, -4.0, 3.0, 0.1
@@ -43,14 +41,12 @@ _PAST, _OLD, _NEW, _MOST, _FEWEST = 16, 6, 4, 20_000, 300
 # of a reference.
 _SHARE, _STEPS = 0.25, 0.1
 _SAME_RATE = 0.1
-# An interval of so many periods has lost a sample.
-_LOST = 1.5
+_LOST = 1.5  # an interval of so many periods has lost a sample
 # Share of the samples at which the command changes; and of its changes that are rounding.
 _CHANGES, _ROUNDING = 0.2, 1e-9
 # A step of the command, in medians of its changes; and share of the rows without one that are enough.
 _STEP, _PLAIN = 12.0, 0.75
-# Parts of the rows, each predicted from the others.
-_PARTS = 8
+_PARTS = 8  # parts of the rows, each predicted from the others
 
 
 def set_point(axis: Axis) -> Finding | None:

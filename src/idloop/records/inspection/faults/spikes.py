@@ -14,16 +14,13 @@ _MOST = 0.02
 _UNEVEN = 0.5
 _FURTHER = 4.0
 
-# Samples of a block whose median deviation is the scatter there.
-_BLOCK = 32
+_BLOCK = 32  # samples of a block whose median deviation is the scatter there
 # A sample lies off by this many scatters, and off the courses before and after it alike.
 _FAR, _ALIKE = 7.0, 0.5
 # ... and by this many times the largest bend beside it: a start of a motion bends over several samples.
 _BENDS, _BESIDE = 3.0, 4
-# The slopes on both sides differ by less than this share of it: where play closes, a mass is thrown back.
-_BOUNCE = 1.0
-# Off by so many steps of the signal: fewer are its rounding.
-_STEPS = 4.0
+_BOUNCE = 1.0  # the slopes on both sides differ by less than this share of it: where play closes, a mass is thrown back
+_STEPS = 4.0  # off by so many steps of the signal: fewer are its rounding
 
 
 def stray(axis: Axis) -> dict[str, Integers]:
