@@ -1,4 +1,4 @@
-"""Excitation that one record lacks and another one has."""
+"""What records of one axis show beside each other, and whether they are of one machine."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from idloop.records.inspection.faults.checks import inspect_axis
 from idloop.records.inspection.grade import grade
 from idloop.records.inspection.inspection import Inspection
-from idloop.records.inspection.together import judged_together
+from idloop.records.inspection.response import response
+from idloop.records.inspection.together import between_records, judged_together
 
 
 def _inspection(name, *axes):
@@ -76,3 +77,65 @@ def test_an_inertia_that_a_slow_record_hides_is_known_from_another(make_axis):
 def test_the_order_of_records_changes_nothing(square, order):
     found = dict(zip(order, judged_together([_inspection(str(size), square(size)) for size in order]), strict=True))
     assert {size: one.grade for size, one in found.items()} == dict.fromkeys([0.5, 1.0, 2.0], "usable")
+
+
+def kinds(**records):
+    return [one.kind for one in between_records({name: [axis] for name, axis in records.items()})]
+
+
+def test_two_records_of_one_machine(make_axis):
+    assert kinds(a=make_axis(0), b=make_axis(1), c=make_axis(2, gain=52.0)) == []
+
+
+def test_another_gain(make_axis):
+    (found,) = between_records({"a": [make_axis(0)], "b": [make_axis(1, gain=100.0)]})
+    assert found.kind == "other_gain"
+    assert 0.4 < found.evidence["ratio"] < 2.4
+    assert found.evidence["difference"] > 5.0 * found.evidence["error"]
+
+
+def test_a_set_point_has_no_gain_to_compare(make_axis):
+    """A limit inside the drive's loop makes the same step accelerate less, and is no other machine."""
+    one, two = make_axis(0), make_axis(1, gain=100.0)
+    assert kinds(a=one, b=two) == ["other_gain"]
+    degrees = {"units": {**one.units, "j.effort": "deg"}}
+    assert kinds(a=replace(one, **degrees), b=replace(two, **degrees)) == []
+
+
+def test_other_units_joints_and_rates(make_axis):
+    one = make_axis()
+    degrees = replace(one, units={**one.units, "j.position": "deg"})
+    assert kinds(a=one, b=degrees) == ["other_units"]
+    assert kinds(a=one, b=replace(one, joint="k")) == ["other_joints"]
+    half = replace(one, time=one.time[::2], position=one.position[::2], velocity=one.velocity[::2])
+    assert kinds(a=one, b=half) == ["other_rate"]
+
+
+def test_friction_does_not_look_like_another_gain(make_axis):
+    slow = make_axis(1, command=0.3 * np.repeat(np.random.default_rng(5).normal(size=75), 40))
+    assert kinds(a=make_axis(0), b=slow) == []
+
+
+def test_the_weight_of_an_arm_is_no_other_load(make_axis):
+    """The same arm under a slow and under a fast command: the force over the angle is no constant spring."""
+
+    def arm(seed, level):
+        rng, rate = np.random.default_rng(seed), 200.0
+        time = np.arange(4000) / rate
+        frequencies = np.array([0.11, 0.23, 0.47, 0.83, 1.3, 2.1])
+        phases = rng.uniform(0.0, 2.0 * np.pi, 6)
+        command = np.sin(2.0 * np.pi * frequencies * time[:, None] + phases) @ frequencies**-0.5
+        command *= level / np.abs(command).max()
+        position, velocity, p, v = np.empty(4000), np.empty(4000), 0.0, 0.0
+        for k in range(4000):
+            position[k], velocity[k] = p, v
+            for _ in range(10):
+                v += 0.1 / rate * (2.0 * command[k] - 0.8 * v - 6.0 * np.sin(p))
+                p += 0.1 / rate * v
+        position += rng.normal(0.0, 5e-4, 4000)
+        velocity += rng.normal(0.0, 5e-3, 4000)
+        return make_axis(position=position, velocity=velocity, command=command, time=time, input_time=time)
+
+    alone = response(arm(1, 4.0), 0.5), response(arm(7, 3.2), 0.5)
+    assert alone[0].gain_of().differs(alone[1].gain_of())
+    assert kinds(a=arm(1, 4.0), b=arm(7, 3.2)) == []

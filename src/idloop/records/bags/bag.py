@@ -9,11 +9,11 @@ import numpy as np
 
 from idloop.arrays import Integers
 from idloop.errors import InputError
-from idloop.records.bags.message_types import build_typestore, one_line
+from idloop.records.bags.message_types import build_typestore
 from idloop.records.bags.storage.readable_messages import mcap_messages
 from idloop.records.bags.storage.storage_file import StorageFile
 from idloop.records.bags.storage.storage_files import DISTROS, read_metadata, storage_files
-from idloop.records.bags.storage.unpacking import Scratch
+from idloop.records.bags.storage.unpacking import Scratch, one_line
 from idloop.records.bags.topics import Topic
 from idloop.spelling import did_you_mean, listed
 

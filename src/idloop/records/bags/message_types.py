@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from idloop.errors import InputError
 from idloop.records.bags.storage.ros1 import ros2_types
 from idloop.records.bags.storage.storage_file import StorageFile
+from idloop.records.bags.storage.unpacking import one_line
 from idloop.records.bags.topics import Topic
 
 if TYPE_CHECKING:
@@ -122,8 +123,3 @@ def _references(fields: Iterable[tuple[str, Any]]) -> set[str]:
     nodes = [node for _, node in fields]
     nodes = [args[0] if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE) else (kind, args) for kind, args in nodes]
     return {args for kind, args in nodes if kind == Nodetype.NAME}
-
-
-def one_line(reason: object) -> str:
-    """Return the message of another library in a form that fits into a sentence."""
-    return " ".join(str(reason).split()).rstrip(".")

@@ -12,7 +12,7 @@ from idloop.errors import InputError
 from idloop.records.bags.bag import Bag
 from idloop.records.bags.joint_states import decode_joint_states
 from idloop.records.bags.message_fields import carries_signals, decode_any
-from idloop.records.bags.message_types import one_line
+from idloop.records.bags.storage.unpacking import one_line
 from idloop.records.bags.stream import JOINT_STATE, JointStream
 from idloop.records.bags.topics import Topic, resolve_topic
 from idloop.records.finding import Finding

@@ -14,11 +14,10 @@ from typing import TYPE_CHECKING, Any
 from idloop.errors import IdloopError, InputError
 from idloop.records.bags.bag import Bag
 from idloop.records.bags.joint_states import plain_layout
-from idloop.records.bags.message_types import one_line
 from idloop.records.bags.storage.message import Channel, Message
 from idloop.records.bags.storage.readable_messages import readable_messages
 from idloop.records.bags.storage.storage_files import read_metadata, storage_files
-from idloop.records.bags.storage.unpacking import Scratch
+from idloop.records.bags.storage.unpacking import Scratch, one_line
 from idloop.records.bags.stream import JOINT_STATE
 
 if TYPE_CHECKING:

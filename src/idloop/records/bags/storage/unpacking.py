@@ -23,6 +23,11 @@ _STEP = 1 << 20
 _LEFT_FREE = 512 << 20  # bytes of the disk that stay free for everything else
 
 
+def one_line(reason: object) -> str:
+    """Return the message of another library in a form that fits into a sentence."""
+    return " ".join(str(reason).split()).rstrip(".")
+
+
 @cache
 def limit_bag_readers() -> None:
     """Make rosbags and mcap unpack and parse within limits, in this process and for good."""
@@ -174,9 +179,8 @@ def unpack_file(packed: Path, scratch: Scratch, *, keep_cut: bool = False) -> tu
             raise
         except Exception as error:  # noqa: BLE001 - the bytes may be anything
             if not keep_cut or not out.tell():
-                reason = " ".join(str(error).split()).rstrip(".")
                 raise InputError(
-                    f"{packed}: cannot be unpacked ({reason}); copy it again, or save what is left with"
+                    f"{packed}: cannot be unpacked ({one_line(error)}); copy it again, or save what is left with"
                     f" `idloop recover {packed}`"
                 ) from None
             whole = False
