@@ -9,7 +9,7 @@ from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import LATE, fault, late_option
 from idloop.records.inspection.measured_input import all_near, decided
 from idloop.records.inspection.response import Projection, plain_responses, regress
-from idloop.records.inspection.time_axes import time_axes
+from idloop.records.inspection.time_axes import shifted_axes
 
 COMMAND, VELOCITY = "late_command", "late_velocity"
 
@@ -27,11 +27,11 @@ def late_command(axis: Axis) -> Finding | None:
 
     The balance with a command that comes later than its stamps is compared with that of one that comes earlier.
     """
-    found = time_axes(axis, stretched=False)
-    early = 0.0 if found is None else -found.offset
-    if found is None or early < _LEAST * axis.period or found.share < _SHARE:
-        return _a_sample_late(axis)
-    part = (1.0 - found.share) / (1.0 - found.causal)
+    least = (_LEAST - 0.5) * axis.period
+    shown = [one for one in shifted_axes(axis) if one.share > _SHARE and -one.offset > least]
+    part, early, share = min(
+        (((1.0 - one.share) / (1.0 - one.causal), -one.offset, one.share) for one in shown), default=(1.0, 0.0, 0.0)
+    )
     if part > _LEFT:
         return _a_sample_late(axis)
     name = axis.command_name
@@ -41,7 +41,7 @@ def late_command(axis: Axis) -> Finding | None:
         f"the motion comes {1e3 * early:.3g} ms before {name}, which no machine makes: with the command so much"
         f" earlier, {100.0 * (1.0 - part):.0f} % less of the acceleration is left unexplained",
         f"subtract {early:.4g} s from the stamps of {name} ({late_option(early)}), or record both by one clock",
-        evidence={LATE: early, "left": part, "share": found.share},
+        evidence={LATE: early, "left": part, "share": share},
         spoils=("identification",),
     )
 
