@@ -52,14 +52,20 @@ _HIDDEN, _PERIOD = 1.5, 4
 # Least number of windows for a comparison of models.
 FEWEST_ROWS = 100
 # Predicted gain of log-likelihood at which a search ends, and for one that only ranks models.
-TOLERANCE, RANKING_TOLERANCE = 1e-4, 0.05
+TOLERANCE, RANKING_TOLERANCE = 1e-4, 0.3
 MOST_ITERATIONS, _MOST_DAMPING = 60, 1e8
-# Difference step as a part of a parameter's size.
-_SLOPE_STEP = 1e-4
+# A Jacobian is updated as long as a step gains this part of what it predicts.
+_AS_PREDICTED = 0.5
+# First difference step as a part of a parameter's size; the next ones as a part of its standard error, far above the
+# corners of friction at single samples.
+_SLOPE_STEP, _STEP_OF_ERROR = 1e-4, 0.3
+# Least damping of a step after one that gained nothing.
+_LEAST_DAMPING = 0.1
 # Name of the time from the stamp of a command to its action beside those of the free parameters.
 _TIMING = "timing"
-# Most iterations of a fit to some of the windows with the slopes of that to all.
-_FOLD_ROUNDS = 10
+# Most iterations, and tolerance, of a fit to some of the windows with the slopes of that to all. By the windows left out
+# the optimum moves by about a sixth of a unit of log-likelihood for each parameter.
+_FOLD_ROUNDS, _FOLD_TOLERANCE = 10, 0.05
 # A window counts fully by its command where the balance depends on that by at least this part of the gain.
 _FULL_RESPONSE = 0.5
 # Factor of the search for the rest speed, and the gain of log-likelihood that a step must bring.
@@ -176,9 +182,14 @@ class WeakFit:
         return self if form is self.form else fit_weak(form, self.point)
 
     @cached_property
+    def errors(self) -> Array:
+        """Normalised errors of all windows, shape (rows, bodies)."""
+        return _Target(self.form)(self.point)
+
+    @cached_property
     def linear(self) -> tuple[Array, Array]:
         """Standardised errors of all windows (rows, bodies), and their derivatives (rows, bodies, k)."""
-        error = _Target(self.form)(self.point)
+        error = self.errors
         scale = _rms(error)
         return error / scale, self.jacobian.reshape(*error.shape, -1) / scale[:, None]
 
@@ -220,8 +231,9 @@ class WeakFit:
     def refitted(self, rows: Rows) -> WeakFit:
         """The fit to some of the windows, with the slopes of this one."""
         return fit_weak(
-            self.form, self.point, rounds=_FOLD_ROUNDS, tolerance=RANKING_TOLERANCE, rows=rows, slopes=self.jacobian
-        )
+            self.form, self.point, rounds=_FOLD_ROUNDS, tolerance=_FOLD_TOLERANCE, rows=rows,
+            slopes=self.jacobian, error=self.errors,
+        )  # fmt: skip
 
 
 def relative_errors(form: WeakForm, theta: Array, shift: float) -> Array:
@@ -414,6 +426,7 @@ def fit_weak(
     equal_shares: bool = False,
     rows: Rows | None = None,
     slopes: Array | None = None,
+    error: Array | None = None,
 ) -> WeakFit:
     """Fit a model to a force balance.
 
@@ -424,66 +437,70 @@ def fit_weak(
     `rows`: fit to these windows only; all when left out.
     `slopes` (all rows bodies, k): Jacobian of the normalised errors at the start, which saves its computation: it is
     updated by Broyden's formula (Math. Comp. 19, 1965).
+    `error` (all rows, bodies): normalised errors at the start, which saves their computation.
     Raises IdloopError: the balance cannot be evaluated at the start.
     """
     lower, upper = _limits(form)
     point = np.clip(start if len(start) == len(lower) else np.append(start, 0.0), lower, upper)
     size = _sizes(form, point)
     step = _SLOPE_STEP * size
-    if not np.all(np.isfinite(form.residual(*_split(form, point)))):
+    if error is None and not np.all(np.isfinite(form.residual(*_split(form, point)))):
         raise IdloopError("the force balance cannot be evaluated at the starting values")
     whole = _Target(form, equal_shares=equal_shares)
-
     fitted = np.arange(form.starts[-1]) if rows is None else rows
 
     def target(at: Array) -> Array:
         found = whole(at)
         return found if rows is None else found[rows]
 
-    damping, converged, iteration = 1e-3, False, 0
-    jacobian = np.zeros((0, len(point)))
+    jacobian, updates = np.zeros((0, len(point))), 0
     if slopes is not None:
         jacobian = slopes.reshape(form.starts[-1], -1, len(point))[fitted].reshape(-1, len(point))
+    computed = slopes is not None
+    damping, converged, iteration = 1e-3, False, 0
+    error = target(point) if error is None else error[fitted]
+    cost = _cost(error)
     while iteration < rounds and not converged:
         iteration += 1
-        error = target(point)
         scale = np.tile(_rms(error), len(error))
-        cost = _cost(error)
         base = error.ravel() / scale
+        if not computed:
 
-        def scaled(at: Array, scale: Array = scale) -> Array:
-            return target(at).ravel() / scale
+            def scaled(at: Array, scale: Array = scale) -> Array:
+                return target(at).ravel() / scale
 
-        if slopes is None:
-            found, step = difference_jacobian(scaled, point, base, lower, upper, step, size, central=False)
-            found[:, ~np.all(np.isfinite(found), axis=0)] = 0.0
-            jacobian = found * scale[:, None]
-        else:
-            found = jacobian / scale[:, None]
+            jacobian, step = difference_jacobian(scaled, point, base, lower, upper, step, size, central=False)
+            jacobian[:, ~np.all(np.isfinite(jacobian), axis=0)] = 0.0
+            change = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
+            step = np.clip(_STEP_OF_ERROR / change, 1e-6 * size, 1e-2 * size)
+            jacobian *= scale[:, None]
+            computed, updates = True, 0
+        # The Jacobian of a search of its own is computed again before anything is concluded from an updated one.
+        certain = updates == 0 or slopes is not None
+        found = jacobian / scale[:, None]
         gradient, hessian = found.T @ base, found.T @ found
-        accepted = False
-        while damping <= _MOST_DAMPING:
+        while True:
             move, predicted = box_step(gradient, hessian, damping, point, lower, upper)
-            if predicted <= tolerance:
-                converged = True
+            if predicted <= tolerance or damping > _MOST_DAMPING:
+                computed, converged = certain, certain
                 break
             trial = np.clip(point + move, lower, upper)
             left = target(trial)
-            if np.all(np.isfinite(left)):
-                now = _cost(left)
-                if now < cost:
-                    if slopes is not None:
-                        update_jacobian(jacobian, trial - point, (left - error).ravel(), hessian)
-                    accepted, converged, point = True, cost - now < tolerance, trial
-                    damping = max(0.1 * damping, 1e-9)
-                    break
-            damping *= 8.0
-        if not accepted:
-            converged = converged or damping > _MOST_DAMPING
-            break
+            gained = cost - _cost(left) if np.all(np.isfinite(left)) else -np.inf
+            if gained > 0.0:
+                update_jacobian(jacobian, trial - point, (left - error).ravel(), hessian)
+                point, error, cost, updates = trial, left, cost - gained, updates + 1
+                damping = max(0.1 * damping, 1e-9)
+                converged = certain and gained < tolerance
+                computed = slopes is not None or gained >= _AS_PREDICTED * predicted
+                break
+            if not certain:
+                computed = False
+                break
+            damping = max(8.0 * damping, _LEAST_DAMPING)
         size = np.maximum(size, np.abs(point))
     scales = _scales(form, point, form.residual(*_split(form, point)), fitted)
-    return WeakFit(form, point, scales, fitted, -_cost(target(point)), iteration, converged, jacobian)
+    return WeakFit(form, point, scales, fitted, -cost, iteration, converged, jacobian)
 
 
 def _rms(error: Array) -> Array:
