@@ -51,3 +51,17 @@ def test_an_axis_with_measured_torque_misses_no_effect(case: tuple[Model, Record
     diagnosis = diagnose(model, [record])
     assert diagnosis.set == ()
     assert diagnosis.verdict == "adequate"
+
+
+def test_noise_of_the_measured_torque_does_not_bias_the_fit(case: tuple[Model, Record]) -> None:
+    model, record = case
+    rms = np.sqrt(np.mean(record.input**2))
+    found = []
+    for seed in range(4):
+        noise = 0.5 * rms * np.random.default_rng(seed).normal(size=len(record.input))
+        noisy = replace(record, input=record.input + noise)
+        result = fit(model, [noisy])
+        assert result.criterion == "force"
+        found.append([result.model.values[name] for name in ("axis.inertia", "axis.viscous_friction")])
+    # Predictions alone find an inertia that is larger by a quarter: the power of the noise.
+    assert np.mean(found, axis=0) == pytest.approx([INERTIA, DRAG], rel=0.03)

@@ -41,6 +41,7 @@ class Data:
     sample_time: float  # median step of `time` [s]
     gaps: Integers  # first sample after each gap of more than 5 steps
     conditions: Conditions | None = None
+    command_noise: float = 0.0  # standard deviation of the noise of a measured command
 
     def held_input(self) -> Array:
         """Command at each output instant, shape (n,)."""
@@ -133,9 +134,12 @@ def _prepare(model: Model, record: Record) -> Data:
     step = np.diff(time)
     sample_time = float(np.median(step))
     gaps = np.flatnonzero(step > 5.0 * sample_time) + 1
+    command_noise = 0.0
     if model.input.kind == "measured":
+        command_noise = noise_std(value)
         input_time, value = held_along(*_each_once(input_time, value))
-    return Data(record.name, input_time, value, time, output, sample_time, gaps, _conditions(model, record))
+    conditions = _conditions(model, record)
+    return Data(record.name, input_time, value, time, output, sample_time, gaps, conditions, command_noise)
 
 
 def _conditions(model: Model, record: Record) -> Conditions | None:

@@ -110,7 +110,7 @@ def fit(
 
     if balance is not None and criterion == "force":
         return by_force(balance, "as requested")
-    if balance is not None and criterion == "auto" and balance.model_error_dominates:
+    if balance is not None and criterion == "auto" and (balance.model_error_dominates or balance.noisy_command):
         return by_force(balance, _why_force(balance))
     chosen, why = ("prediction", _why_prediction(balance)) if criterion == "auto" else (criterion, "as requested")
     # Even with much noise a balance may be nearer to the optimum than the starting values.
@@ -214,6 +214,8 @@ def _nearer(engine: Engine, model: Model, data: list[Data], ranked: list[Array])
 
 
 def _why_force(balance: WeakFit) -> str:
+    if balance.noisy_command:
+        return "noise of the measured command biases predictions (errors in variables) and not the force balance"
     return (
         f"the force balance leaves {percent(balance.relative)} of the drive force unexplained, much more than sensor"
         " noise: model error limits the fit"

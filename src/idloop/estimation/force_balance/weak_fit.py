@@ -35,6 +35,8 @@ MOST_NOISE = 0.3
 _WIDER = 1.4
 # Model error dominates a balance with at most this part of sensor noise, and at least that part of the drive's force.
 _LITTLE_NOISE, LEAST_UNEXPLAINED = 0.1, 0.01
+# Noise of a measured command accounts for the unexplained force where it is this part of that.
+_ALL_NOISE = 0.9
 # A model that leaves this part of the drive's force unexplained has not found the force that moves the axis.
 _NOT_FOUND = 0.9
 # Relative difference of two sensors' velocities of one body above which they disagree.
@@ -49,6 +51,8 @@ _RELIABLE = 0.8
 # A fit to prediction errors with so many times the unexplained force of a disturbance takes a force for a disturbance,
 # in windows of at most so many times the widest that resolve the motion.
 _HIDDEN, _PERIOD = 1.5, 4
+# Part of the power of a measured command from which on its noise biases predictions.
+_NOISY_COMMAND = 0.01
 # Least number of windows for a comparison of models.
 FEWEST_ROWS = 100
 # Predicted gain of log-likelihood at which a search ends, and for one that only ranks models.
@@ -63,7 +67,7 @@ _SLOPE_STEP, _STEP_OF_ERROR = 1e-4, 0.3
 _LEAST_DAMPING = 0.1
 # Name of the time from the stamp of a command to its action beside those of the free parameters.
 _TIMING = "timing"
-# Most iterations, and tolerance, of a fit to some of the windows with the slopes of that to all. By the windows left out
+# Most iterations, and tolerance, of a fit to some windows with the slopes of that to all. By the windows left out
 # the optimum moves by about a sixth of a unit of log-likelihood for each parameter.
 _FOLD_ROUNDS, _FOLD_TOLERANCE = 10, 0.05
 # A window counts fully by its command where the balance depends on that by at least this part of the gain.
@@ -134,11 +138,23 @@ class WeakFit:
         """Whether the model has found a force that moves the axis."""
         return self.relative < _NOT_FOUND
 
+    @property
+    def noisy_command(self) -> bool:
+        """Whether noise of a measured command biases predictions, and not the balance, whose error it is.
+
+        By its part of the command's power least squares underestimate all forces (Fuller, *Measurement Error Models*,
+        1987).
+        """
+        noise = sum(len(data.input) * data.command_noise**2 for data in self.form.data)
+        return noise > _NOISY_COMMAND * sum(float(data.input @ data.input) for data in self.form.data)
+
     def contradicts(self, predicted: Model) -> bool:
         """Whether the same model, fitted to prediction errors, takes a force for a disturbance.
 
-        The balance explains that force.
+        The balance explains that force; or noise of the command biases predictions.
         """
+        if self.usable and self.noisy_command:
+            return True
         if not self.usable or self.relative >= 1.0 or self.form.width > _PERIOD * self.form.widest:
             return False
         # Least squares count a part of a disturbance as inertia, and leave less of it unexplained.
@@ -248,13 +264,15 @@ def relative_errors(form: WeakForm, theta: Array, shift: float) -> Array:
 
 
 def model_error_dominates(form: WeakForm, theta: Array, shift: float) -> bool:
-    """Whether model error, not sensor noise, limits a balance in windows that resolve the motion."""
+    """Whether model error, not noise of sensors or command, limits a balance in windows that resolve the motion."""
     if not _motion_reliable(form, theta, shift):
         return False
     inertia = form.inertia(theta)
     wide: WeakForm | None = form
     while wide is not None and wide.width <= form.widest:
         left = np.sqrt(np.mean(wide.residual(theta, shift) ** 2, axis=0))
+        if wide.gain(theta) * wide.command_noise >= _ALL_NOISE * left[0]:
+            return False
         if np.all(inertia * wide.noise <= _LITTLE_NOISE * left):
             return float(np.max(relative_errors(wide, theta, shift))) >= LEAST_UNEXPLAINED
         wide = wide.in_windows(_wider(wide.width))

@@ -306,6 +306,13 @@ class WeakForm:
         """Rms difference of two sensors' weak accelerations by body, over all rows; 0 within their noise."""
         return self._pooled([track.acceleration_disagreement for track in self.tracks])
 
+    @property
+    def command_noise(self) -> float:
+        """Standard deviation of a window's mean command by the noise of a measured command, 0 of a held one."""
+        samples = [len(data.time) for data in self.data]
+        noise = np.sqrt(np.average([data.command_noise**2 for data in self.data], weights=samples))
+        return float(noise * np.linalg.norm(test_functions(self.width, self.sample_time)[0]))
+
     def _pooled(self, rms: Sequence[Array]) -> Array:
         squares = [len(track.rows) * value**2 for track, value in zip(self.tracks, rms, strict=True)]
         return np.asarray(np.sqrt(np.sum(squares, axis=0) / self.starts[-1]))
