@@ -15,7 +15,7 @@ from plan import SINGLES
 from sizes import Sizes
 
 from idloop.estimation.dataset import prepare
-from idloop.estimation.force_balance.weak_fit import fit_by_force
+from idloop.estimation.force_balance.window_width import fit_by_force
 from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.physics import catalogue
 

@@ -15,7 +15,8 @@ from idloop.estimation.criterion_choice import choose_criterion, percent
 from idloop.estimation.dataset import Data, opening_segments, output_noise, prepare
 from idloop.estimation.direction import opposite_direction_warning
 from idloop.estimation.force_balance.cross_validation import cross_validated_error
-from idloop.estimation.force_balance.weak_fit import WeakFit, fit_by_force_if_possible
+from idloop.estimation.force_balance.weak_fit import WeakFit
+from idloop.estimation.force_balance.window_width import fit_by_force_if_possible
 from idloop.estimation.likelihood.disturbance import LONG_MEMORY
 from idloop.estimation.likelihood.estimation_problem import prepare_estimation
 from idloop.estimation.likelihood.first_fit import first_fit

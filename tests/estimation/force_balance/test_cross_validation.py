@@ -9,8 +9,9 @@ import idloop
 from idloop.estimation import fit
 from idloop.estimation.dataset import prepare
 from idloop.estimation.force_balance.cross_validation import cross_validated_error
-from idloop.estimation.force_balance.weak_fit import fit_by_force, fit_weak
+from idloop.estimation.force_balance.weak_fit import fit_weak
 from idloop.estimation.force_balance.weak_form import weak_form
+from idloop.estimation.force_balance.window_width import fit_by_force
 from idloop.estimation.optimisation.caching_engine import CachingEngine
 
 MODEL = idloop.load_model("axis").with_effects(["coulomb_friction@axis(level=0.1)"])

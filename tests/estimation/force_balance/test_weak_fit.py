@@ -7,8 +7,10 @@ import pytest
 
 from idloop.estimation import fit
 from idloop.estimation.dataset import prepare
-from idloop.estimation.force_balance.weak_fit import WeakFit, _off_limits, _Target, cost_at, fit_by_force, fit_weak
+from idloop.estimation.force_balance.weak_fit import WeakFit, fit_weak
 from idloop.estimation.force_balance.weak_form import weak_form
+from idloop.estimation.force_balance.weak_likelihood import NormalisedErrors, cost_at
+from idloop.estimation.force_balance.window_width import _off_limits, fit_by_force
 from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.physics import Model, load_model
 from idloop.physics.simulation import simulate
@@ -307,12 +309,12 @@ def test_a_fit_to_some_windows_is_no_worse_in_them() -> None:
 def test_the_errors_that_a_search_reduces_depend_on_the_point_alone(effects: list[str]) -> None:
     model = load_model("axis").with_effects(effects)
     form = form_of(model, recorded(MACHINE))
-    search = _Target(form)
+    search = NormalisedErrors(form)
     start = np.append(model.theta, 0.0) if form.free_timing else model.theta
     for place in range(len(start)):
         point = start.copy()
         point[place] += 1e-3
-        np.testing.assert_array_equal(search(point), _Target(form)(point))
+        np.testing.assert_array_equal(search(point), NormalisedErrors(form)(point))
 
 
 @pytest.mark.parametrize("memory", [0.8, 0.9])

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from idloop.diagnosis.design.rival_noise import Whitening
 from idloop.errors import IdloopError
 from idloop.estimation.dataset import Data
-from idloop.estimation.force_balance.weak_fit import fit_by_force, model_error_dominates
+from idloop.estimation.force_balance.weak_fit import model_error_dominates
 from idloop.estimation.force_balance.weak_form import NARROWEST, WeakForm, weak_form
+from idloop.estimation.force_balance.window_width import fit_by_force
 from idloop.estimation.optimisation.caching_engine import CachingEngine
 
 if TYPE_CHECKING:

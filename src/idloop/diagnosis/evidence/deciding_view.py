@@ -12,8 +12,9 @@ import numpy as np
 from idloop.diagnosis.candidate import Candidate, effect_parameters
 from idloop.diagnosis.evidence.undetermined_strength import CERTAIN
 from idloop.errors import InputError
-from idloop.estimation.force_balance.weak_fit import WeakFit, draft_windows, fit_by_force, fit_from_two_starts
+from idloop.estimation.force_balance.weak_fit import WeakFit, draft_windows, fit_from_two_starts
 from idloop.estimation.force_balance.weak_form import WeakForm
+from idloop.estimation.force_balance.window_width import fit_by_force
 from idloop.estimation.likelihood.estimation_problem import EstimationProblem, prepare_estimation
 from idloop.estimation.likelihood.refit import Refit, refit_or_none
 from idloop.estimation.optimisation.caching_engine import CachingEngine

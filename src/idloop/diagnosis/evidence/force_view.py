@@ -36,12 +36,12 @@ from idloop.estimation.force_balance.weak_fit import (
     RANKING_TOLERANCE,
     TOLERANCE,
     WeakFit,
-    cost_at,
-    fit_by_force,
     fit_weak,
     with_rest_speed,
 )
 from idloop.estimation.force_balance.weak_form import WeakForm, weak_form
+from idloop.estimation.force_balance.weak_likelihood import cost_at
+from idloop.estimation.force_balance.window_width import fit_by_force
 from idloop.estimation.likelihood.estimation_problem import ENOUGH, EstimationProblem
 from idloop.estimation.likelihood.parallel import in_parallel
 from idloop.estimation.optimisation.caching_engine import CachingEngine

@@ -19,7 +19,7 @@ from idloop.diagnosis.screening.granger_test import granger_causes
 from idloop.errors import IdloopError
 from idloop.estimation.dataset import Data
 from idloop.estimation.direction import OPPOSITE_DIRECTION, REVERSE_ADVICE, gain_is_turned
-from idloop.estimation.force_balance.weak_fit import fit_by_force_if_possible
+from idloop.estimation.force_balance.window_width import fit_by_force_if_possible
 from idloop.estimation.likelihood.estimation_problem import EstimationProblem, prepare_estimation
 from idloop.estimation.likelihood.likelihood_difference import distinguishable
 from idloop.estimation.likelihood.refit import Refit, refit, refit_or_none, transfer

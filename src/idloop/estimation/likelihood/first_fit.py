@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from idloop.errors import IdloopError
-from idloop.estimation.force_balance.weak_fit import fit_by_force_if_possible
+from idloop.estimation.force_balance.window_width import fit_by_force_if_possible
 from idloop.estimation.likelihood.estimation_problem import EstimationProblem
 from idloop.estimation.likelihood.refit import Refit, refit, refit_or_none
 from idloop.physics.model import Model
