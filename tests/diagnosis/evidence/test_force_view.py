@@ -11,6 +11,7 @@ from tests.diagnosis.conftest import axis_by_current, record_of
 from idloop.diagnosis.diagnosis import diagnosis_of
 from idloop.diagnosis.evidence import force_view
 from idloop.diagnosis.evidence.deciding_view import requested_force_fit
+from idloop.diagnosis.evidence.force_evaluation import Evaluator
 from idloop.diagnosis.evidence.force_view import ForceView, unbalanced
 from idloop.diagnosis.options import Options
 from idloop.diagnosis.refine import refine
@@ -239,7 +240,7 @@ def test_a_pair_whose_second_effect_takes_the_place_of_the_first_acts_on_held_ou
     machine = model.with_effects(["coulomb_friction@axis(level=0.1)"])
     estimation = prepare_estimation(model, [turned(machine, 1)], "prediction")
     parent = requested_force_fit(model, estimation, {})
-    evaluator = force_view._Evaluator(estimation, parent, parent, prepare(model, [turned(machine, 2)]))
+    evaluator = Evaluator(estimation, parent, parent, prepare(model, [turned(machine, 2)]))
     (first,) = proposals(model, ["coulomb_friction"])
     (second,) = proposals(first.model({"level": 0.1}), ["asymmetric_friction"])
     fit = requested_force_fit(second.model({"level": 0.1, "ratio": 0.1}), estimation, {})
