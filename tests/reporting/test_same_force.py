@@ -46,13 +46,13 @@ def test_they_are_one_where_no_angle_and_no_speed_separates_them(several, groups
 def test_no_experiment_is_offered_for_one_force():
     ladder = Ladder((Step(None, load_model("dc_motor")),))
     found = Missing("missing", candidates=(ARM, SAME), set=(GRAVITY, IMBALANCE))
-    said = state_json._missing(found, {}, ladder)
+    said = state_json._missing(found, Snapshot(ladder=ladder))
     assert not said["separable"]
     (group,) = said["twins"]
     assert "gravity @ motor and imbalance @ motor" in group["text"]
     assert group["checks"][0].startswith("Tilt the axis")
     apart = Missing("missing", candidates=(ARM, TURNED), set=(GRAVITY, IMBALANCE))
-    assert state_json._missing(apart, {}, ladder)["separable"]
+    assert state_json._missing(apart, Snapshot(ladder=ladder))["separable"]
 
 
 def test_an_experiment_that_would_say_nothing_has_no_signal():

@@ -20,7 +20,7 @@ def test_a_node_that_meets_another_of_its_name_ends(bench):
     one = bench("plant", model="dc_motor", sample_time=0.01)
     other = one.talk("progress")
     one.matched(other)
-    one.until(lambda: one.node.start.ready and one.node.start.duplicate._announcements == 1)
+    one.until(lambda: one.node.start.ready and one.node.start.duplicate.announcements == 1)
     assert one.node.broken is None
     other.publish(encode_header(0, "plant/ready"))
     one.until(lambda: one.node.broken is not None)
@@ -33,9 +33,9 @@ def test_a_node_that_has_run_for_a_while_goes_on_when_another_comes(bench, monke
     one = bench("plant", model="dc_motor", sample_time=0.01)
     other = one.talk("progress")
     one.matched(other)
-    one.until(lambda: one.node.start.ready and one.node.start.duplicate._announcements == 1)
+    one.until(lambda: one.node.start.ready and one.node.start.duplicate.announcements == 1)
     other.publish(encode_header(0, "plant/ready"))
-    one.until(lambda: one.node.start.duplicate._announcements == 2)
+    one.until(lambda: one.node.start.duplicate.announcements == 2)
     assert one.node.broken is None
 
 
@@ -48,7 +48,7 @@ def test_a_node_is_silent_while_another_of_its_name_may_be_there(bench, monkeypa
     clock = one.talk("/clock")
     one.matched(clock)
     one.listen("reference")
-    one.until(lambda: one.node.start.duplicate._known is not None)
+    one.until(lambda: one.node.start.duplicate.known is not None)
     follow, heard = one.node._follow, []
     monkeypatch.setattr(one.node, "_follow", lambda now: heard.append(follow(now)))
     clock.publish(encode_time(10**9))

@@ -62,7 +62,7 @@ def test_of_a_graph_that_turned_out_to_be_another_nothing_is_kept(bench, tmp_pat
     one = bench("recorder", bag=str(tmp_path / "bag"), mode="realtime", sample_time=0.001)
     namesake = one.talk("progress")
     one.matched(namesake)
-    one.until(lambda: one.node.start.ready and one.node.start.duplicate._announcements == 1)
+    one.until(lambda: one.node.start.ready and one.node.start.duplicate.announcements == 1)
     hears(one.node, 1, 3)
     one.until(lambda: one.node._writer.count == 3)
     namesake.publish(encode_header(0, "recorder/ready"))

@@ -78,7 +78,7 @@ def _estimates(axis: Axis, widths: Sequence[int], *, stretched: bool) -> Iterato
         # The first command stands before or behind the first sample of the motion.
         ahead = float(axis.input_time[0] - grid.time[np.flatnonzero(known)[0]])
         most = min(int(_FARTHEST / grid.period), command.size // _PART)
-        most = most if stretched else min(_MOST_SHIFT, grid.time.size // _SHIFT_PART)
+        most = most if stretched else min(_MOST_SHIFT, command.size // _SHIFT_PART)
         shifts = _Shifts(acceleration, others, most, 0 if stretched else most)
         yield _compare(command, shifts, grid.period, ahead, stretched=stretched)
 
