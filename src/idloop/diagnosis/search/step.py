@@ -207,8 +207,8 @@ class SearchStep(ABC, Generic[FitT]):
     def _conclusive(self, one: EvaluatedModel[FitT]) -> bool:
         """Whether the evidence for a model is conclusive, and its gain on the fitted samples more than chance.
 
-        Folds are scored by linearised fits: where these fail, other samples seem to show what no fit does. By Wilks the
-        gain of one parameter is beyond chance from about half the threshold on.
+        Folds are scored by fits with the slopes of that to all samples: where these fail, other samples seem to show
+        what no fit does. By Wilks the gain of one parameter is beyond chance from about half the threshold on.
         """
         effects = len(one.proposals)
         return one.gain >= 0.5 * self.threshold(effects) and self.conclusive(one.evidence, effects)
