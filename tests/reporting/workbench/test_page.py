@@ -550,7 +550,7 @@ def test_a_picture_that_is_saved_has_what_is_out_of_sight_too(site, source, visi
 
 
 @pytest.mark.slow
-def test_the_canvas_covers_what_is_in_sight_and_all_of_it_on_paper(site, source, visit):
+def test_the_canvas_covers_what_is_in_sight_alone(site, source, visit):
     page = visit(site.address).page
     page.set_viewport_size({"width": 1500, "height": 200})
     page.wait_for_function("() => strips.streams.measured?.count > 0 && strips.tall > 0 && strips.tall < strips.height")
@@ -561,10 +561,8 @@ def test_the_canvas_covers_what_is_in_sight_and_all_of_it_on_paper(site, source,
     assert first[1] < page.evaluate("() => strips.height")
     page.evaluate("() => scrollBy(0, strips.place.getBoundingClientRect().bottom - 200)")
     page.wait_for_function("() => strips.top > 0 && strips.top + strips.tall >= strips.height")
-    page.evaluate("() => dispatchEvent(new Event('beforeprint'))")
-    assert page.evaluate(covered) == [0, page.evaluate("() => strips.height")]
-    page.evaluate("() => dispatchEvent(new Event('afterprint'))")
-    page.wait_for_function("() => strips.tall < strips.height")
+    page.evaluate("() => ['beforeprint', 'afterprint'].forEach((name) => dispatchEvent(new Event(name)))")
+    page.wait_for_function("() => strips.top > 0 && strips.tall < strips.height")
 
 
 @pytest.mark.slow
@@ -960,6 +958,29 @@ def test_paper_is_light_and_its_figures_are_pictures_of_its_width(recording, vis
     page.evaluate("() => dispatchEvent(new Event('afterprint'))")
     assert page.locator("[data-figures] > img").count() == 0
     assert page.get_attribute("body", "class") == "dark"
+
+
+@pytest.mark.slow
+def test_pages_of_paper_are_filled(recording, visit, tmp_path):
+    """Every panel stood on one page, so that five of eight pages were half empty."""
+    _, address = recording
+    page = visit(address).page
+    page.wait_for_selector("#frequency-panel canvas")
+    page.wait_for_selector("#residual-panel canvas")
+    page.pdf(path=tmp_path / "page.pdf", format="A4")
+    pages = (tmp_path / "page.pdf").read_bytes().count(b"/Type /Page\n")
+    page.evaluate("() => dispatchEvent(new Event('beforeprint'))")
+    page.set_viewport_size({"width": 695, "height": 900})  # A4 less its margins, 1024 pixels high
+    page.emulate_media(media="print")
+    # Whatever a page cannot end within leaves at most so much of it empty.
+    whole = page.evaluate("""() => [...document.querySelectorAll("main, main *")]
+      .filter((one) => getComputedStyle(one).breakInside === "avoid" || one.matches("img, canvas"))
+      .map((one) => one.offsetHeight)""")
+    assert 100 < max(whole) < 0.45 * 1024
+    assert pages <= 1 + page.evaluate("() => document.documentElement.scrollHeight") / (0.75 * 1024)
+    assert page.locator("#strips .piece").count() == 3, "two outputs and the command"
+    page.evaluate("() => dispatchEvent(new Event('afterprint'))")
+    assert page.locator("#strips .piece").count() == 0
 
 
 @pytest.mark.slow

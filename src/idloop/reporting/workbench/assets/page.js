@@ -644,7 +644,7 @@
       }
     }
     paint("light");
-    strips.whole();
+    strips.paper();
   });
   addEventListener("afterprint", () => {
     if (folded) $("cannot").open = false;

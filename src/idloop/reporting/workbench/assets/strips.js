@@ -13,6 +13,7 @@ const Strips = (() => {
   const COMMAND = 112, FOOT = 40, GAP = 12, LEFT = 78, RIGHT = 14;
   const SETTLE = 2500; // milliseconds for which a range has to be far too wide before it becomes narrower
   const ROOM = 0.08; // of a range about what is drawn
+  const PAPER = 760, SHARP = 2; // width of the strips on paper, and pixels of theirs for one of the page
   const FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif";
   const COLOURS = ["surface", "text", "muted", "grid", "measured", "model", "command", "reference", "band", "accent"];
   // A line is drawn as hairlines beside each other: without a graphics processor one that is wider than a pixel costs
@@ -128,6 +129,7 @@ const Strips = (() => {
       this.decoder = new TextDecoder();
       this.rest = 0; // until then nothing is drawn
       this.top = this.tall = 0; // the stretch of the strips that the canvas covers
+      this.pieces = []; // pictures of the strips while they are printed
       this.look = null; // { follow: seconds | null, stretch: [start, stop] | null, shown }
       this.pictures = 0;
       this.start = 0;
@@ -158,24 +160,31 @@ const Strips = (() => {
     // -- what is shown ----------------------------------------------------------------------
 
     arrange(outputs, input, followed) {
+      this.shown = { outputs, input, followed };
+      this.lay();
+      this.canvas.setAttribute("aria-label",
+        `Over time: ${outputs.map((o) => o.name).join(", ")}, each measured and of the model, with its residual; ${input.name}`);
+      this.resize();
+    }
+
+    // One below the other. On paper each part that a page may begin with ends with the axis of time.
+    lay(paper = false) {
+      const { outputs, input, followed } = this.shown;
       const [high, low] = outputs.length <= 2 ? TALL : LOW;
       let top = 4;
       this.strips = [];
       const add = (height, given) => {
         this.strips.push({ top, height, range: new Range(), ...given });
-        top += height + GAP;
+        top += height + (given.foot ? FOOT : 0) + GAP;
       };
       outputs.forEach(({ name, unit }, column) => {
         const lines = [["measured", column], ["model", column]];
         if (column === followed) lines.unshift(["reference", 0]);
         add(high, { name, unit, lines });
-        add(low, { name: "residual", unit, lines: [["residual", column]], band: column });
+        add(low, { name: "residual", unit, lines: [["residual", column]], band: column, foot: paper });
       });
-      add(COMMAND, { name: input.name, unit: input.unit, lines: [["command", 0]] });
-      this.height = top - GAP + FOOT;
-      this.canvas.setAttribute("aria-label",
-        `Over time: ${outputs.map((o) => o.name).join(", ")}, each measured and of the model, with its residual; ${input.name}`);
-      this.resize();
+      add(COMMAND, { name: input.name, unit: input.unit, lines: [["command", 0]], foot: true });
+      this.height = top - GAP;
     }
 
     show(look) {
@@ -282,7 +291,7 @@ const Strips = (() => {
 
     resize() {
       const width = this.place.clientWidth;
-      if (!width || !this.height) return;
+      if (!width || !this.height || this.pieces.length) return; // of paper
       const wider = Math.abs(width - (this.width ?? 0)) > 2;
       this.width = width;
       this.place.style.height = `${this.height}px`;
@@ -292,8 +301,8 @@ const Strips = (() => {
     }
 
     // Lay the canvas over a stretch of the strips.
-    cover(top, tall) {
-      const scale = this.scale = Math.min(devicePixelRatio || 1, 2);
+    cover(top, tall, scale = Math.min(devicePixelRatio || 1, 2)) {
+      this.scale = scale;
       [this.top, this.tall] = [top, tall];
       const [width, height] = [Math.round(this.width * scale), Math.round(tall * scale)];
       if (this.canvas.width !== width || this.canvas.height !== height) [this.canvas.width, this.canvas.height] = [width, height];
@@ -310,7 +319,7 @@ const Strips = (() => {
       return true;
     }
 
-    // All strips on one canvas, until the next `paint` after `part`: to save or to print them.
+    // All strips on one canvas, until the next `paint` after `part`: to save them.
     whole() {
       this.cover(0, this.height);
       this.paint(performance.now(), true);
@@ -319,6 +328,35 @@ const Strips = (() => {
     part() {
       this.tall = 0;
       this.repaint();
+    }
+
+    // One picture for each output and one for the command, so that a page may end between them: a canvas is not parted.
+    paper() {
+      if (!this.shown || this.pieces.length) return;
+      this.lay(true);
+      this.width = PAPER;
+      this.cover(0, this.height, SHARP);
+      this.context.fillStyle = this.colours.surface;
+      this.context.fillRect(0, 0, this.canvas.width, this.canvas.height);
+      this.paint(performance.now(), true);
+      let from = 0;
+      for (const { top, height, foot } of this.strips) {
+        if (!foot) continue;
+        const piece = document.createElement("canvas"), to = top + height + FOOT;
+        [piece.width, piece.height] = [this.canvas.width, Math.round((to - from) * SHARP)];
+        piece.className = "piece";
+        piece.getContext("2d").drawImage(this.canvas, 0, -from * SHARP);
+        this.pieces.push(piece);
+        from = to;
+      }
+      this.place.append(...this.pieces);
+    }
+
+    screen() {
+      for (const piece of this.pieces.splice(0)) piece.remove();
+      if (!this.shown) return;
+      this.lay();
+      this.resize();
     }
 
     repaint() {
@@ -338,17 +376,16 @@ const Strips = (() => {
       const whole = this.follow(seen) || everywhere || !calm;
       this.upright(g);
       const along = ticks(this.start, this.stop, Math.max(3, (this.right - LEFT) / 110));
-      const last = this.strips[this.strips.length - 1];
       const visible = this.visible;
       visible.length = 0;
       for (const strip of this.strips) {
         // What is scrolled out of sight is not drawn again and again.
         const from = seen.top + strip.top;
         if (strip.top > this.top + this.tall || strip.top + strip.height + FOOT < this.top) continue;
-        if (!whole && (from > innerHeight || from + strip.height + (strip === last ? FOOT : GAP) < 0)) continue;
+        if (!whole && (from > innerHeight || from + strip.height + (strip.foot ? FOOT : GAP) < 0)) continue;
         visible.push(strip);
         this.fit(strip, now, calm);
-        this.axes(g, strip, along, strip === last, whole);
+        this.axes(g, strip, along, whole);
       }
       // One clip for all of them: every saved state is garbage of five kilobytes.
       g.save();
@@ -395,8 +432,8 @@ const Strips = (() => {
     }
 
     // Grid and axes on what was cleared: the picture of the strip, and its numbers and its name only where they have changed.
-    axes(g, strip, along, foot, anew) {
-      const { top, height, range } = strip;
+    axes(g, strip, along, anew) {
+      const { top, height, range, foot } = strip;
       const fresh = anew || strip.low !== range.low || strip.high !== range.high;
       if (fresh) {
         strip.ticks = ticks(range.low, range.high, Math.max(height / 36, 3));
@@ -641,8 +678,7 @@ const Strips = (() => {
       });
       addEventListener("scroll", () => this.repaint(), { passive: true });
       addEventListener("resize", () => this.part());
-      addEventListener("beforeprint", () => this.whole());
-      addEventListener("afterprint", () => this.part());
+      addEventListener("afterprint", () => this.screen());
     }
   }
 
