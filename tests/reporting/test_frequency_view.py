@@ -47,6 +47,6 @@ def test_a_response_is_read_only_where_the_command_explains_the_output() -> None
         np.testing.assert_allclose(line.phase[[0, 39, 140, 179]], np.degrees([0.0, -9.0, -8.0, -17.0]), atol=1e-9)
         assert np.isfinite(line.unread[100])
         assert np.isnan(line.unread[20])
-    assert "above 0.6, 33 % of the lines, between 1 and 180 Hz" in view.frequency_note(0)
+    assert "above 0.6: at 33 % of the frequencies, between 1 and 180 Hz" in view.frequency_note(0)
     blind = response(seen, np.full(240, 0.2))
     assert "nowhere above 0.6" in FrequencyView(blind, blind, np.zeros(0)).frequency_note(0)

@@ -21,6 +21,7 @@ from idloop.reporting.verdicts import (
     VERDICTS,
     basis,
     conclusion,
+    criterion_words,
     effects_looked_for,
     explained_of,
     reserved_ending,
@@ -154,6 +155,12 @@ def test_of_what_a_share_is_one_depends_on_the_criterion() -> None:
     assert "one-step prediction errors" in explained_of("prediction")
     assert "free-run errors" in explained_of("simulation")
     assert "drive force" in explained_of("force")
+    # A chain of bodies is judged by the forces on all of them: that on the drive alone may be noise.
+    assert (
+        explained_of("force", 4) == "the power of the force on every body that the model without it leaves unexplained"
+    )
+    assert criterion_words("force", 4) == "the force on every body that the measured motion leaves unexplained"
+    assert explained_of("simulation", 4) == explained_of("simulation")
     assert explained_of("") == "the power of the errors that the model without it leaves"
 
 

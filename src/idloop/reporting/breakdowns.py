@@ -14,7 +14,7 @@ import numpy as np
 from idloop.arrays import Array
 from idloop.validation.breakdown import Breakdown
 from idloop.validation.variables import TITLES
-from idloop.validation.where import ErrorMap
+from idloop.validation.where import NOISE_ALONE, ErrorMap
 from idloop.validation.words import percent, short
 
 # Worst stretches that are marked in a figure over time.
@@ -110,9 +110,16 @@ def shown_first(maps: Sequence[ErrorMap]) -> tuple[str, str] | None:
     otherwise than the signal, so that it comes last.
     """
     # The force is free of the drift of a free run, which follows whatever moves slowly; a reason against it is noise.
-    considered = [one for one in maps if one.basis == "force" and not one.why] or list(maps)
+    considered = [one for one in maps if one.basis == "force" and not one.why]
+    considered = considered or [one for one in maps if one.why != NOISE_ALONE] or list(maps)
     ranked = [
-        (is_notable(b), b.variable != "frequency", max(b.worst.error - b.worst.usual, _curve(b)), one.name, b.variable)
+        (
+            b.variable in notable_variables(one),
+            b.variable != "frequency",
+            max(b.worst.error - b.worst.usual, _curve(b)),
+            one.name,
+            b.variable,
+        )
         for one in considered
         for b in one.breakdowns
     ]
@@ -122,6 +129,11 @@ def shown_first(maps: Sequence[ErrorMap]) -> tuple[str, str] | None:
     one = next(one for one in considered if one.name == name)
     # Where nothing says anything, velocity is what a reader looks at first.
     return name, variable if notable or one.along("velocity") is None else "velocity"
+
+
+def notable_variables(one: ErrorMap) -> list[str]:
+    """Variables along which an error says something; none where the sensor noise may be all of it."""
+    return [b.variable for b in one.breakdowns if is_notable(b)] if one.why != NOISE_ALONE else []
 
 
 def is_notable(breakdown: Breakdown) -> bool:

@@ -79,7 +79,8 @@ class FrequencyView:
         if not len(seen):
             return f"The coherence is nowhere above {READABLE:g}: this record does not show the response."
         share, ends = percent(len(seen) / len(self.frequency)), " and ".join(short(float(seen[i])) for i in (0, -1))
-        return f"It can be read where the coherence is above {READABLE:g}, {share} of the lines, between {ends} Hz."
+        where = f"at {share} of the frequencies, between {ends} Hz"
+        return f"It can be read where the coherence is above {READABLE:g}: {where}."
 
     @property
     def pole_texts(self) -> list[str]:

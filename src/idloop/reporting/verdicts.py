@@ -42,7 +42,7 @@ _OF_THESE = {
     "not_excited": "nothing significant is left of what was looked for, but this data cannot show everything",
 }
 
-CRITERIA = {
+_CRITERIA = {
     "auto": "chosen from the data",
     "prediction": "one-step prediction errors",
     "simulation": "free-run errors",
@@ -144,9 +144,18 @@ def _judging_errors(ladder: Ladder) -> Mapping[str, Any]:
     return errors
 
 
-def explained_of(criterion: str) -> str:
+def criterion_words(criterion: str, bodies: int = 1) -> str:
+    """What models are judged by; a chain of bodies has a force on each."""
+    return _of_every_body(_CRITERIA.get(criterion, criterion), bodies)
+
+
+def explained_of(criterion: str, bodies: int = 1) -> str:
     """Of what a share of the error is one under a criterion: "explains 40 % of ..."."""
-    return f"the power of {_LEFT.get(criterion, 'the errors that the model without it leaves')}"
+    return _of_every_body(f"the power of {_LEFT.get(criterion, 'the errors that the model without it leaves')}", bodies)
+
+
+def _of_every_body(text: str, bodies: int) -> str:
+    return text if bodies < 2 else text.replace("the drive force", "the force on every body")
 
 
 def basis(lacking: Sequence[str]) -> str:

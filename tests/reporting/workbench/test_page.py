@@ -400,6 +400,25 @@ def test_a_fit_of_the_model_before_the_last_step_is_said_to_be_one(visit):
         source.close()
 
 
+def test_a_page_that_opens_says_what_is_being_computed(visit):
+    """Empty strips of the residual and a panel without a word looked as if the model had no error."""
+    source = FakeSource(live=False)
+    source.state.change(missing=None, ladder=None, activity=Activity("comparing model and record", 0.3))
+    site = Site(source, Place())
+    try:
+        page = visit(site.address).page
+        page.wait_for_selector("#given >> text=The free run of the model is being computed.")
+        page.wait_for_selector("#where-hint >> text=The errors of the model are being computed.")
+        assert page.is_hidden("#error")
+        source.state.change(activity=None, assessment=assessed(kind="free-run error", why=""))
+        page.wait_for_selector("#given >> text=begins at the measured state")
+        page.wait_for_selector("#where-panel[aria-busy='false']")
+        assert page.is_visible("#error")
+    finally:
+        site.close()
+        source.close()
+
+
 def test_a_number_and_its_unit_stand_on_one_line(site, visit):
     page = visit(site.address).page
     page.set_viewport_size({"width": 320, "height": 700})
@@ -417,6 +436,11 @@ def test_effects_that_are_significant_and_not_chosen_are_not_called_insignifican
     page.wait_for_selector("summary >> text=2 fitted and not chosen, 1 of them significant by itself")
     source.state.change(missing=replace(MISSING, candidates=(FRICTION, DRAG), set=(FRICTION.name,)))
     page.wait_for_selector("summary >> text=1 fitted, not significant")
+    both = (FRICTION, replace(DRAG, p_value=1e-5), lag)
+    source.state.change(missing=replace(MISSING, candidates=both, set=(FRICTION.name,)))
+    page.wait_for_selector("summary >> text=2 fitted and not chosen, all of them significant by themselves")
+    source.state.change(missing=replace(MISSING, candidates=both[:2], set=(FRICTION.name,)))
+    page.wait_for_selector("summary >> text=1 fitted and not chosen, significant by itself")
 
 
 @pytest.mark.slow

@@ -23,6 +23,7 @@ from idloop.reporting.workbench import state_json
 from idloop.reporting.workbench.files import commands
 from idloop.reporting.workbench.state import Evidence, Fit, Missing, Snapshot, TrustedEstimate, model_version
 from idloop.validation.variables import VARIABLES
+from idloop.validation.where import NOISE_ALONE
 
 
 def missing_beside(ladder, missing):
@@ -84,6 +85,17 @@ def test_the_variable_that_is_shown_first_has_the_dot():
     assert first_shown(one)["variable"] == "time"
     assert breakdowns.is_notable(one.along("time"))
     assert not breakdowns.is_notable(one.along("velocity"))
+
+
+def test_an_error_that_sensor_noise_may_be_all_of_has_no_dot_and_opens_last():
+    """94 % of what noise makes of a force is at high frequencies: a dot there says that the model fails."""
+    noise = error(frequency=(float("nan"), True), velocity=(0.1, False))
+    noise.why = NOISE_ALONE
+    assert breakdowns.notable_variables(noise) == []
+    drift = error(velocity=(0.1, False), time=(0.4, False))
+    drift.name = "motor.position"
+    assert breakdowns.shown_first((noise, drift)) == ("motor.position", "time")
+    assert breakdowns.shown_first((noise,)) == ("drive force", "velocity")
 
 
 @given(st.dictionaries(st.sampled_from(VARIABLES), st.tuples(st.floats(0.0, 1.0), st.booleans()), min_size=1))
@@ -261,7 +273,7 @@ def test_the_evidence_and_what_may_be_trusted_is_said_in_words_and_numbers():
         (TrustedEstimate("drive.gain", "8.0 N·m/V", False, "missing from the model: dead_zone@input"),),
         "decided: dead_zone@input",
     )  # fmt: skip
-    found = state_json._evidence(known, ())
+    found = state_json._evidence(known, Snapshot())
     assert found["current"]
     assert [(one["log_e"], one["decided"]) for one in found["effects"]] == [
         ("18.4", "10 s, 1000 samples"),
@@ -269,7 +281,7 @@ def test_the_evidence_and_what_may_be_trusted_is_said_in_words_and_numbers():
         ("−2.0", "open"),
     ]
     recorded = replace(known, recorded=True, decided={"dead_zone@input": Decided(0.5667, 7, 18.37)})
-    assert state_json._evidence(recorded, ())["effects"][0]["decided"] == "0.567 s", "windows are no samples"
+    assert state_json._evidence(recorded, Snapshot())["effects"][0]["decided"] == "0.567 s", "windows are no samples"
     assert "log(m/α) = 7.9; this threshold holds at any time" in found["hint"]
     assert "dead zone @ input" in found["ended"]
     (estimate,) = found["estimates"]
@@ -305,6 +317,11 @@ def test_what_explains_more_and_goes_second_is_not_said_to_explain_less():
     found = Missing("missing", candidates=(simple, rich), set=(simple.name,))
     said = state_json._why_not(rich, found, 0.01)
     assert said.startswith("Coulomb friction @ axis is the simpler one and goes first")
+    # Its line in the figure of the evidence is the highest one: the words above it say why it is not the answer.
+    grown = {rich.name: 658.9, found.set[0]: 72.3}
+    above = state_json._outweighs(grown, Snapshot(missing=found))
+    assert above.startswith("Asymmetric friction @ axis has more evidence and is not named: Coulomb friction @ axis is")
+    assert state_json._outweighs({**grown, found.set[0]: 900.0}, Snapshot(missing=found)) == ""
     less = state_json._why_not(replace(rich, explains=0.5), found, 0.01)
     assert less.startswith("what is named explains more")
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from bokeh.models import Range1d
 from bokeh.models.annotations import Span
 from bokeh.plotting import figure
 
+from idloop.arrays import Array, Mask
 from idloop.reporting.figures.ladder import number_decades
 from idloop.reporting.figures.theme import (
     BUCKETS,
@@ -143,19 +143,24 @@ def residual_figures(test: ResidualTest, theme: Theme = LIGHT) -> list[figure]:
     """Draw the tests of one output's one-step residual.
 
     Returns: autocorrelation, correlation with the input; the band holds 99 % of the values of a residual that is noise.
+    Lags that are not tested are grey: feedback alone makes a correlation there.
     """
-    own = (test.lag, test.autocorrelation, test.autocorrelation_band, test.white)
-    cross = (test.cross_lag, test.cross_correlation, test.cross_correlation_band, test.input_free)
-    return [_stems(theme, "autocorrelation", *own), _stems(theme, f"correlation with {test.against}", *cross)]
+    own = (test.lag, test.autocorrelation, test.autocorrelation_band)
+    cross = (test.cross_lag, test.cross_correlation, test.cross_correlation_band)
+    named = f"correlation with {test.against}, {'lags ≤ 0' if test.decided else 'all'} not tested (grey)"
+    return [
+        _stems(theme, "autocorrelation", *own, np.ones(len(test.lag), dtype=bool), passed=test.white),
+        _stems(theme, named, *cross, (test.cross_lag > 0) & test.decided, passed=test.input_free),
+    ]
 
 
-def _stems(theme: Theme, name: str, lag: Any, value: Any, half: Any, passed: bool) -> figure:
+def _stems(theme: Theme, name: str, lag: Array, value: Array, half: Array, tested: Mask, *, passed: bool) -> figure:
     # The whole name along the axis would be longer than the axis.
     plot = new_figure(theme, ("lag", "samples"), ("correlation", "-"), height=205, title=name)
-    data = source(x=lag, y=value, low=-np.asarray(half), high=np.asarray(half))
-    colour = theme.models[0] if passed else theme.found
+    colours = np.where(tested, theme.models[0] if passed else theme.found, theme.band)
+    data = source(x=lag, y=value, low=-np.asarray(half), high=np.asarray(half), colour=list(colours))
     plot.varea("x", "low", "high", source=data, fill_color=theme.band, fill_alpha=0.3)
-    plot.segment("x", 0, "x", "y", source=data, color=colour, line_width=2.0)
-    plot.scatter("x", "y", source=data, color=colour, size=4)
+    plot.segment("x", 0, "x", "y", source=data, color="colour", line_width=2.0)
+    plot.scatter("x", "y", source=data, color="colour", size=4)
     add_zero_line(plot, theme)
     return plot

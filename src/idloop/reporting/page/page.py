@@ -32,10 +32,10 @@ from idloop.reporting.scores import (
 )
 from idloop.reporting.terms import DATA_USE, FITTED, capitalised, effect_words, in_words, sentence, unbroken
 from idloop.reporting.verdicts import (
-    CRITERIA,
     basis,
     conclusion,
     confounding_effects,
+    criterion_words,
     detection_limits,
     effects_looked_for,
     ending,
@@ -122,8 +122,8 @@ def page_words(contents: Contents) -> dict[str, Any]:
         "suggested": ladder.suggested_experiment,
         "parameters": parameter_rows(ladder.model, held_parameters(ladder)),
         "describing": [one.name for one in contents.describing],
-        "criterion": CRITERIA.get(ladder.criterion, ladder.criterion),
-        "explained_of": explained_of(ladder.criterion),
+        "criterion": criterion_words(ladder.criterion, len(ladder.model.bodies)),
+        "explained_of": explained_of(ladder.criterion, len(ladder.model.bodies)),
         "basis": basis(["what is still missing"] if ladder.verdict == "missing" else []),
         "provenance": {"commands": [], "seed": None, "versions": {}, "bags": [], **contents.provenance},
     }  # fmt: skip

@@ -23,10 +23,10 @@ from idloop.reporting.scores import disagreements, judging, step_scores
 from idloop.reporting.terms import DATA_USE
 from idloop.reporting.text.blocks import Block, Table, number
 from idloop.reporting.verdicts import (
-    CRITERIA,
     MISSING,
     basis,
     conclusion,
+    criterion_words,
     explained_of,
     reserved_ending,
     scope_text,
@@ -64,7 +64,7 @@ def diagnosis_blocks(
     best = found.best
     lacking = [] if best is None else list(found.pair or (best.name,))
     if any(one.model is not None for one in found.candidates):
-        yield f"explains: part of {explained_of(found.criterion)}"
+        yield f"explains: part of {explained_of(found.criterion, len(found.model.bodies))}"
     if lacking:
         yield f"testable, would show with: {basis(lacking).removesuffix(', ')}; look again with it"
     yield ""
@@ -147,7 +147,8 @@ def ladder_blocks(ladder: Ladder, left: Sequence[ResidualFinding] = ()) -> Itera
         rows.append((what, evidence, *cells, parameters))
     measured = [*(f"FIT % {name}" for name in names), *(["force error %"] if forces else [])]
     yield Table.of(("step", "p", *measured, "parameters at that step (95 %)"), rows)
-    yield f"(fitted to {CRITERIA[ladder.criterion]}; errors of the {DATA_USE[kind]} data)"
+    judged_by = criterion_words(ladder.criterion, len(ladder.model.bodies))
+    yield f"(fitted to {judged_by}; errors of the {DATA_USE[kind]} data)"
     for step in ladder.steps:
         others = ladder.rivals(step)
         if step.added is not None:

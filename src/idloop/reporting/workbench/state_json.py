@@ -14,7 +14,7 @@ from idloop.diagnosis.design.expected_outcome import describe_signal
 from idloop.diagnosis.equivalence.equivalent_effects import find_equivalent_effects, without_equivalents
 from idloop.diagnosis.search.step import NOISE_VERDICTS
 from idloop.p_values import p_text
-from idloop.reporting.breakdowns import along_text, is_notable, shown_first
+from idloop.reporting.breakdowns import along_text, notable_variables, shown_first
 from idloop.reporting.estimates import held_parameters, parameter_rows, parameter_text
 from idloop.reporting.figures.effects import drawn_lines
 from idloop.reporting.page.equations import equations, to_mathml
@@ -33,7 +33,7 @@ from idloop.reporting.scores import (
     unknown_force,
 )
 from idloop.reporting.terms import DATA_USE, FITTED, UNSEEN, capitalised, effect_words, in_words, sentence, unbroken
-from idloop.reporting.verdicts import CRITERIA, basis, conclusion, ending, explained_of, scope_text
+from idloop.reporting.verdicts import basis, conclusion, criterion_words, ending, explained_of, scope_text
 from idloop.reporting.workbench.files import MODEL, commands, named_model, offered
 from idloop.reporting.workbench.state import model_version
 from idloop.spelling import joined_names
@@ -100,7 +100,7 @@ def page_state(snapshot: Snapshot, signals: Signals) -> dict[str, Any]:
         "followed": signals.followed,
         "head": _head(snapshot),
         "missing": None if missing is None else _missing(missing, snapshot),
-        "evidence": None if snapshot.evidence is None else _evidence(snapshot.evidence, snapshot.effects),
+        "evidence": None if snapshot.evidence is None else _evidence(snapshot.evidence, snapshot),
         "looks": snapshot.looks,
         "recordings": list(snapshot.recordings),
         "shown": snapshot.shown,
@@ -199,7 +199,7 @@ def _missing(found: Missing, snapshot: Snapshot) -> dict[str, Any]:
     return {
         "verdict": found.verdict,
         "conclusion": _conclusion(found.verdict, ladder, _remainders(found, snapshot)),
-        "explains": f"of {explained_of('' if ladder is None else ladder.criterion)}",
+        "explains": f"of {_explained(ladder)}",
         "basis": capitalised(f"{basis(lacking)}this data cannot show"),
         "line": found.line,
         "error": found.error,
@@ -217,8 +217,12 @@ def _missing(found: Missing, snapshot: Snapshot) -> dict[str, Any]:
     }
 
 
-def _evidence(found: Evidence, effects: Sequence[str]) -> dict[str, Any]:
-    """How the evidence has grown; `current` where it was weighed against a model of these effects."""
+def _explained(ladder: Ladder | None) -> str:
+    return explained_of("") if ladder is None else explained_of(ladder.criterion, len(ladder.model.bodies))
+
+
+def _evidence(found: Evidence, snapshot: Snapshot) -> dict[str, Any]:
+    """How the evidence has grown; `current` where it was weighed against a model of the present effects."""
     newest = {name: values[-1] for name, values in found.lines.items() if values}
     keys = drawn_lines(found.lines, found.decided)
     # Of recordings stretches are scored, thinned or over windows: their number is not that of the samples.
@@ -237,9 +241,9 @@ def _evidence(found: Evidence, effects: Sequence[str]) -> dict[str, Any]:
         for name in sorted(newest, key=lambda name: -newest[name])
     ]
     return {
-        "line": capitalised(in_words(found.line)),
+        "line": ". ".join(filter(None, (capitalised(in_words(found.line)), _outweighs(newest, snapshot)))),
         "hint": _evidence_hint(found),
-        "current": found.effects == tuple(effects),
+        "current": found.effects == tuple(snapshot.effects),
         "effects": rows,
         "ended": in_words(found.ended),
         "estimates": [
@@ -247,6 +251,17 @@ def _evidence(found: Evidence, effects: Sequence[str]) -> dict[str, Any]:
             for one in found.estimates
         ],
     }
+
+
+def _outweighs(newest: Mapping[str, float], snapshot: Snapshot) -> str:
+    """Why the effect with the most evidence is not the one that is named; empty where it is."""
+    missing = snapshot.missing
+    most = max(newest, key=lambda name: newest[name], default="")
+    if missing is None or missing.verdict != "missing" or most in (*missing.set, *missing.pair):
+        return ""
+    level = LEVEL if snapshot.ladder is None else snapshot.ladder.level
+    why = next((_why_not(one, missing, level) for one in missing.candidates if one.name == most), "")
+    return f"{capitalised(effect_words(most))} has more evidence and is not named: {in_words(why)}" if why else ""
 
 
 def _evidence_hint(found: Evidence) -> str:
@@ -405,7 +420,9 @@ def _fitted_and_worse(found: Sequence[Mapping[str, Score]]) -> Iterator[str]:
 
 def _judged_by(ladder: Ladder, *, force_known: bool) -> str:
     """Name the error that decides about effects, and say where that of the drive force is not among the numbers."""
-    by = CRITERIA[ladder.criterion] if ladder.criterion != "auto" else "what the data show best"
+    by = "what the data show best"
+    if ladder.criterion != "auto":
+        by = criterion_words(ladder.criterion, len(ladder.model.bodies))
     hidden = ladder.criterion == "force" and not force_known
     return f"Effects are judged by {by}{'; its error is not shown, too much of it is sensor noise' if hidden else ''}."
 
@@ -460,7 +477,7 @@ def _map(one: ErrorMap) -> dict[str, Any]:
         "relative": one.relative_text,
         "variables": [b.variable for b in one.breakdowns],
         "left_out": dict(one.left_out),
-        "loud": [b.variable for b in one.breakdowns if is_notable(b)],
+        "loud": notable_variables(one),
         "along": {
             **{name: f"No figure over {TITLES[name]}: {why}." for name, why in one.left_out.items()},
             **{b.variable: f"{sentence(along_text(b))} {_everywhere(one)}".rstrip() for b in one.breakdowns},

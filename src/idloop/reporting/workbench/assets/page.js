@@ -144,7 +144,9 @@
     $("shown").value = view.shown;
     say("strips-title", TITLES[view.shown]);
     say("paper-recording", state.recordings[state.shown] ? `: ${state.recordings[state.shown]}` : "");
-    say("given", state.assessment && !state.assessment.current ? `Free run of the model before this step; the new one is ${COMPUTING}.`
+    const comparing = !state.live && !state.assessment && state.activity;
+    say("given", comparing ? `The free run of the model is ${COMPUTING}.`
+      : state.assessment && !state.assessment.current ? `Free run of the model before this step; the new one is ${COMPUTING}.`
       : view.shown === "free_run" ? "The model gets the command alone and begins at the measured state." : "");
     $("corrected").hidden = !state.live || view.shown !== "one_step";
     strips.show({ follow: view.follow ? view.span : null, stretch: view.stretch, shown: view.shown });
@@ -259,8 +261,11 @@
 
   function showWhere(s) {
     const found = s.assessment;
+    $("error-label").hidden = !found?.maps.length;
     if (!found || !found.maps.length) {
-      say("where-hint", s.live ? "The model is compared with the first seconds of data as soon as they are there." : "");
+      const comparing = Boolean(!s.live && s.activity);
+      say("where-hint", s.live ? "The model is compared with the first seconds of data as soon as they are there." : comparing ? `The errors of the model are ${COMPUTING}.` : "");
+      $("where-panel").setAttribute("aria-busy", String(comparing));
       for (const one of document.querySelectorAll("#variables button")) one.disabled = true;
       render("stretches", null, () => []);
       return;
@@ -390,10 +395,15 @@
     } else parts.push(...cards);
     if (cards.length || others.length) parts.push(make("p", { class: "hint" }, `Shares are parts ${m.explains}.`));
     const also = others.filter((c) => c.below_level).length;
-    if (others.length) parts.push(make("details", { "data-list": "fitted" }, make("summary", {}, also ? `${others.length} fitted and not chosen, ${also} of them significant by ${also > 1 ? "themselves" : "itself"}` : `${others.length} fitted, not significant`), ...others.map((c) => card(c, busy, m))));
+    if (others.length) parts.push(make("details", { "data-list": "fitted" }, make("summary", {}, also ? `${others.length} fitted and not chosen, ${notChosen(also, others.length)}` : `${others.length} fitted, not significant`), ...others.map((c) => card(c, busy, m))));
     if (rest.length) parts.push(make("details", { "data-list": "screened" }, make("summary", {}, `${rest.length} screened, no sign of them`),
       make("ul", {}, ...rest.map((c) => make("li", {}, make("b", {}, c.words), ` ${c.text} `, add(c, busy, m))))));
     return parts;
+  }
+
+  function notChosen(also, all) {
+    const by = also > 1 ? "by themselves" : "by itself";
+    return `${also < all ? `${also} of them` : all > 1 ? "all of them" : ""} significant ${by}`.trim();
   }
 
   // What is the same of all effects of a tie stands once, above them.
