@@ -21,7 +21,7 @@ from idloop.reporting.residual_findings import ResidualFinding, residual_warning
 from idloop.reporting.terms import unbroken
 from idloop.reporting.workbench import state_json
 from idloop.reporting.workbench.files import commands
-from idloop.reporting.workbench.state import Evidence, Fit, Missing, Snapshot, TrustedEstimate, model_version
+from idloop.reporting.workbench.state import Activity, Evidence, Fit, Missing, Snapshot, TrustedEstimate, model_version
 from idloop.validation.variables import VARIABLES
 from idloop.validation.where import NOISE_ALONE
 
@@ -288,6 +288,15 @@ def test_the_evidence_and_what_may_be_trusted_is_said_in_words_and_numbers():
     assert estimate["name"] == "drive gain"
     assert not estimate["trusted"]
     assert "dead zone @ input" in estimate["why"]
+
+
+def test_what_is_being_worked_out_is_said_in_words():
+    source = SimpleNamespace(names=(), units=(), noise=np.empty(0), input_name="", input_unit="", followed=None)
+    now = Activity("refitting with asymmetric_friction@axis", 0.5, "adding dead_zone@input")
+    found = state_json.page_state(Snapshot(activity=now), source)["activity"]
+    assert found == {
+        "text": "refitting with asymmetric friction @ axis", "share": 0.5, "then": "adding dead zone @ input",
+    }  # fmt: skip
 
 
 def test_commands_name_the_file_that_holds_the_model_of_the_page():

@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from idloop.reporting.residual_findings import ResidualFinding
     from idloop.reporting.workbench.assessment import Assessment
     from idloop.reporting.workbench.signals import Signals
-    from idloop.reporting.workbench.state import Evidence, Missing, Snapshot, Source
+    from idloop.reporting.workbench.state import Activity, Evidence, Missing, Snapshot, Source
     from idloop.validation.characteristic import Characteristic
     from idloop.validation.residual import ResidualTest
     from idloop.validation.where import ErrorMap
@@ -107,7 +107,7 @@ def page_state(snapshot: Snapshot, signals: Signals) -> dict[str, Any]:
         "ladder": None if ladder is None else _ladder(ladder, snapshot.recordings, snapshot.given, live=snapshot.live),
         "suggested": None if snapshot.suggested is None else _suggested(snapshot.suggested),
         "limits": [{"name": name, "value": value} for name, value in snapshot.limits],
-        "activity": None if snapshot.activity is None else dict(vars(snapshot.activity)),
+        "activity": None if snapshot.activity is None else _activity(snapshot.activity),
         "note": None if snapshot.note is None else dict(vars(snapshot.note)),
         "health": [
             {**vars(one), "trouble": trouble(one.values), "values": dict(one.values)} for one in snapshot.health
@@ -115,6 +115,11 @@ def page_state(snapshot: Snapshot, signals: Signals) -> dict[str, Any]:
         "assessment": None if snapshot.assessment is None else _assessment(snapshot, snapshot.assessment),
     }
     return {name: part if name in _AS_THEY_ARE else _unbroken(part) for name, part in state.items()}
+
+
+def _activity(one: Activity) -> dict[str, Any]:
+    """What is being worked out, with effects in words."""
+    return {**vars(one), "text": in_words(one.text), "then": in_words(one.then)}
 
 
 def _unbroken(part: Any) -> Any:
