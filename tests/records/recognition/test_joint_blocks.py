@@ -38,7 +38,7 @@ def _table(path, order, still=(), *, stamps=True):
     return path
 
 
-@pytest.mark.parametrize("still", [(), (0, 3), (5,)])
+@pytest.mark.parametrize("still", [(), (0, 3), (5,), (0, 1, 2, 4, 5)])
 @pytest.mark.parametrize("order", ["qvt", "tqv", "qvat", "dqvt"])
 def test_motion_and_force_of_the_joint_that_moves_most(tmp_path, order, still):
     found = recognise(_table(tmp_path / "arm.txt", order, still))

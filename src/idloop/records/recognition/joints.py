@@ -99,7 +99,9 @@ def _pairs(runs_with: Array, travel: Array) -> Iterable[tuple[int, bool, int, in
             place = np.arange(first, first + count)
             shows = runs_with[place, place + count] > _RUNS_WITH
             rests = travel[place] < _AT_REST * travel[place].max(initial=0.0)
-            if shows.sum() >= _FEWEST_JOINTS and (shows | rests).all():
+            # One joint alone, as in a test of each of an arm, shows blocks where they fill the table.
+            filled = first % count == 0 and len(travel) % count == 0
+            if shows.sum() >= (1 if filled else _FEWEST_JOINTS) and (shows | rests).all():
                 yield int(shows.sum()), first % count == 0, -first, count
 
 
