@@ -14,6 +14,7 @@ import numpy as np
 from idloop.arrays import Array
 from idloop.documents import MOST_DEPTH, MOST_TABLE
 from idloop.errors import InputError
+from idloop.records.formats.control_desk import series_of_capture
 from idloop.records.formats.form import Form, Options, check_size
 from idloop.records.formats.hdf5 import HDF5_SIGNATURE
 from idloop.records.formats.isolated import read_isolated
@@ -37,6 +38,7 @@ def read_mat(path: Path, _: Options) -> Table:
         tree, objects = read_isolated(path, "MATLAB 7.3", lambda: read_mat_hdf5(path))
     else:
         tree, objects = read_isolated(path, "MAT", lambda: _load(path))
+    tree = {name: series_of_capture(value) or value for name, value in tree.items()}
     found = {name: series for name, value in tree.items() if (series := series_of_iddata(value)) is not None}
     sets = [columns for columns, _ in found.values()]
     # Sets of data with the same channels, such as those to identify and to validate with, are runs of one machine.
@@ -222,8 +224,9 @@ FORM = Form(
     "MATLAB, versions 4 to 7.3",
     "arrays; those in structures are `log.u`, in structure arrays `log[0].u` (counted from 0), the columns of a matrix"
     " `log.y[0]`, `log.y[1]`, or what as many texts beside it say; signals of Simulink by their labels or blocks, with"
-    " the `time` of their structure; of the objects `timetable`, `table`, `timeseries`, `Dataset` and `iddata` their"
-    " columns; the elements of a structure array that are runs, and several `iddata`, one after the other as `u`",
+    " the `time` of their structure; of a capture of ControlDesk the signals by their blocks; of the objects"
+    " `timetable`, `table`, `timeseries`, `Dataset` and `iddata` their columns; the elements of a structure array that"
+    " are runs, and several `iddata`, one after the other as `u`",
     lambda head: head.startswith(b"MATLAB "),
     read_mat,
 )
