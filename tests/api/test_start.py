@@ -492,6 +492,8 @@ def test_values_that_leave_the_force_and_the_motion_unexplained_are_no_fit(recor
     assert refused(still, 0.6) == ""
     assert "force error is 300 %" in refused(still, 3.0)
     assert "off by more than twice" in refused(-4.0 * one.measured, 0.6)
+    # That of an arm under gravity goes anywhere, however well its forces are known.
+    assert refused(-4.0 * one.measured, 0.05) == ""
     # A free run that is worse than a constant stands only where the force shows what the values are worth.
     assert "worse than a constant, and the force error is 84" in refused(-0.5 * one.measured, 0.84)
     assert refused(-0.5 * one.measured, 0.6) == ""
@@ -872,6 +874,21 @@ def test_an_axis_that_holds_a_weight_is_fitted_with_it(tmp_path, header, force, 
     assert begun.fit.values["axis.inertia"] == pytest.approx(0.3, rel=0.1)
     assert any(f"{effect.split('.')[0]} is in the model" in line for line in begun.done.notes)
     assert begun.model.effects
+
+
+def test_an_arm_whose_free_run_drifts_off_is_fitted_with_gravity(tmp_path):
+    """A steady force follows a slow loop of the position better than gravity in a free run, and explains no force."""
+    time = 0.01 * np.arange(3000)
+    place = -1.1 + 0.9 * np.sin(0.7 * time) + 0.08 * np.sin(2.9 * time + 1.0)
+    speed = np.gradient(place, time)
+    force = 0.9 * np.gradient(speed, time) + 2.0 * speed + 1.3 * np.tanh(100.0 * speed) - 10.5 * np.cos(place)
+    current = force + 0.05 * np.random.default_rng(5).normal(size=time.size)
+    log = _write(tmp_path / "log.csv", "t,current [A],q [rad],dq [rad/s]", time, current, *np.round([place, speed], 4))
+    begun = idloop.start(log, tmp_path / "begun")
+    assert begun.fit is not None, begun.not_fitted
+    gain = begun.fit.values["drive.gain"]
+    assert begun.fit.values["gravity@axis.moment"] / gain == pytest.approx(10.5, rel=0.05)
+    assert begun.fit.values["gravity@axis.lowest"] == pytest.approx(0.5 * math.pi, abs=0.05)
 
 
 def _steps(tmp_path, levels, steps=15):

@@ -36,6 +36,8 @@ _NOTHING = 1.0  # FIT of a prediction that is no better than a constant [%]
 # where the force does not [%]; play, for one, hides the force but not the motion.
 _EXPLAINED, _FOLLOWS = 0.1, 20.0
 _ASTRAY = -100.0  # FIT of a velocity [%], which does not drift as a position does, that is off by twice its spread
+# Force error of values that describe what acts, wherever a free run goes: that of an arm under gravity is unstable.
+_BALANCED = 0.3
 
 
 @dataclass(frozen=True)
@@ -123,7 +125,17 @@ def beside_weight(done: FirstFit, *, progress: Progress) -> FirstFit:
         one = judged(FirstFit(model, fitted, bags=done.bags, notes=(*done.notes, note)))
         if one.fit is not None and not one.reversed and _shows(one.fit, f"{effect}@{joint}"):
             found.append(one)
+    # The free run of an arm near its upper rest drifts off whatever the model is; its force balance does not.
+    forces = [_force_error(one) for one in found]
+    if found and not np.isnan(forces).any():
+        return found[int(np.argmin(forces))]
     return max(found, key=_follows, default=done)
+
+
+def _force_error(done: FirstFit) -> float:
+    """Largest force error of a record as a share; NaN where one is not known, or is mostly that of the sensors."""
+    compared = () if done.fit is None else done.fit.train
+    return max((one.force.relative if one.force and one.force.trusted else np.nan for one in compared), default=np.nan)
 
 
 def _follows(done: FirstFit) -> float:
@@ -207,11 +219,12 @@ def _describes_nothing(compared: Sequence[Comparison]) -> str:
 
     A few samples ahead the newest measurements predict what any model does, so only forces and free runs are asked.
     """
-    velocities = [fit for one in compared for fit in _free_runs(one, "velocity")]
-    if velocities and max(velocities) < _ASTRAY:
-        return "the values describe nothing: the free run of the velocity is off by more than twice what it varies by"
     known = [one.force for one in compared if one.force is not None]
     forces = [one.relative for one in known]
+    balanced = any(one.trusted and one.relative < _BALANCED for one in known)
+    velocities = [fit for one in compared for fit in _free_runs(one, "velocity")]
+    if velocities and max(velocities) < _ASTRAY and not balanced:
+        return "the values describe nothing: the free run of the velocity is off by more than twice what it varies by"
     if velocities and max(velocities) < 0.0 and len(forces) == len(compared) and min(forces) > HALF_OF_POWER:
         return (
             "the values describe nothing: the free run of the velocity is worse than a constant, and the force error is"
