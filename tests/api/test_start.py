@@ -112,6 +112,21 @@ def test_files_without_a_header_whose_names_are_those_of_signals_are_one_record(
     assert [other.base.time.unit, *(one.unit for one in other.clocks.values())] == ["ms", "ms"]
 
 
+def test_files_of_one_column_whose_names_are_those_of_signals_are_one_record(record, tmp_path):
+    c = _columns(record)
+    logs = [tmp_path / "lift_joystick.txt", tmp_path / "boom_angle_rad.txt"]
+    for log, values in zip(logs, (c["u"], c["q"]), strict=True):
+        np.savetxt(log, values, fmt="%.7g")
+    found = recognise(logs, period=0.01)
+    assert found.joined
+    assert [(one.role, one.column) for one in found.recognition.guesses] == [
+        ("command", "lift_joystick.0"), ("position", "boom_angle_rad.0")
+    ]  # fmt: skip
+    assert found.recognition.base.time.period == 0.01
+    np.savetxt(logs[0], c["u"][1:], fmt="%.7g")
+    assert not _are_signals([read_table(log) for log in logs])
+
+
 def test_a_variable_of_one_name_in_each_file_is_the_signal_that_the_file_is_called(record, tmp_path):
     """As MATLAB saves one series after another: two of them may be commands."""
     c = _columns(record)
@@ -699,7 +714,7 @@ def test_the_cause_of_a_fit_that_describes_nothing_is_a_fault_that_spoils_someth
     said = "; or what the inspection names is the cause: "
     found = with_causes(failed, inspections, "")
     assert found.why_not == f"nothing is described{said}it accelerates backwards"
-    assert with_causes(failed, inspections[:1], "").why_not.endswith(f"{said}5 samples are missing")
+    assert with_causes(failed, inspections[:1], "").why_not == "nothing is described"
 
 
 def test_a_command_that_was_recorded_late_is_mended_by_the_option_that_is_printed(record, tmp_path):

@@ -380,19 +380,24 @@ def _joined(paths: tuple[Path, ...], tables: list[Columns], said: dict[str, Give
             stamps = str(base.time.column)
             table.units[stamps] = base.time.unit
             table.clocks = {name: stamps for name in table.columns if name != stamps}
-    found = recognise_table(joined_tables(paths[0].parent, tables), said)
+    # Rows of files without stamps were taken together.
+    common = period if all(base.time.column is None for base in bases.values()) else None
+    found = recognise_table(joined_tables(paths[0].parent, tables), said, period=common)
     unsure = next((base for base in bases.values() if len(base.units) > 1), None)
     doubts = [] if unsure is None else [doubt_of_unit("", unsure.units[0])]
     return Log(paths, (found,), joined=True, between=(*between, *doubts, *_apart(bases)))
 
 
 def _are_signals(tables: list[Columns]) -> bool:
-    """Whether files with the same columns are the signals of one record: a time and a value that only the file names.
+    """Whether files with the same columns are the signals of one record: a value that only the file names, and a time.
 
     The names of the files must be those of a command and a motion, as in ``torque.t`` and ``position.t``, and differ by
-    more than a number.
+    more than a number. Without a time the files are as long as each other.
     """
-    if len(tables) < 2 or any(len(table.columns) != 2 for table in tables):
+    counts = {len(table.columns) for table in tables}
+    if len(tables) < 2 or counts not in ({1}, {2}):
+        return False
+    if counts == {1} and len({len(column) for table in tables for column in table.columns.values()}) > 1:
         return False
     inside = {role_by_name(parse_column_name(name)).role for name in tables[0].columns}
     names = [parse_column_name(table.path.stem) for table in tables]

@@ -505,11 +505,8 @@ def more_than_one_axis(done: FirstFit, inspections: Sequence[Inspection], joints
 def with_causes(done: FirstFit, inspections: Sequence[Inspection], note: str) -> FirstFit:
     """Add what was left out; and where one body describes nothing, the faults that may be why."""
     notes = (*done.notes, note) if note else done.notes
-    # What makes something impossible is the cause before what lowers the accuracy.
-    faults = [
-        what(one)
-        for one in sorted((one for some in inspections for one in some.faults), key=lambda one: not one.spoils)
-    ]
+    # What only lowers the accuracy is no cause of values that describe nothing.
+    faults = [what(one) for some in inspections for one in some.faults if one.spoils]
     if not ((done.incomplete or done.unmoved) and faults):
         return replace(done, notes=notes)
     return replace(done, notes=notes, why_not=f"{done.why_not}; or what the inspection names is the cause: {faults[0]}")

@@ -37,7 +37,7 @@ _MANY_COUNTS = 1000  # whole numbers as large as this are no angle in rad
 # Largest values of a command in counts, and those of them that a duty cycle may have as well.
 _FULL_SCALES = {2.0**bits - 1.0: f"of {bits} bits" for bits in range(8, 17)}
 _FULL_DUTIES = _FULL_SCALES | {1e2: "of per cent", 1e3: "of per mille", 1e4: "of a hundredth of a per cent"}
-_DUTIES = {"pwm", "duty", "dutycycle", "throttle"}
+_DUTIES = {"pwm", "duty", "dutycycle", "throttle", "joystick"}
 # Names of units by the word that a column of the command has.
 _UNITS_OF_WORDS = (
     ({"voltage", "volt", "volts", "vin", "spannung"}, "V"),

@@ -27,7 +27,7 @@ _FORCES = {
     "force", "current", "i", "iq", "uq", "vq", "vin", "spannung", "strom", "moment", "drehmoment", "kraft",
     "stellgroesse", "stellgröße", "input", "inp", "output", "out", "pid", "tension", "corriente", "courant", "corrente",
     "couple", "drive", "load", "esc", "power", "signal", "servo", "pulse", "pulsewidth", "dac", "trq", "cur", "curr",
-    "amps",
+    "amps", "joystick",
 }  # fmt: skip
 _POSITIONS = {
     "position", "positions", "pos", "angle", "theta", "q", "phi", "enc", "encoder", "count", "counts", "ticks", "tick",
@@ -84,7 +84,7 @@ _INPUTS = {"u", "input", "inp"}
 # Which of several columns is the command: what says so, then what acts first in the chain from command to force.
 _ORDER = (
     {*_INPUTS, "cmd", "command", "commands", "stellgroesse", "stellgröße"},
-    {*_VOLTAGES, "v", "uq", "vq", "pwm", "duty", "dutycycle", "throttle", "esc", "dac"},
+    {*_VOLTAGES, "v", "uq", "vq", "pwm", "duty", "dutycycle", "throttle", "joystick", "esc", "dac"},
     _FORCE_NAMES,
     CURRENTS,
 )
