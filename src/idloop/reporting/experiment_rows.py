@@ -45,6 +45,7 @@ class Row:
     label: str  # of its axis
     curves: list[Curve]
     limits: tuple[float, ...] = ()  # those that are drawn
+    bounds: tuple[float, ...] = ()  # all of them
     band: float | None = None  # half width of the band of the noise
     # Legend: what it says, and for what: "limit", "band", or the number of a rival
     entries: list[tuple[str, str]] = field(default_factory=list)
@@ -127,7 +128,7 @@ def _limited(row: Row, limits: tuple[float, ...], unit: str) -> Row:
     room = _NEAR[row.kind] * max(high - low, 1e-12)
     near = tuple(limit for limit in limits if low - room <= limit <= high + room)
     text = _range_text(limits, unit) + ("" if near else ", beyond this view")
-    return replace(row, limits=near, entries=[(text, "limit")])
+    return replace(row, limits=near, bounds=limits, entries=[(text, "limit")])
 
 
 def _followed(suggestion: Suggestion) -> tuple[str, float]:

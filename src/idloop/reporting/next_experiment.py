@@ -14,6 +14,7 @@ from idloop.diagnosis.equivalence.equivalent_effects import (
     equivalent_rivals,
     without_equivalents,
 )
+from idloop.reporting.experiment_rows import reach, rows_of
 from idloop.reporting.text.blocks import Block, Table
 from idloop.reporting.verdicts import undetectable
 
@@ -174,6 +175,22 @@ def _outcomes(outcomes: Sequence[Mapping[str, Any]]) -> Table:
         decides = "yes" if errors and one["in_favour"] >= DECISIVE else "no"
         rows.append((one["rival"], one["closest"], shown, lead_text(one["in_favour"]), decides))
     return Table.of(("if this is right", "closest other", "largest difference, RMS", "lead", "decides"), rows)
+
+
+def predicted_motion(suggestion: Suggestion) -> list[dict[str, Any]]:
+    """Range of what is sent in and of every output over all rivals, with its limits.
+
+    Returns: plain values for JSON: ``name``, ``unit``, ``low`` and ``high``; ``limits``, the lower first, empty where
+    there are none.
+    """
+    found = []
+    for row in rows_of(suggestion):
+        if row.kind == "difference":
+            continue
+        name, _, unit = row.label.rpartition(" [")
+        low, high = reach(row.curves)
+        found.append({"name": name, "unit": unit.rstrip("]"), "low": low, "high": high, "limits": list(row.bounds)})
+    return found
 
 
 def next_document(suggestion: Suggestion) -> dict[str, Any]:

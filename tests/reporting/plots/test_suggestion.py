@@ -13,6 +13,7 @@ from idloop import drawing
 from idloop.diagnosis.design.expected_outcome import Outcome
 from idloop.diagnosis.design.suggest import Limits, Suggestion
 from idloop.physics import load_model
+from idloop.reporting.next_experiment import predicted_motion
 from idloop.reporting.plots.suggestion import plot_suggestion
 
 MOTOR = load_model("dc_motor")
@@ -47,6 +48,18 @@ def suggestion(**changes) -> Suggestion:
         **changes,
     }
     return Suggestion(**given)
+
+
+def test_the_predicted_motion_is_that_of_the_curves_over_all_rivals_beside_every_limit() -> None:
+    found = {one["name"]: one for one in predicted_motion(suggestion())}
+    assert list(found) == ["motor.effort", "motor.position", "motor.velocity"]
+    command, position, velocity = found.values()
+    assert (command["low"], command["high"], command["unit"]) == (-1.5, 1.5, "V")
+    assert command["limits"] == [-2.0, 2.0]
+    assert position["limits"] == [-3.0, 4.0]
+    assert velocity["limits"] == [-90.0, 90.0], "far ones too, which no figure draws"
+    runs = [suggestion().experiment.run(model).output[:, 0] for _, model in rivals()]
+    assert (position["low"], position["high"]) == (min(map(np.min, runs)), max(map(np.max, runs)))
 
 
 def curves(axes) -> list:

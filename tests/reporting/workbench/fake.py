@@ -31,6 +31,18 @@ MISSING = Missing(
 )  # fmt: skip
 
 
+DESIGNED = {
+    "signal": {"name": "sine", "sample_time": 0.01, "duration": 4.0, "amplitude": 1.5},
+    "adds_to": "command",
+    "unit": "V",
+    "text": "expected to tell both apart",
+    "motion": [
+        {"name": "motor.effort", "unit": "V", "low": -1.5, "high": 1.5, "limits": [-5.0, 5.0]},
+        {"name": "motor.position", "unit": "rad", "low": -0.4, "high": 0.7, "limits": []},
+    ],
+}
+
+
 def ticked(page):
     """Let a page look at what is new, as the server's loop does; the test's own thread may have a loop."""
     with ThreadPoolExecutor(1) as pool:
@@ -113,6 +125,8 @@ class FakeSource:
             what, to = effect.split()
             others = [one for one in self.state.snapshot.automatic if one != what]
             self.state.change(automatic=(*others, what) if to == "on" else tuple(others))
+        elif verb == "design":
+            self.state.change(suggested=DESIGNED)
         elif verb == "reset":
             self.state.change(stop=FREE)
         return f"{verb} {effect}".strip()

@@ -13,7 +13,7 @@ import pytest
 
 pytest.importorskip("bokeh", reason="no Bokeh: launch_scripts/test installs it")
 
-from fake import DEAD_ZONE, DRAG, FRICTION, MISSING, FakeSource
+from fake import DEAD_ZONE, DESIGNED, DRAG, FRICTION, MISSING, FakeSource
 
 from idloop.diagnosis import Ladder
 from idloop.errors import InputError
@@ -23,7 +23,7 @@ from idloop.records import Record
 from idloop.reporting.figures.effects import Decided
 from idloop.reporting.workbench.assessment import Assessment, assess
 from idloop.reporting.workbench.server import Place, Site
-from idloop.reporting.workbench.state import RELEASING, STOPPED, Activity, Evidence, Health, TrustedEstimate
+from idloop.reporting.workbench.state import RELEASING, STOPPED, Activity, Evidence, Health, Note, TrustedEstimate
 from idloop.reporting.workbench.state import STALE as SILENT
 from idloop.validation.breakdown import Breakdown
 from idloop.validation.where import ErrorMap, Where
@@ -255,16 +255,32 @@ def test_stop_is_one_click_or_one_key(site, source, visit, how):
 
 
 @pytest.mark.slow
-def test_an_experiment_shows_its_limits_and_asks_once(site, source, visit):
+def test_an_experiment_shows_its_limits_and_its_predicted_motion_and_asks_once(site, source, visit):
+    """It ran as soon as it was worked out: what the motor would do was seen when it did."""
     visitor = visit(site.address)
     page = visitor.page
     page.click("#experiment")
+    page.wait_for_selector("#confirm[open]")
     assert "at most 5\u00a0V" in page.inner_text("#confirm")
+    rows = [" ".join(one.inner_text().split()) for one in page.locator("#predicted tr").all()]
+    assert rows == ["motor.effort −1.5 to 1.5 V −5 to 5 V kept", "motor.position −0.4 to 0.7 rad no limit"]
     page.click("#confirm-no")
-    assert source.orders == []
+    assert source.orders == [("design", "")], "nothing moves"
+    assert "Sine on the command" in page.inner_text("#experiment-panel")
     page.click("#experiment")
     page.click("#confirm-yes")
-    held(lambda: source.orders == [("experiment", "")])
+    held(lambda: source.orders == [("design", ""), ("experiment", "")])
+
+
+@pytest.mark.slow
+def test_a_design_that_is_refused_opens_no_question_later(site, source, visit):
+    page = visit(site.address).page
+    source.order = lambda verb, what="": source.state.change(note=Note("no samples yet", 1)) or verb
+    page.click("#experiment")
+    page.wait_for_selector("#note.bad >> text=no samples yet")
+    source.state.change(suggested=DESIGNED)
+    page.wait_for_selector("#motion tr")
+    assert page.locator("#confirm[open]").count() == 0
 
 
 def many_that_tie(count):
@@ -314,7 +330,7 @@ def test_what_the_graph_does_unasked_is_seen_and_switched_and_what_moves_is_conf
     page.click("#confirm-yes")
     page.wait_for_selector("[data-automatic='experiment']:checked")
     assert source.orders[-1] == ("automatic", "experiment on")
-    assert "you see the limits first" in page.inner_text("#onward-words")
+    assert "you see the limits and the predicted motion first" in page.inner_text("#onward-words")
     source.state.change(activity=Activity("working out the next experiment"))
     page.wait_for_selector("#onward-words >> text=automatically")
 
@@ -456,10 +472,11 @@ def test_without_a_tie_there_is_no_experiment_to_run(site, source, visit):
 def test_escape_in_the_question_stops_and_does_not_run(site, source, visit):
     visitor = visit(site.address)
     visitor.page.click("#experiment")
+    visitor.page.wait_for_selector("#confirm[open]")
     visitor.page.keyboard.press("Escape")
     visitor.page.wait_for_selector("#confirm", state="hidden")
     held(lambda: source.stops == 1)
-    assert source.orders == []
+    assert source.orders == [("design", "")]
 
 
 @pytest.mark.slow

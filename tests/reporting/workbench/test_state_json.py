@@ -263,6 +263,14 @@ def test_an_experiment_says_what_it_sends_in():
     told = state_json._suggested({"signal": steps, "adds_to": "command", "unit": "V"})
     assert told["signal"] == "Multilevel on the command, 2 s, amplitude 4 V, hold min 0.1821 s, levels 0"
     assert state_json._suggested({"text": "it moves"})["signal"] == ""
+    reach = {"name": "motor.position", "unit": "rad", "low": -1.25, "high": 2.0, "limits": [-2.0, 2.0]}
+    kept, beyond, free = (
+        state_json._suggested({"motion": [reach | change]})["motion"][0]
+        for change in ({}, {"high": 2.1}, {"limits": []})
+    )
+    assert (kept["range"], kept["limit"], kept["inside"]) == ("−1.25 to 2 rad", "−2 to 2 rad", True)
+    assert (beyond["inside"], beyond["outside"]) == (False, True)
+    assert (free["limit"], free["inside"], free["outside"]) == ("no limit", False, False)
 
 
 def test_the_evidence_and_what_may_be_trusted_is_said_in_words_and_numbers():

@@ -13,6 +13,7 @@ from idloop_nodes.codec import LadderSummary, MissingSummary, StepSummary
 from idloop_nodes.estimation.coordinator import MAXIMUM_EXPERIMENTS, Autopilot, Coordinator
 from idloop_nodes.estimation.diagnosis_jobs import (
     ADD_BEST,
+    DESIGN,
     DIAGNOSE,
     EFFECTS,
     SUGGEST,
@@ -134,6 +135,57 @@ def test_what_ties_is_settled_by_an_experiment_first():
     office.coordinator.order(DIAGNOSE)
     office.found("missing", TIE[:1])
     assert office.verbs == [DIAGNOSE, SUGGEST, DIAGNOSE, ADD_BEST]
+
+
+def test_what_is_worked_out_alone_moves_nothing_and_runs_when_it_is_ordered():
+    """A reader sees the predicted motion before anything moves."""
+    office = Office(True, True, False)
+    office.coordinator.missing = MissingSummary("m", verdict="missing", set=TIE)
+    assert office.coordinator.order(DESIGN).endswith("nothing moves")
+    office.coordinator.limits_known(MotionLimits())
+    office.answer(ladder=suggestion())
+    assert office.experiments == []
+    assert not office.coordinator.busy
+    assert "will run the experiment that was worked out" in office.coordinator.order(SUGGEST)
+    assert json.loads(office.experiments[0]) == {"adds_to": "command"}
+    office.coordinator.handed_over("")
+    assert office.verbs == [SUGGEST]
+    # It has run: the next one is worked out anew, from the newest data.
+    office.coordinator.order(SUGGEST)
+    assert office.asked == 2
+
+
+@pytest.mark.parametrize("later", ["diagnosis", "effects", "another model"])
+def test_what_was_worked_out_for_another_question_is_not_run(later):
+    office = Office(False, False, False)
+    office.coordinator.missing = MissingSummary("m", verdict="missing", set=TIE)
+    office.coordinator.order(DESIGN)
+    office.coordinator.limits_known(MotionLimits())
+    office.answer(ladder=suggestion())
+    if later == "diagnosis":
+        office.coordinator.order(DIAGNOSE)
+        office.found("missing", TIE)
+    elif later == "effects":
+        office.coordinator.set_effects(("slip@motor",))
+        office.answer(ladder=LADDER)
+    else:
+        office.coordinator.forget()
+    office.coordinator.missing = MissingSummary("m", verdict="missing", set=TIE)
+    office.coordinator.order(SUGGEST)
+    assert (office.experiments, office.asked) == ([], 2)
+
+
+@pytest.mark.parametrize("stage", ["limits", "suggestion"])
+def test_a_design_that_fails_adds_nothing(stage):
+    office = Office(True, True, False)
+    office.coordinator.missing = MissingSummary("m", verdict="missing", set=TIE)
+    office.coordinator.order(DESIGN)
+    if stage == "limits":
+        office.coordinator.refused("nobody answers")
+    else:
+        office.coordinator.limits_known(MotionLimits())
+        office.answer(error="no experiment", state=b"")
+    assert ADD_BEST not in office.verbs
 
 
 def test_an_experiment_that_settled_nothing_is_not_repeated():

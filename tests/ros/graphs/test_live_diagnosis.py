@@ -9,6 +9,7 @@ import pytest
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 pytest.importorskip("rclpy", reason="no rclpy: run launch_scripts/test, or source a ROS 2")
 
+import numpy as np
 import rclpy
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
@@ -24,6 +25,7 @@ from idloop_nodes.codec import (
     peek_stamp,
 )
 from idloop_nodes.qos import topic_qos, topic_type
+from idloop_nodes.workbench_page.reading import suggestion_of
 
 pytestmark = [
     pytest.mark.ros,
@@ -129,10 +131,21 @@ def test_a_user_has_the_next_experiment_run_and_climbs(operate):
     found = operator.diagnose()
     assert set(found.set) == TIE, found
 
-    answer = operator.call("/estimator/run_suggested_experiment")
+    answer = operator.call("/estimator/suggest_experiment")
     assert answer.success, answer.message
     operator.until(lambda: operator.ladder().suggested_experiment or operator.ladder().error)
     assert not operator.ladder().error
+    suggested = suggestion_of(operator.ladder().suggested_experiment, None)
+    assert {label for label, _ in suggested.rivals} == TIE
+    motion = {one["name"]: one for one in operator.ladder().suggested_experiment["motion"]}
+    assert any(one["limits"] for one in motion.values())
+    for one in motion.values():
+        low, high = one["limits"] or (-np.inf, np.inf)
+        assert low <= one["low"] < one["high"] <= high, one
+    assert operator.ladder().experiments == 0
+    answer = operator.call("/estimator/run_suggested_experiment")
+    assert answer.success, answer.message
+    assert "that was worked out" in answer.message
     operator.until(lambda: operator.missing().set == ("dead_zone@input",))
     assert len(operator.missing().windows) == 2
     operator.until(lambda: operator.ladder().experiments == 1)

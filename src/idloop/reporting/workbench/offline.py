@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from idloop.errors import InputError
 from idloop.reporting.figures.effects import Decided
+from idloop.reporting.next_experiment import predicted_motion
 from idloop.reporting.terms import FITTED, UNSEEN, effect_words
 from idloop.reporting.workbench.assessment import assess
 from idloop.reporting.workbench.coordinator import Coordinator
@@ -200,7 +201,8 @@ class OfflineSource:
     def _suggest(self) -> None:
         found = self._coordinator.work(suggest, self._study, self._found)
         if found.suggestion is not None:
-            self.state.change(suggested=found.suggestion.to_dict(), suggestion=found.suggestion)
+            suggested = {**found.suggestion.to_dict(), "motion": predicted_motion(found.suggestion)}
+            self.state.change(suggested=suggested, suggestion=found.suggestion)
         elif found.reason:
             self.state.change(suggested={"text": found.reason}, suggestion=None)
         else:

@@ -30,7 +30,7 @@ FREE, SENT, STOPPED, RELEASING = "", "sent", "stopped", "releasing"
 
 _LATELY = 2.0  # seconds; a page that can be seen asks more often
 
-ORDERS = ("assess", "diagnose", "add", "undo", "experiment", "refit", "reset", "show", "automatic")
+ORDERS = ("assess", "diagnose", "add", "undo", "design", "experiment", "refit", "reset", "show", "automatic")
 
 
 # By the identity of a model, which is kept: a page asks for the same two or three of them several times a second.

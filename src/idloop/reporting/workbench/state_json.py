@@ -440,6 +440,22 @@ def _suggested(found: Mapping[str, Any]) -> dict[str, Any]:
         "text": capitalised(in_words(str(found.get("text", "")))),
         "duration": duration if duration is not None and math.isfinite(duration) else None,
         "outcomes": [capitalised(in_words(str(one.get("text", "")))) for one in found.get("outcomes", ())],
+        "motion": [_predicted(one) for one in found.get("motion", ())],
+    }
+
+
+def _predicted(one: Mapping[str, Any]) -> dict[str, Any]:
+    """Predicted range of one quantity beside its limits; `inside` only where it has some and keeps them."""
+    low, high, limits = float(one["low"]), float(one["high"]), [float(limit) for limit in one["limits"]]
+    room = 1e-9 * max([abs(limit) for limit in limits], default=0.0)
+    inside = bool(limits) and low >= limits[0] - room and high <= limits[1] + room
+    allowed = f"{short(limits[0])} to {short(limits[1])} {one['unit']}" if limits else "no limit"
+    return {
+        "name": one["name"],
+        "range": f"{short(low)} to {short(high)} {one['unit']}",
+        "limit": allowed,
+        "inside": inside,
+        "outside": bool(limits) and not inside,
     }
 
 

@@ -11,6 +11,7 @@ from idloop.errors import InputError
 from idloop_nodes.codec import LadderSummary, MissingSummary
 from idloop_nodes.estimation.diagnosis_jobs import (
     ADD_BEST,
+    DESIGN,
     DIAGNOSE,
     EFFECTS,
     SUGGEST,
@@ -59,6 +60,8 @@ class Coordinator:
     _queued_effects: tuple[str, ...] | None = None
     _automatic: int = 0  # experiments ordered automatically since the last added effect
     _asked: tuple[str, ...] | None = None  # what the last of them was to separate
+    _designed: str = ""  # experiment that was worked out and not run, for the excitation
+    _runs: bool = True  # whether the experiment that is being worked out is run without another order
 
     @property
     def busy(self) -> bool:
@@ -75,14 +78,18 @@ class Coordinator:
             raise InputError("no effect is known to be missing: call ~/diagnose first")
         if verb == UNDO and (self.ladder is None or len(self.ladder.steps) < 2):
             raise InputError("there is no step to take back")
-        if verb == SUGGEST:
+        if verb in (SUGGEST, DESIGN):
             if self.span is not None:
                 raise InputError("an experiment is running already")
             if self.missing is None or self.missing.verdict in ("", "adequate"):
                 raise InputError("nothing is undecided: call ~/diagnose first")
+            if verb == SUGGEST and self._designed:
+                self._start(self._designed)
+                return "the excitation will run the experiment that was worked out"
+            self._runs = verb == SUGGEST
             self.waiting = "the suggestion of an experiment"
             self.ask_limits()
-            return "working out the experiment; the excitation will run it"
+            return f"working out the experiment; {'the excitation will run it' if self._runs else 'nothing moves'}"
         return self._submit(verb, **more)
 
     def _submit(self, verb: str, **more: Any) -> str:
@@ -92,7 +99,7 @@ class Coordinator:
 
     def set_effects(self, effects: tuple[str, ...]) -> None:
         """Refit with exactly these effects, now or after the order that is under way."""
-        self.missing = None
+        self.missing, self._designed = None, ""
         if self.busy:
             self._queued_effects = effects
             return
@@ -105,7 +112,7 @@ class Coordinator:
         """Forget all results, of an order under way as well: another model, or a new run of the clock."""
         self.state, self.missing, self.ladder, self.span = b"", None, None, None
         self._queued_effects = None
-        self._automatic, self._asked = 0, None
+        self._automatic, self._asked, self._designed = 0, None, ""
         if self.ordered:
             self.ordered = "an order for the model before"
 
@@ -113,7 +120,7 @@ class Coordinator:
 
     def take(self, answer: DiagnosisAnswer) -> DiagnosisAnswer | None:
         """Take in an answer of the worker; None when it is not wanted any more."""
-        wanted, self.ordered = answer.verb == self.ordered, ""
+        wanted, self.ordered, self._designed = answer.verb == self.ordered, "", ""
         if self._overtaken() or not wanted:
             return None
         if answer.error:
@@ -171,12 +178,19 @@ class Coordinator:
             self._without_experiment()
             return
         self.log(f"next experiment: {suggested.get('text', '')}")
-        self.waiting = "the start of an experiment"
-        self.hand_over(json.dumps(suggested["experiment"]))
+        experiment = json.dumps(suggested["experiment"])
+        if self._runs:
+            self._start(experiment)
+        else:
+            self._designed = experiment
+
+    def _start(self, experiment: str) -> None:
+        self.waiting, self._designed, self._runs = "the start of an experiment", "", True
+        self.hand_over(experiment)
 
     def _without_experiment(self) -> None:
-        """Decide without an experiment."""
-        if self.autopilot().add and self.missing is not None and self.missing.verdict == "missing":
+        """Decide without an experiment that was to run."""
+        if self._runs and self.autopilot().add and self.missing is not None and self.missing.verdict == "missing":
             self._try(ADD_BEST)
 
     def _try(self, verb: str) -> None:

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from idloop.records import Record
 
 DIAGNOSE, ADD_BEST, UNDO, EFFECTS, SUGGEST = "diagnose", "add_best_effect", "undo", "effects", "suggest"
+# As SUGGEST, which also runs the experiment: it is shown with its predicted motion before anything moves.
+DESIGN = "design"
 
 
 @dataclass(frozen=True)

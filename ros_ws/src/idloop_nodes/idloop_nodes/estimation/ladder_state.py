@@ -86,7 +86,7 @@ def summarise_ladder(ladder: Ladder, suggested: Mapping[str, Any] | None, experi
         untestable=tuple(ladder.untestable),
         suggested_experiment=None if suggested is None else dict(suggested),
         experiments=experiments,
-        document=as_json({**ladder.to_dict(), "suggested_experiment": suggested}),
+        document=as_json({**ladder.to_dict(), "suggested_experiment": _without_rivals(suggested)}),
     )
 
 
@@ -211,6 +211,7 @@ class LadderState:
         """Work out the experiment that settles what the newest diagnosis has left open."""
         from idloop.diagnosis.design.next_experiment import suggest_next
         from idloop.diagnosis.design.suggest import Limits
+        from idloop.reporting.next_experiment import next_document, predicted_motion
 
         if self.diagnosis is None:
             raise InputError("nothing is undecided: diagnose first")
@@ -229,7 +230,7 @@ class LadderState:
         )
         if found is None:
             raise InputError("nothing is undecided that an experiment could settle")
-        self.suggested = found.to_dict()
+        self.suggested = {**next_document(found), "motion": predicted_motion(found)}
         shift = found.start if limits.absolute else 0.0
         self.suggested["experiment"] = {"signal": _for_excitation(found.signal, shift), "adds_to": found.adds_to}
         return self._answer(order)
@@ -246,6 +247,11 @@ class LadderState:
         if self.ladder is not None:
             ladder = summarise_ladder(self.ladder, self.suggested, order.experiments)
         return DiagnosisAnswer(order.verb, order.stamp, pickle.dumps(self), ladder=ladder, **more)
+
+
+def _without_rivals(suggested: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    """As a ladder names it; what its simulation needs is sent once."""
+    return None if suggested is None else {name: part for name, part in suggested.items() if name != "rivals"}
 
 
 def _settings(order: DiagnosisOrder, report: Report) -> dict[str, Any]:

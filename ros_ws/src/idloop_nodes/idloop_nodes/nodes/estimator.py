@@ -14,7 +14,7 @@ from idloop.records.bags.cdr import SECOND
 from idloop_nodes.base import StreamNode
 from idloop_nodes.codec import Status, encode_diagnostics
 from idloop_nodes.codec.joints import output_columns, output_topic
-from idloop_nodes.estimation.diagnosis_jobs import ADD_BEST, DIAGNOSE, SUGGEST, UNDO
+from idloop_nodes.estimation.diagnosis_jobs import ADD_BEST, DESIGN, DIAGNOSE, SUGGEST, UNDO
 from idloop_nodes.estimation.estimator import Estimator
 from idloop_nodes.estimation.estimator_context import EstimatorContext
 from idloop_nodes.estimation.job_queue import JobQueue
@@ -29,7 +29,13 @@ from idloop_nodes.topics import RESULTS
 BURST, LOCKSTEP_BURST = 0.003, 0.04  # seconds between bursts of samples
 # Parameters of the evidence: another value restarts the scores.
 EVIDENCE_PARAMETERS = {"evidence_period", "end_when_decided", "level", "minimum_improvement", "catalogue"}
-ORDERS = {"diagnose": DIAGNOSE, "add_best_effect": ADD_BEST, "undo": UNDO, "run_suggested_experiment": SUGGEST}
+ORDERS = {
+    "diagnose": DIAGNOSE,
+    "add_best_effect": ADD_BEST,
+    "undo": UNDO,
+    "suggest_experiment": DESIGN,
+    "run_suggested_experiment": SUGGEST,
+}
 
 
 class EstimatorNode(StreamNode):

@@ -13,13 +13,20 @@ from idloop_nodes.service_calls import ServiceCalls
 from idloop_nodes.workbench_page.source import STOP
 
 # Services of the estimator by the page's verb.
-SERVICES = {"diagnose": "diagnose", "undo": "undo", "experiment": "run_suggested_experiment", "refit": "refit"}
+SERVICES = {
+    "diagnose": "diagnose",
+    "undo": "undo",
+    "design": "suggest_experiment",
+    "experiment": "run_suggested_experiment",
+    "refit": "refit",
+}
 # Orders after which the estimator is at work until its next result.
 ACTIVITIES = {
     "diagnose": "looking for what is missing",
     "add": "adding {}",
     "undo": "taking the last step back",
-    "experiment": "working out the next experiment",
+    "design": "working out the next experiment",
+    "experiment": "starting the experiment",
 }
 
 

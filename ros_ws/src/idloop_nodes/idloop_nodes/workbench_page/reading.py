@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +15,7 @@ from idloop.documents import read_json
 from idloop.physics.model_file import from_text
 from idloop.reporting.estimates import with_interval
 from idloop.reporting.figures.effects import Decided
+from idloop.reporting.next_experiment import read_next
 from idloop.reporting.terms import effect_words
 from idloop.reporting.workbench.state import (
     AUTOMATIC,
@@ -44,6 +45,7 @@ from idloop_nodes.estimation.diagnosis_jobs import ADD_BEST, DIAGNOSE, EFFECTS, 
 from idloop_nodes.workbench_page.source import LiveSource
 
 if TYPE_CHECKING:
+    from idloop.diagnosis.design.suggest import Suggestion
     from idloop.physics import Model
 
 
@@ -157,6 +159,11 @@ def ladder_of(summary: LadderSummary, folder: Path | None) -> Ladder | None:
     return None if document is None else Ladder.from_dict(document, folder)
 
 
+def suggestion_of(document: Mapping[str, Any] | None, folder: Path | None) -> Suggestion | None:
+    """Return the next experiment with its rivals, which are simulated for its figures; None where nobody sent them."""
+    return read_next(dict(document), folder) if document and "rivals" in document else None
+
+
 def activity_of(status: Status) -> Activity | None:
     """Return what the estimator works on, from its check of the diagnosis; None while it does nothing."""
     order = status.values.get("order")
@@ -265,7 +272,10 @@ class PageResults:
         summary = ladder_from_statuses(statuses)
         ladder = ladder_of(summary, self._base.folder)
         before = self._page.snapshot
-        changes: dict[str, Any] = {"ladder": ladder, "suggested": summary.suggested_experiment}
+        suggested = summary.suggested_experiment
+        changes: dict[str, Any] = {"ladder": ladder, "suggested": suggested}
+        if suggested != before.suggested:
+            changes["suggestion"] = suggestion_of(suggested, self._base.folder)
         if summary.error:
             changes["note"] = Note(summary.error, WARN)
         if ladder is not None:

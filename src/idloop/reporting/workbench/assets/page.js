@@ -237,7 +237,7 @@
     for (const one of document.querySelectorAll(".live-only")) one.hidden = !s.live;
     $("whole").hidden = s.live;
     const text = s.note ? JSON.stringify(s.note) : "";
-    if (text && text !== drawn.get("note") ) { drawn.set("note", text); note(s.note.text, s.note.level > 0); }
+    if (text && text !== drawn.get("note") ) { drawn.set("note", text); note(s.note.text, s.note.level > 0); awaited &&= s.note.level === 0; }
   }
 
   // "" while there is nothing to say; "unknown" when the workbench itself is silent.
@@ -538,16 +538,22 @@
     const aim = tied ? "that tells them apart" : "that shows more";
     say("experiment", s.live ? `Run the experiment ${aim} …` : `Work out the experiment ${aim}`);
     $("experiment").disabled = Boolean(s.activity || s.stop);
-    say("onward-words", s.activity && s.automatic?.includes("experiment") ? "The graph runs it automatically, see the box below." : s.live ? "It moves the motor: you see the limits first." : "It says what to send in, and what each effect would show.");
+    say("onward-words", s.activity && s.automatic?.includes("experiment") ? "The graph runs it automatically, see the box below." : s.live ? "It moves the motor: you see the limits and the predicted motion first." : "It says what to send in, and what each effect would show.");
     $("experiment-panel").hidden = !s.suggested;
     if (s.suggested && awaited && !s.activity) {
       awaited = false;
-      $("experiment-panel").scrollIntoView({ block: "start", behavior: "smooth" });
+      $("experiment-panel").scrollIntoView({ block: "start", behavior: s.live ? "instant" : "smooth" });
+      if (s.live && s.suggested.motion.length) confirmed("experiment");
     }
     say("experiment-signal", s.suggested?.signal ?? "");
     say("experiment-text", s.suggested?.text ?? "");
     say("experiment-title", futile ? "No experiment decides it" : "The next experiment");
     $("experiment-hint").hidden = s.live || Boolean(futile);
+    const motion = s.suggested?.motion ?? [];
+    const ranges = () => motion.map((one) => make("tr", { class: one.outside ? "outside" : null }, make("th", { scope: "row" }, one.name), make("td", {}, one.range),
+      make("td", {}, one.limit, one.inside ? make("small", {}, "kept") : one.outside ? make("small", {}, "not kept") : null)));
+    for (const id of ["motion", "predicted"]) render(id, motion, ranges);
+    $("motion-table").hidden = !motion.length;
     render("outcomes", s.suggested?.outcomes ?? [], () => (s.suggested?.outcomes ?? []).map((text) => make("li", {}, text)));
     render("limits", s.limits, () => s.limits.map((one) => make("tr", {}, make("th", { scope: "row" }, one.name), make("td", {}, one.value))));
   }
@@ -565,6 +571,7 @@
   let asked = []; // the order that waits for its answer
   function confirmed(verb, what = "") {
     asked = [verb, what];
+    $("predicted-table").hidden = verb !== "experiment" || !state.suggested?.motion.length;
     [$("confirm-title").textContent, $("confirm-text").textContent, $("confirm-yes").textContent] = QUESTIONS[verb];
     $("confirm").showModal();
   }
@@ -675,9 +682,9 @@
   $("undo").addEventListener("click", () => order("undo"));
   $("assess").addEventListener("click", () => order("assess"));
   $("experiment").addEventListener("click", () => {
-    if (state.live) return confirmed("experiment");
+    if (state.live && state.suggested?.motion.length) return confirmed("experiment");
     awaited = true;
-    order("experiment");
+    order(state.live ? "design" : "experiment");
   });
   $("confirm-no").addEventListener("click", () => $("confirm").close());
   $("confirm-yes").addEventListener("click", () => { $("confirm").close(); order(...asked); });
