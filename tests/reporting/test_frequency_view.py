@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from idloop.reporting.figures.comparison import frequency_figures
 from idloop.reporting.frequency_view import FrequencyView
 
 
@@ -49,4 +50,8 @@ def test_a_response_is_read_only_where_the_command_explains_the_output() -> None
         assert np.isnan(line.unread[20])
     assert "above 0.6: at 33 % of the frequencies, between 1 and 180 Hz" in view.frequency_note(0)
     blind = response(seen, np.full(240, 0.2))
-    assert "nowhere above 0.6" in FrequencyView(blind, blind, np.zeros(0)).frequency_note(0)
+    view = FrequencyView(blind, blind, np.zeros(0))
+    assert "nowhere above 0.6" in view.frequency_note(0)
+    # Without a range the figure of the phase had no axes, and the browser's log a warning at every fit.
+    _, phase, _ = frequency_figures(view)
+    assert np.isfinite([phase.y_range.start, phase.y_range.end]).all()

@@ -16,6 +16,8 @@ pytest.importorskip("bokeh", reason="no Bokeh: launch_scripts/test installs it")
 from fake import DEAD_ZONE, DESIGNED, DRAG, FRICTION, MISSING, FakeSource
 
 from idloop.diagnosis import Ladder
+from idloop.diagnosis.design.expected_outcome import Outcome
+from idloop.diagnosis.design.suggest import Limits, Suggestion
 from idloop.errors import InputError
 from idloop.exporters.state_space import state_space
 from idloop.physics import load_model, simulate
@@ -270,6 +272,21 @@ def test_an_experiment_shows_its_limits_and_its_predicted_motion_and_asks_once(s
     page.click("#experiment")
     page.click("#confirm-yes")
     held(lambda: source.orders == [("design", ""), ("experiment", "")])
+
+
+@pytest.mark.slow
+def test_the_figures_of_the_predicted_motion_are_drawn_on_a_live_graph(site, source, visit):
+    rivals = tuple((name, source.model.with_effects([name])) for name in (FRICTION.name, DEAD_ZONE.name))
+    outcomes = tuple(Outcome(label, 40.0, rivals[0][0], {}, f"if {label}") for label, _ in rivals)
+    found = Suggestion(
+        DESIGNED["signal"] | {"frequency": 0.5}, "command", 4.0, 100.0, outcomes, DESIGNED["text"],
+        Limits(5.0, (-3.0, 4.0), 90.0), 0.0, None, 0.01, rivals, (0.01, 0.05),
+    )  # fmt: skip
+    page = visit(site.address).page
+    source.state.change(suggested=DESIGNED, suggestion=found)
+    page.wait_for_function("() => Bokeh.documents[0].get_model_by_name('next').children.length >= 3")
+    page.wait_for_selector("#experiment-panel canvas")
+    page.goto("about:blank")
 
 
 @pytest.mark.slow

@@ -108,16 +108,18 @@ def frequency_figures(view: FrequencyView, output: int = 0, theme: Theme = LIGHT
     across = Range1d(start=float(frequency[0]), end=float(frequency[-1]))
     look = {"x_axis_type": "log", "x_range": across}
     size = new_figure(theme, ("", None), ("magnitude", unit), y_axis_type="log", height=190, **look)
-    phase = new_figure(theme, ("", None), ("phase", "deg"), height=150, **look)
+    lines = view.bode(output)
+    angles = np.concatenate([line.phase[np.isfinite(line.phase)] for line in lines])
+    turn = padded(float(np.min(angles)), float(np.max(angles))) if len(angles) else Range1d(start=-180.0, end=0.0)
+    # A range of its own: a figure that finds none, where nothing can be read, draws no axes and complains.
+    phase = new_figure(theme, ("", None), ("phase", "deg"), height=150, y_range=turn, **look)
     coherence = new_figure(
         theme, ("frequency", "Hz"), ("coherence", "-"), height=150, y_range=Range1d(start=0.0, end=1.05), **look
     )
     for plot in (size, phase, coherence):
         number_decades(plot, float(frequency[0]), float(frequency[-1]))
     entries, unread = [], []
-    for name, line, colour in zip(
-        ("measured", "model"), view.bode(output), (theme.measured, theme.models[1]), strict=True
-    ):
+    for name, line, colour in zip(("measured", "model"), lines, (theme.measured, theme.models[1]), strict=True):
         columns = source(frequency=frequency, read=line.read, unread=line.unread, phase=line.phase)
         faint = size.line("frequency", "unread", source=columns, color=theme.band, line_width=0.8)
         unread.append(faint)

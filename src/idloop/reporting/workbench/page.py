@@ -175,12 +175,12 @@ class Page:
         """
         theme = self.look["theme"]
         parts: dict[str, tuple[Any, Figures]] = {
+            "next": (snapshot.suggestion, self._next),  # the reader waits for it before the motor moves
             "where": (snapshot.assessment, self._where),
             "frequency": (snapshot.assessment, self._frequency),
             "residual": (snapshot.assessment, self._residual),
             "ladder": (snapshot.ladder, self._ladder),
             "evidence": (snapshot.evidence, self._evidence),
-            "next": (snapshot.suggestion, self._next),
         }
         for name, (finding, make) in parts.items():
             if snapshot.live and name not in self.look["near"]:

@@ -40,7 +40,7 @@ from idloop.spelling import joined_names
 from idloop.validation.characteristic import no_picture
 from idloop.validation.variables import TITLES
 from idloop.validation.where import DRIVE_FORCE
-from idloop.validation.words import percent, short
+from idloop.validation.words import figure_text, percent, short
 
 if TYPE_CHECKING:
     from idloop.diagnosis import Candidate, Ladder, Step
@@ -106,7 +106,7 @@ def page_state(snapshot: Snapshot, signals: Signals) -> dict[str, Any]:
         "shown": snapshot.shown,
         "ladder": None if ladder is None else _ladder(ladder, snapshot.recordings, snapshot.given, live=snapshot.live),
         "suggested": None if snapshot.suggested is None else _suggested(snapshot.suggested),
-        "limits": [{"name": name, "value": value} for name, value in snapshot.limits],
+        "limits": [{"name": name, "value": value.replace("-", "−")} for name, value in snapshot.limits],
         "activity": None if snapshot.activity is None else _activity(snapshot.activity),
         "note": None if snapshot.note is None else dict(vars(snapshot.note)),
         "health": [
@@ -449,7 +449,7 @@ def _predicted(one: Mapping[str, Any]) -> dict[str, Any]:
     low, high, limits = float(one["low"]), float(one["high"]), [float(limit) for limit in one["limits"]]
     room = 1e-9 * max([abs(limit) for limit in limits], default=0.0)
     inside = bool(limits) and low >= limits[0] - room and high <= limits[1] + room
-    allowed = f"{short(limits[0])} to {short(limits[1])} {one['unit']}" if limits else "no limit"
+    allowed = f"{figure_text(limits[0], 6)} to {figure_text(limits[1], 6)} {one['unit']}" if limits else "no limit"
     return {
         "name": one["name"],
         "range": f"{short(low)} to {short(high)} {one['unit']}",
