@@ -37,7 +37,7 @@ from idloop.records.recognition.role_units import base_unit_of
 from idloop.records.tables.importing import import_bag
 from idloop.reporting.plots.recording import plot_recognition
 from idloop.reporting.text.blocks import Block
-from idloop.reporting.text.comparison import held_inertia, measures_of, referred_load, verdict
+from idloop.reporting.text.comparison import held_inertia, lowest_fits, measures_of, referred_load, verdict
 from idloop.reporting.text.inspection import between_lines, recording_lines
 from idloop.spelling import listed
 
@@ -54,6 +54,7 @@ __all__ = ["Log", "Start", "begin", "recognise", "start"]
 MAPPING, MODEL, FITTED, PICTURE, BAGS = "mapping.yaml", "model.yaml", "fitted.yaml", "log.png", "bags"
 REFINED = "refined"  # where the commands that follow write
 _OF_MAPPING = ("mapping", "`rows:`")  # words of a cure that is a key of the mapping
+_MOST_ROWS = 12  # records whose measures are printed
 _TURNED = "turned_command"  # the fault whose cure is an option
 
 
@@ -154,7 +155,9 @@ class Start(Result):
             yield from referred_load(self.fit.model)
             yield from held_inertia(self.fit.model)
             yield ""
-            yield from measures_of(self.fit.rows)
+            rows, others = lowest_fits(self.fit.rows, _MOST_ROWS)
+            yield from measures_of(rows)
+            yield from filter(None, [others])
             yield f"verdict: {self.verdict}"
         else:
             yield f"not fitted: {self.not_fitted}"

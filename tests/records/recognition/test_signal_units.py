@@ -128,6 +128,8 @@ def test_the_steps_of_an_angle_are_those_of_an_encoder(unit, turn):
     # Decimals, noise and the speed of an encoder have other steps.
     for other in (np.round(angle, 2), angle, np.round(angle * 1024 / turn) * turn / 1024 / 0.003):
         assert steps_per_turn(other, unit) == 0
+    # From -1 to 1 in 12 bits, of which 737,100 are within the accuracy of 360.
+    assert steps_per_turn(np.round(0.5 * angle / turn * 20475) * 2.0 / 4095, unit) == 0
 
 
 def test_what_follows_a_set_point_in_the_steps_of_an_encoder_is_no_velocity():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from idloop.api.first_fit import _describes_nothing
-from idloop.reporting.text.comparison import measures_of
+from idloop.reporting.text.comparison import lowest_fits, measures_of
 
 
 def _comparison(name, *, trusted, fit=50.0):
@@ -39,3 +39,13 @@ def test_values_that_describe_nothing_are_not_refused_by_noise_without_saying_so
     why = _describes_nothing([one])
     assert "the force error is 89 times the commanded force" in why
     assert ("of which sensor noise alone makes 89 times" in why) == (not trusted)
+
+
+def test_of_many_records_those_with_the_lowest_fit_are_shown():
+    rows = [
+        ("fitted", _comparison(f"run{k}", trusted=True, fit=float(fit))) for k, fit in enumerate([90, 20, 80, 10, 70])
+    ]
+    assert lowest_fits(rows, 5) == (rows, "")
+    shown, others = lowest_fits(rows, 2)
+    assert [one.record.name for _, one in shown] == ["run1", "run3"]
+    assert others.startswith("the 2 records with the lowest FIT are shown; 3 more, with a FIT of 70 to 90 %")

@@ -49,3 +49,15 @@ def test_what_several_recordings_have_in_common_is_said_once(tmp_path):
     lines = list(recording_lines(found[:2]))
     assert all(line.startswith("warning in all 2 records, here a: ") for line in lines[2:])
     assert shared[0].partition(": ")[2] in as_text(inspection_blocks(found[0]))
+
+
+def test_of_many_recordings_those_without_a_fault_of_their_own_have_one_line_for_each_grade(tmp_path):
+    one = inspect_bag(_bag(tmp_path / "run"))
+    sound = replace(one, findings=[])
+    found = [replace(sound, path=tmp_path / f"run{k}") for k in range(40)]
+    found[7] = replace(one, path=tmp_path / "run7")
+    lines = list(recording_lines(found))
+    assert [line for line in lines if line.startswith("run7: ")] == lines[:1]
+    assert lines[-1].startswith("run0, run1, run2, run3, run4, run5, ... (39 in all): ")
+    assert len(lines) == 2 + len(one.faults)
+    assert len(list(recording_lines(found[10:20]))) == 10

@@ -29,6 +29,7 @@ _TURNS = {"rad": 2.0 * pi, "deg": 360.0, "rev": 1.0}
 _COUNTS = tuple(float(2**bits) for bits in range(8, 25))
 # Steps of an encoder in an angle: as many at least, each as far off a multiple at most, and a turn of them.
 _FEWEST_STEPS, _OFF_STEP, _FEWEST_PER_TURN, _SAME_TURN = 20, 0.02, 64, 1e-4
+_DIGITS = 2  # other than zeros of a round number of steps in a turn
 _SAME_COUNT = 0.003  # difference of a measured number of counts per turn and that of the encoder
 _LARGEST_STEP = 0.25  # of the range, but for a wrap
 # An axis that goes round passes all of its range, by less than this part of it between two samples; without its wraps
@@ -178,7 +179,9 @@ def steps_per_turn(value: Array, unit: str) -> int:
         return 0
     turn = _TURNS[unit] / step
     whole = round(turn)
-    usual = whole >= _FEWEST_PER_TURN and (whole % 100 == 0 or whole.bit_count() == 1)
+    # Of many steps nearly any number is a multiple of a hundred within the accuracy: more zeros are asked for.
+    zeros = max(2, len(str(whole)) - _DIGITS)
+    usual = whole >= _FEWEST_PER_TURN and (whole % 10**zeros == 0 or whole.bit_count() == 1)
     return whole if usual and abs(turn / whole - 1.0) < _SAME_TURN else 0
 
 

@@ -48,6 +48,20 @@ def measures_of(rows: Rows) -> Iterator[Block]:
     yield from _force_of_noise(rows)
 
 
+def lowest_fits(rows: Rows, most: int) -> tuple[Rows, str]:
+    """Return the records with the lowest FIT in the order of all, and a line on the others; all where they are few."""
+    if len(rows) <= most:
+        return rows, ""
+    lowest = [min(filter(math.isfinite, one.fit.values()), default=math.inf) for _, one in rows]
+    by_fit = sorted(range(len(rows)), key=lambda place: lowest[place])
+    rest = [lowest[place] for place in by_fit[most:] if math.isfinite(lowest[place])]
+    reach = f", with a FIT of {fit_text(rest[0])} to {fit_text(rest[-1])} %" if rest else ""
+    line = (
+        f"the {most} records with the lowest FIT are shown; {len(rows) - most} more{reach}: idloop compare shows each"
+    )
+    return [rows[place] for place in sorted(by_fit[:most])], line
+
+
 def _force_of_noise(rows: Rows) -> Iterator[Block]:
     """Yield why force errors that sensor noise makes are far larger than what a fit leaves of the force."""
     noisy = [(one.force, one.record.name) for _, one in rows if one.force is not None and not one.force.trusted]

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from idloop.records import Finding, Inspection
 
 _NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
+# Recordings above which those of one grade without a fault of their own have one line.
+_MOST_LINES = 12
 
 
 def _milli(seconds: float | None) -> str:
@@ -122,17 +124,24 @@ def comparison_blocks(inspections: Sequence[Inspection], between: Sequence[Findi
 def recording_lines(inspections: Sequence[Inspection], count: int = 0) -> Iterator[str]:
     """Yield the grade of each recording with its own faults, then the faults that several have, each once.
 
-    The reason for a grade follows it where no fault says it. `count` is that of all recordings, where some are left
-    out.
+    The reason for a grade follows it where no fault says it. Of many recordings, those without a fault of their own
+    have one line for each grade. `count` is that of all recordings, where some are left out.
     """
     having: dict[tuple[str, ...], list[tuple[str, Finding]]] = {}
     for one in inspections:
         for fault in one.faults:
             having.setdefault(_alike(fault), []).append((one.path.name, fault))
+    plain: dict[str, list[str]] = {}
     for one in inspections:
         known = any(what(fault) in one.grade_reason for fault in one.faults)
-        yield f"{one.path.name}: {_graded(one)}{'' if known else f': {one.grade_reason}'}"
-        yield from _lines([fault for fault in one.faults if len(having[_alike(fault)]) == 1])
+        grade = f"{_graded(one)}{'' if known else f': {one.grade_reason}'}"
+        own = [fault for fault in one.faults if len(having[_alike(fault)]) == 1]
+        if len(inspections) > _MOST_LINES and not own:
+            plain.setdefault(grade, []).append(one.path.name)
+            continue
+        yield f"{one.path.name}: {grade}"
+        yield from _lines(own)
+    yield from (f"{listed(names, 6)}: {grade}" for grade, names in plain.items())
     for those in having.values():
         if len(those) == 1:
             continue
