@@ -23,6 +23,8 @@ _MOST_BY_LOOKS = 3  # columns without a name that are recognised by their values
 _MOST_PAIRED = 6  # ... of which two are a position and its slope
 _MOST_COMPARED = 20  # columns without a name that are held against the slope of the position
 _FOLLOWS = 0.6  # correlation of a velocity with the command
+# Of a command in steps: levels at least, and share of the rows in which it changes at most.
+_FEWEST_LEVELS, _MOST_CHANGES = 3, 0.02
 
 
 def smoothest_first(signals: Sequence[tuple[Array, Sequence[slice]]]) -> list[int]:
@@ -83,8 +85,10 @@ def fill_by_values(log: Choice) -> None:
     _velocity_by_slope(log)
     _position_by_slope(log)
     free = log.nameless()
-    # Only a few columns can be told apart by their looks.
+    # Only a few columns can be told apart by their looks, and one in steps from all that follow it.
     if not free or len(free) > _MOST_BY_LOOKS:
+        if lacks_command and not any(role in chosen or log.left_out(role) for role in MOTION):
+            _by_steps(log, free)
         return
     free = [free[k] for k in smoothest_first([(one.value, one.runs) for one in free])]
     # What has a unit that no motion has is none.
@@ -104,6 +108,29 @@ def fill_by_values(log: Choice) -> None:
     # What was measured acts as the input, and its name says so.
     if lacks_command and free and "effort" not in chosen:
         chosen["command"] = _by_values("command", free[-1], "it jumps most of the columns that are left")
+
+
+def _by_steps(log: Choice, free: Sequence[TableColumn]) -> None:
+    """Take the one column that is held in steps for the command, and what follows it most closely for the motion."""
+    in_steps = [one for one in free if _is_in_steps(one)]
+    if len(in_steps) != 1:
+        return
+    command = in_steps[0]
+    others = [one for one in free if one is not command and not one.parsed.written and not _is_flag(one)]
+    together = {one.name: _together(one.value, command.value) for one in others if one.value.size == command.value.size}
+    motion = max((one for one in others if one.name in together), key=lambda one: together[one.name], default=None)
+    if motion is None or together[motion.name] <= _FOLLOWS:
+        return
+    role = "velocity" if follows(motion.value, command.value, motion.runs) and not motion.is_angle else "position"
+    log.chosen["command"] = _by_values("command", command, "it is held in steps, and others follow it")
+    log.chosen[role] = _by_values(role, motion, f"it follows {command.name!r} most closely")
+
+
+def _is_in_steps(one: TableColumn) -> bool:
+    """Whether a column changes in a few of its rows, between several levels."""
+    known = one.value[np.isfinite(one.value)]
+    changes = float(np.mean(np.diff(known) != 0.0)) if known.size > _FEWEST_ROWS else 1.0
+    return changes < _MOST_CHANGES and np.unique(known).size >= _FEWEST_LEVELS
 
 
 def _is_flag(one: TableColumn) -> bool:
