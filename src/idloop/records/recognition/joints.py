@@ -15,6 +15,7 @@ import numpy as np
 from idloop.arrays import Array
 from idloop.records.inspection.motion import white_noise
 from idloop.records.recognition.column_name import parse_column_name, with_brackets
+from idloop.records.recognition.driven_motion import driven_most
 from idloop.records.recognition.guess import MOTION
 from idloop.records.recognition.roles import RoleByName, Signal, is_called_command, role_by_name
 from idloop.records.recognition.table_column import TableColumn
@@ -167,12 +168,20 @@ def joints_by_side(names: Iterable[str]) -> dict[str, str] | None:
 
 
 def one_joint(
-    columns: dict[str, TableColumn], named: set[str], doubts: list[str], *, by_path: bool = False
+    columns: dict[str, TableColumn],
+    named: set[str],
+    doubts: list[str],
+    *,
+    command: str = "",
+    by_path: bool = False,
 ) -> dict[str, TableColumn]:
     """Return the columns of one joint, where a log has several: that which the user names, or that which moves most.
 
     Where names say of some joints only that they were commanded, it is one of these: another was driven by them. So it
-    is where only some of them have a force that was not the same throughout.
+    is where only some of them have a force that was not the same throughout. Of joints beside one command it is the one
+    that this drives, as an arm and not the pendulum on it.
+
+    `command`: the column that the user names as the command, if any.
     """
     by_joint = _motions(columns)
     # Names of their own, which differ from joint to joint, say what is measured and not of which joint.
@@ -198,10 +207,14 @@ def one_joint(
         commanded = {one.parsed.index for one in driven if is_called_command(one.parsed)}
         commanded = commanded or {one.parsed.index for one in driven}
         among = {index: some for index, some in by_joint.items() if index in commanded} or by_joint
-        chosen = _moving_most(among)
+        common = [columns[command]] if command in columns else driven
+        by_command = _driven(among, common[0]) if len(common) == 1 and not common[0].parsed.index else ""
+        chosen = by_command or _moving_most(among)
         why = "which moves most" if len(among) == len(by_joint) else "the one with a command"
         if 1 < len(among) < len(by_joint):
             why = "which moves most of those with a command"
+        if by_command:
+            why = f"whose motion explains {common[0].name!r}"
         others = (one for index, some in by_joint.items() if index != chosen for one in some)
         other = next((one for one in others if one.by_name.role == "position"), None)
         example = f", as in --position {shlex.quote(other.name)}" if other is not None else ""
@@ -226,6 +239,12 @@ def _motions(columns: Map[str, TableColumn]) -> dict[str, list[TableColumn]]:
         if one.by_name.role in MOTION and one.parsed.index:
             by_joint.setdefault(one.parsed.index, []).append(one)
     return by_joint
+
+
+def _driven(by_joint: Map[str, list[TableColumn]], command: TableColumn) -> str:
+    """Return the joint that one command drives; empty where the motions do not tell."""
+    positions = {index: one.value for index, some in by_joint.items() for one in some if one.by_name.role == "position"}
+    return driven_most(positions, command.value, command.runs)
 
 
 def _moving_most(by_joint: Map[str, list[TableColumn]]) -> str:

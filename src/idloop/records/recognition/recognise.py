@@ -24,6 +24,7 @@ from idloop.records.recognition.consistency import (
     loop_beside_command,
     without_control_error,
 )
+from idloop.records.recognition.driven_motion import driven_most
 from idloop.records.recognition.guess import (
     LOAD,
     MOTION,
@@ -245,7 +246,7 @@ def _by_names(
     log.doubts += [doubt] if doubt else []
     named = {one.column for role, one in log.given.items() if role != LOAD}
     of_axis = {name: one for name, one in every.items() if name != log.said(LOAD)}
-    of_joint = one_joint(of_axis, named, log.doubts, by_path=paths is not None)
+    of_joint = one_joint(of_axis, named, log.doubts, command=log.said("command"), by_path=paths is not None)
     log.columns = without_control_error(of_joint, {one.column for one in log.given.values()})
     for role in ROLES:
         if log.left_out(role):
@@ -443,6 +444,8 @@ def _by_name(log: Choice, role: str) -> Guess | None:
         return None
     # Of motions whose names say as much, what has far fewer values is held or coarse, such as a set-point.
     best = max(moving or free, key=lambda one: (one.by_name.rank, one.decades if role in MOTION else 0))
+    if role in MOTION and (other := _beside_another_motion(log, role, best, moving)) is not None:
+        best = other
     # One motion in counts and in a unit is one signal.
     same = [one for one in moving if role in MOTION and one is not best and one.times(best)]
     if best.parsed.unit in ("", *COUNTS) and (known := [one for one in same if one.parsed.unit not in ("", *COUNTS)]):
@@ -464,6 +467,24 @@ def _by_name(log: Choice, role: str) -> Guess | None:
     if role == "command" and (doubt := _doubt_of_command(best)):
         guess = guess.with_doubt(doubt)
     return with_unit(guess, log.given.get(role, Given()).unit)
+
+
+def _beside_another_motion(log: Choice, role: str, best: TableColumn, moving: list[TableColumn]) -> TableColumn | None:
+    """Return the motion that the command drives, or the velocity of that position, of those that are named as surely.
+
+    A log of a cart and the pendulum on it has both, and one command.
+    """
+    rivals = {one.name: one for one in moving if one.by_name.rank == best.by_name.rank}
+    if len(rivals) < 2:
+        return None
+    if role == "position":
+        command = log.column("command")
+        positions = {name: one.unwrapped(one.parsed.unit or "counts") for name, one in rivals.items()}
+        return rivals.get(driven_most(positions, command.value, command.runs)) if command is not None else None
+    place = log.column("position")
+    slopes = {} if place is None else {name: log.slope(place, one) for name, one in rivals.items()}
+    found = [(slope.correlation, name) for name, slope in slopes.items() if slope is not None]
+    return rivals[max(found)[1]] if found else None
 
 
 def _doubt_of_command(one: TableColumn) -> str:
