@@ -35,6 +35,12 @@ def test_the_set_point_of_four_wheels_is_the_command(tmp_path):
     assert any("no name says what '0' is" in doubt for doubt in found.doubts)
 
 
+def test_the_set_point_that_the_user_names_is_followed_as_well(tmp_path):
+    found = recognise(_wheels(tmp_path / "wheels.csv"), {"command": "0=rad/s"}, period=0.005)
+    assert found.recognition.of("command").unit == "rad/s"
+    assert found.recognition.of("velocity").column in {"1", "2", "3", "4"}
+
+
 def test_a_flag_beside_it_is_no_second_command(tmp_path):
     flag = np.repeat(np.arange(len(LEVELS)) % 2, ROWS)
     found = recognise(_wheels(tmp_path / "wheels.csv", flags=[flag]), period=0.005)

@@ -87,8 +87,8 @@ def fill_by_values(log: Choice) -> None:
     free = log.nameless()
     # Only a few columns can be told apart by their looks, and one in steps from all that follow it.
     if not free or len(free) > _MOST_BY_LOOKS:
-        if lacks_command and not any(role in chosen or log.left_out(role) for role in MOTION):
-            _by_steps(log, free)
+        if not any(role in chosen or log.left_out(role) for role in MOTION):
+            _by_steps(log, free, lacks_command=lacks_command)
         return
     free = [free[k] for k in smoothest_first([(one.value, one.runs) for one in free])]
     # What has a unit that no motion has is none.
@@ -110,10 +110,11 @@ def fill_by_values(log: Choice) -> None:
         chosen["command"] = _by_values("command", free[-1], "it jumps most of the columns that are left")
 
 
-def _by_steps(log: Choice, free: Sequence[TableColumn]) -> None:
+def _by_steps(log: Choice, free: Sequence[TableColumn], *, lacks_command: bool) -> None:
     """Take the one column that is held in steps for the command, and what follows it most closely for the motion."""
-    in_steps = [one for one in free if _is_in_steps(one)]
-    if len(in_steps) != 1:
+    known = log.column("command")
+    in_steps = [one for one in (free if known is None else [known]) if _is_in_steps(one)]
+    if len(in_steps) != 1 or (known is None and not lacks_command):
         return
     command = in_steps[0]
     others = [one for one in free if one is not command and not one.parsed.written and not _is_flag(one)]
@@ -122,7 +123,8 @@ def _by_steps(log: Choice, free: Sequence[TableColumn]) -> None:
     if motion is None or together[motion.name] <= _FOLLOWS:
         return
     role = "velocity" if follows(motion.value, command.value, motion.runs) and not motion.is_angle else "position"
-    log.chosen["command"] = _by_values("command", command, "it is held in steps, and others follow it")
+    if known is None:
+        log.chosen["command"] = _by_values("command", command, "it is held in steps, and others follow it")
     log.chosen[role] = _by_values(role, motion, f"it follows {command.name!r} most closely")
 
 
