@@ -28,6 +28,8 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 CRITERIA = ("auto", "prediction", "simulation", "force")
 _MOST_LISTED = 6  # effects in a message
+_MOST_ALIKE = 3  # records of which each is named in what was noticed
+_DIGITS = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 
 
 # ---------------------------------------------------------------- arguments
@@ -295,11 +297,18 @@ def read_records(
 
 
 def log_warnings(records: Iterable[Record]) -> None:
-    """Print what was noticed while records were read."""
+    """Print what was noticed while records were read, once for many records in which it is the same but for numbers."""
+    alike: dict[tuple[str, str, str], list[tuple[str, str]]] = {}
     for record in records:
         for finding in record.findings:
             if finding.level == "warning":
-                log(f"{record.name}: {finding.text}")
+                kind = finding.kind, finding.where, _DIGITS.sub("", finding.text.replace(record.name, ""))
+                alike.setdefault(kind, []).append((record.name, finding.text))
+    for several in alike.values():
+        shown = several if len(several) <= _MOST_ALIKE else several[:1]
+        others = f" (so in {len(several) - 1} more records)" if len(shown) < len(several) else ""
+        for name, text in shown:
+            log(f"{name}: {text}{others}")
 
 
 def log_grades(bags: Sequence[Path], model: Model, records: Iterable[Record]) -> list[BagGrade]:
