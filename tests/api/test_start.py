@@ -13,7 +13,7 @@ import pytest
 from scipy.io import savemat
 
 import idloop
-from idloop.api.first_fit import FirstFit, judged
+from idloop.api.first_fit import FirstFit, _is_predicted, judged
 from idloop.api.log import Log, _are_signals, recognise
 from idloop.api.start import begin, forwards_beside_position, more_than_one_axis, with_causes
 from idloop.errors import InputError
@@ -940,3 +940,19 @@ def test_alone_and_beside_the_same_levels_two_levels_show_no_dead_zone(tmp_path)
         kinds = {fault.kind for one in begun.inspections for fault in one.faults}
         assert "two_levels" in kinds
         assert all("dead zone" in one.grade for one in begun.inspections)
+
+
+def test_predictions_ahead_are_asked_only_where_no_free_run_is_better_than_a_constant():
+    class Compared(SimpleNamespace):
+        @property
+        def fit_ahead(self):
+            assert max(self.fit.values()) < 1.0, "worked out although a free run follows"
+            return self.ahead
+
+    def predicted(free, ahead):
+        return _is_predicted(SimpleNamespace(train=[Compared(fit={"q": free}, ahead={"q": ahead})]))
+
+    assert predicted(40.0, math.nan)
+    assert predicted(-300.0, 90.0)
+    assert not predicted(-300.0, -5.0)
+    assert not predicted(0.5, math.nan)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -203,7 +204,7 @@ def judged(done: FirstFit) -> FirstFit:
             " changes of the velocity, or let a diagnosis find what else moves the axis"
         )
         return replace(refused, why_not=why, incomplete=True)
-    if _best(found) < _NOTHING:
+    if not _is_predicted(found):
         why = (
             "inertia and viscous friction predict no signal of any record better than a constant does; let a diagnosis"
             " find what the model lacks"
@@ -262,7 +263,11 @@ def _free_runs(one: Comparison, field: str) -> list[float]:
     return fits
 
 
-def _best(found: Fit) -> float:
-    """Largest FIT of any output of any record, free run or some samples ahead [%]."""
-    fits = [value for one in found.train for value in (*one.fit.values(), *one.fit_ahead.values())]
-    return max(filter(np.isfinite, fits), default=-np.inf)
+def _is_predicted(found: Fit) -> bool:
+    """Whether any output of any record is predicted better than by a constant, in a free run or some samples ahead.
+
+    Predictions ahead need an observer, which takes long, and are asked only where no free run says it.
+    """
+    runs = (value for one in found.train for value in one.fit.values())
+    ahead = (value for one in found.train for value in one.fit_ahead.values())
+    return any(np.isfinite(value) and value >= _NOTHING for value in itertools.chain(runs, ahead))
