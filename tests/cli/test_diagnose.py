@@ -39,6 +39,11 @@ def test_it_names_the_hidden_effect_in_one_document(hidden, capsys):
     assert width["unit"] == "V"
 
 
+def test_what_is_held_out_is_not_fitted_as_well(hidden, capsys):
+    assert main.run(words("diagnose", hidden.model, hidden.levels, "--validate", hidden.levels)) == 2
+    assert "the fit sees this bag" in capsys.readouterr().err
+
+
 def test_it_says_so_in_words(hidden, capsys):
     assert main.run(words("diagnose", hidden.model, hidden.levels)) == 0
     out = capsys.readouterr().out

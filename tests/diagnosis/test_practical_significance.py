@@ -45,6 +45,19 @@ def test_exact_data_show_what_is_missing_and_nothing_else(hidden: str, noise: fl
     assert diagnosis.verdict == ("missing" if hidden else "adequate")
 
 
+@pytest.mark.parametrize("carries_over", [True, False])
+def test_what_does_not_carry_over_to_held_out_records_is_listed_and_not_named(start: Model, carries_over: bool) -> None:
+    """A diagnosis named what a ladder of the same records refused."""
+    name, plain = "coulomb_friction@axis", load_model("axis")
+    machine = plain.with_effects([f"{name}(level=0.05)"])
+    records = [record_of(machine, 4, seconds=20.0)]
+    held_out = [record_of(machine if carries_over else plain, 5, seconds=20.0)]
+    diagnosis = diagnose(start, records, held_out, effects=[name], criterion="force")
+    assert diagnosis.set == ((name,) if carries_over else ())
+    assert (name in diagnosis.passed_over) is not carries_over
+    assert diagnose(start, records, effects=[name], criterion="force").set == (name,)
+
+
 def test_an_output_that_is_not_measured_keeps_nothing_from_being_the_same_motion() -> None:
     start = load_model("axis")
     record = record_of(start, 4, seconds=8.0)

@@ -101,6 +101,22 @@ def test_imbalance_is_a_wave_over_the_turn():
     np.testing.assert_allclose(one.mean, 4.0 * np.sin(np.radians(one.centre)), atol=0.6)
 
 
+def test_a_force_that_repeats_along_the_travel_is_a_wave_over_its_period():
+    """Over the velocity, or over many periods of travel, it was a tangle that nobody could read."""
+    name = "periodic_force@axis"
+    model = load_model("axis").with_effects([f"{name}(amplitude=0.02,period=1.5,phase=0.5)"])
+    slow = recorded(load_model("axis"))
+    command = 0.08 * slow.input
+    output = simulate(model, TIME, command, TIME).output
+    assert np.ptp(output[:, 0]) > 3.0
+    record = replace(slow, input=command, output=output + 1e-6 * np.random.default_rng(4).normal(size=output.shape))
+    one = characteristic(model, name, record)
+    assert one is not None
+    assert (one.variable, one.unit) == ("position within a period", "rad")
+    assert np.ptp(one.x) <= 1.5
+    np.testing.assert_allclose(one.curve_y, 0.02 * np.sin(2.0 * np.pi * one.curve_x / 1.5 + 0.5), atol=1e-6)
+
+
 def test_a_spring_that_is_wound_over_turns_is_a_line_over_the_position():
     one = shown("cable_spring@motor(stiffness=0.5,rest=0)")
     assert np.ptp(one.curve_x) > 2.0 * np.pi

@@ -98,6 +98,7 @@ def diagnose(
     model: Model,
     records: Record | Iterable[Record],
     *,
+    validate: Record | Iterable[Record] = (),
     level: float = 0.01,
     minimum_improvement: float = 0.01,
     effects: Sequence[str] | None = None,
@@ -112,6 +113,8 @@ def diagnose(
     model : Model
     records : Record or iterable of Record
         Several amplitudes tell more than one.
+    validate : Record or iterable of Record
+        Not seen by the fits: what does not reduce the errors there as well is listed, not named.
     level : float
         Probability of naming an effect where none is missing, over the whole catalogue.
     minimum_improvement : float
@@ -145,9 +148,16 @@ def diagnose(
     """
     known = as_records(records)
     found = find_missing(
-        model, known, level=level, criterion=criterion, minimum_improvement=minimum_improvement, effects=effects,
-        seed=seed, progress=part(progress, 0.0, 0.9),
-    )  # fmt: skip
+        model,
+        known,
+        as_records(validate),
+        level=level,
+        criterion=criterion,
+        minimum_improvement=minimum_improvement,
+        effects=effects,
+        seed=seed,
+        progress=part(progress, 0.0, 0.9),
+    )
     progress(0.9, "residual tests")
     errors, worse = model_errors(found.model, known), list[Worsened]()
     best = found.best

@@ -22,6 +22,7 @@ from idloop.diagnosis.options import (
     Progress,
     diagnosis_problem,
     errors_of,
+    held_out_problem,
     silent,
 )
 from idloop.diagnosis.search.step import NOISE_VERDICTS
@@ -40,6 +41,7 @@ from idloop.records import Record
 def diagnose(
     model: Model,
     records: Sequence[Record],
+    validation: Sequence[Record] = (),
     *,
     level: float = 0.01,
     criterion: str = "auto",
@@ -55,6 +57,8 @@ def diagnose(
     model : Model
     records : sequence of Record
         Experiments; several amplitudes contain more information than one.
+    validation : sequence of Record
+        Held-out records: what does not reduce their errors as well is not named, as by `refine`.
     level : float
         Probability of naming an effect where none is missing, over the whole catalogue and all its pairs.
     criterion : {"auto", "prediction", "simulation", "force"}
@@ -85,10 +89,14 @@ def diagnose(
         model = scale.fixed(model)
 
     def by_errors() -> Diagnosis:
-        estimation = diagnosis_problem(model, records, kind)
-        return _by_errors(PredictionView(estimation, model, options.within(0.5, 0.9)), refit(estimation, model))
+        estimation = diagnosis_problem(model, records, kind, validation)
+        held_out = held_out_problem(estimation, model, validation, kind)
+        view = PredictionView(estimation, model, options.within(0.5, 0.9), held_out)
+        return _by_errors(view, refit(estimation, model))
 
-    found = _by_force(model, records, criterion, options.within(0.0, 0.3)) if criterion in ("auto", FORCE) else None
+    found = None
+    if criterion in ("auto", FORCE):
+        found = _by_force(model, records, validation, criterion, options.within(0.0, 0.3))
     if (
         criterion == "auto"
         and found is not None
@@ -102,11 +110,11 @@ def diagnose(
     # Without a balance the free run is asked first, and after what leaves nothing else, as by `refine`.
     asked = criterion == "auto" and found is None
     if asked:
-        found = _by_free_run(model, records, options.within(0.3, 0.5))
+        found = _by_free_run(model, records, validation, options.within(0.3, 0.5))
     if found is None:
         found = by_errors()
     if criterion == "auto" and not asked and found.verdict in NOISE_VERDICTS and not found.response.uninformative:
-        found = _by_free_run(found.model, records, options.within(0.9, 1.0)) or found
+        found = _by_free_run(found.model, records, validation, options.within(0.9, 1.0)) or found
     options.report(1.0, "done")
     reached = found.model if found.best is None or found.best.model is None else found.best.model
     undetermined = [] if scale is None else [scale]
@@ -135,23 +143,28 @@ def _by_errors(view: PredictionView, fit: Refit) -> Diagnosis:
     return diagnosis_of(step if timed is None else timed[0].evaluate(timed[1]))
 
 
-def _by_free_run(start: Model, records: Sequence[Record], options: Options) -> Diagnosis | None:
+def _by_free_run(
+    start: Model, records: Sequence[Record], validation: Sequence[Record], options: Options
+) -> Diagnosis | None:
     """By free-run errors, where a free run is far off and an effect explains most of that; None else."""
-    asked = free_run_view(start, records, (), options)
+    asked = free_run_view(start, records, validation, options)
     found = None if asked is None else _by_errors(*asked)
     return None if found is None or found.best is None else found
 
 
-def _by_force(model: Model, records: Sequence[Record], criterion: str, options: Options) -> Diagnosis | None:
+def _by_force(
+    model: Model, records: Sequence[Record], validation: Sequence[Record], criterion: str, options: Options
+) -> Diagnosis | None:
     """By the force balance; None where another view decides."""
-    estimation, requested = diagnosis_problem(model, records, PREDICTION), criterion == FORCE
+    estimation, requested = diagnosis_problem(model, records, PREDICTION, validation), criterion == FORCE
     forms: dict[int, WeakForm] = {}
     deciding = None if requested else DecidingView(model, estimation, forms)
     fit = requested_force_fit(model, estimation, forms) if deciding is None else deciding.balance
     if fit is None:
         return None
     options.report(0.5, "evaluating effects")
-    step = ForceView(estimation, options, forms=forms).evaluate(fit)
+    held_out = prepare(model, validation, companions=records) if validation else []
+    step = ForceView(estimation, options, held_out, forms).evaluate(fit)
     shown = step.tied[0].fit if step.tied else fit if step.confounded else None
     if deciding is not None:
         if not (shown or fit).explains_force or (shown is None and not deciding.disturbance_absorbs_force):

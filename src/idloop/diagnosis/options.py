@@ -56,6 +56,16 @@ def errors_of(criterion: str) -> str:
     return SIMULATION if criterion == SIMULATION else PREDICTION
 
 
+def held_out_problem(
+    estimation: EstimationProblem, start: Model, validation: Sequence[Record], kind: str
+) -> EstimationProblem | None:
+    """The held-out records, whitened as those that are fitted; None where there are none."""
+    if not validation:
+        return None
+    held_out = prepare_estimation(start, validation, kind, estimation.records)
+    return replace(held_out, whiteners=estimation.whiteners)
+
+
 def diagnosis_problem(
     start: Model, records: Sequence[Record], kind: str, companions: Sequence[Record] = ()
 ) -> EstimationProblem:

@@ -27,6 +27,7 @@ from idloop.diagnosis.options import (
     Progress,
     diagnosis_problem,
     errors_of,
+    held_out_problem,
     silent,
 )
 from idloop.diagnosis.screening.proposals import proposals
@@ -191,11 +192,7 @@ class _Refinement:
     def by_errors(self, start: Model, ladder: Ladder | None, kind: str, last: WeakFit | None = None) -> Ladder:
         """Climb by prediction or free-run errors, on from the last force fit, whose error must not grow."""
         estimation = diagnosis_problem(start, self.records, kind, self.validation)
-        held_out = None
-        if self.validation:
-            held_out = replace(
-                prepare_estimation(start, self.validation, kind, self.records), whiteners=estimation.whiteners
-            )
+        held_out = held_out_problem(estimation, start, self.validation, kind)
         view = PredictionView(estimation, self.model, self.options, held_out)
         if ladder is None or last is None:
             found, _ = self._climb(view, kind)(refit(estimation, start), ladder)

@@ -32,7 +32,7 @@ _BINS, _CURVE = 24, 401
 _IS_CURVE = 0.9
 # Parts below this one are negligible: of the command that an effect changes, and of rest within a filtered sample.
 _NEGLIGIBLE = 0.1
-_TURN = "angle of the turn"
+_TURN, _PERIOD = "angle of the turn", "position within a period"
 
 
 @dataclass(frozen=True)
@@ -141,6 +141,10 @@ def _of_a_force(model: Model, without: Model, active: ActiveEffect, record: Reco
     kept = thin(np.column_stack(columns), motion)
     _, needed, fitted, *values = kept[kept[:, 0] < _NEGLIGIBLE].T
     over = {name: (x, of) for (name, (_, of)), x in zip(over.items(), values, strict=True)}
+    period = model.values.get(f"{active.name}.period", np.inf)
+    if kind == BODY and period < float(np.ptp(over["position"][0])):
+        # What repeats along the travel is no curve over all of it: its periods lie on one another.
+        over = {_PERIOD: (np.mod(over["position"][0], period), units.position), **over}
 
     def on_grid(variable: str, x: Array, x_unit: str) -> tuple[Array, Array]:
         """The effect over one variable while nothing else happens, with its corners."""
@@ -206,10 +210,10 @@ def _over_best_variable(
         # An effect with memory: its path over a few loops from the middle of the record.
         first = max((len(x) - _CURVE) // 2, 0)
         curve = x[first : first + _CURVE], fitted[first : first + _CURVE]
+    elif on_grid is None:
+        curve = _bins(x, fitted, 4 * _BINS)[:2]
     else:
-        curve = (
-            _bins(x, fitted, 4 * _BINS)[:2] if on_grid is None else on_grid(name.replace(_TURN, "position"), x, unit)
-        )
+        curve = on_grid("position" if name in {_TURN, _PERIOD} else name, x, unit)
     some = np.unique(np.linspace(0, len(x) - 1, min(1500, len(x))).astype(np.int64))
     return Characteristic(
         name, unit, quantity, quantity_unit, x[some], data[some], *_bins(x, data, _BINS), *curve, unit == "°"

@@ -311,6 +311,8 @@ def test_commands_name_the_file_that_holds_the_model_of_the_page():
     model = load_model("dc_motor")
     snapshot = Snapshot(model=model, bags=("bags/run",), model_file=("my run/fitted.yaml", model_version(model)))
     assert commands(snapshot)[0] == "idloop compare 'my run/fitted.yaml' bags/run"
+    unseen = commands(replace(snapshot, validate=("bags/new",)))
+    assert [one.partition(" --")[2].partition(" --")[0] for one in unseen[2:]] == ["validate bags/new"] * 2
     # What the page has changed is in the file that it offers.
     changed = replace(snapshot, model=model.with_effects(["coulomb_friction@motor(level=2.0)"]))
     assert commands(changed)[0] == "idloop compare model.yaml bags/run"

@@ -21,29 +21,38 @@ Examples:
 """
 
 
-@click.command(cls=_inputs.lists("--effects"), epilog=EXAMPLE)
+@click.command(cls=_inputs.lists("--validate", "--effects"), epilog=EXAMPLE)
 @_inputs.model_argument
 @_inputs.bags_argument
+@_inputs.validate_option
 @_inputs.diagnosis_options
 @_inputs.model_options
 @click.option("--all", "everything", is_flag=True, help="List every effect of the catalogue, also what shows nothing.")
 @quiet_option
 @_outputs.json_option
-def command(model: Model, bags: tuple[Path, ...], *, everything: bool, as_json: bool, **options: Any) -> None:
+def command(
+    model: Model,
+    bags: tuple[Path, ...],
+    validate: tuple[Path, ...],
+    *,
+    everything: bool,
+    as_json: bool,
+    **options: Any,
+) -> None:
     """Name the physical effects that MODEL lacks to explain every BAG.
 
     First what this data can show at all; then the effects, ranked by what models with them say of samples that their
     fits have not seen, with the share of the error that each explains. Effects that the data cannot tell apart are one
-    set.
+    set. What does not reduce the errors on bags of --validate as well is listed, not named.
     """
     model = _inputs.with_options(model)
-    records = _inputs.read_records(bags, model)
+    records, unseen = _inputs.read_fitted_and_unseen(bags, validate, model)
     _inputs.log_grades(bags, model, records)
 
     from idloop.api.diagnosis import diagnose
 
     with progress(f"diagnosing {model.name}") as update:
-        found = diagnose(model, records, **_inputs.search_options(options), progress=update)
+        found = diagnose(model, records, validate=unseen, **_inputs.search_options(options), progress=update)
     if as_json:
         _outputs.print_json(found.to_dict())
     else:

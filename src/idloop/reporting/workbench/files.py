@@ -82,7 +82,7 @@ def commands(snapshot: Snapshot) -> list[str]:
     chosen = "".join(f" {shlex.quote(word)}" for word in snapshot.options)
     return [
         *(f"idloop compare {model} {shlex.quote(path)}" for path in (*snapshot.validate, *snapshot.bags)),
-        f"idloop diagnose {model} {fitted}{chosen}",
+        f"idloop diagnose {model} {fitted}{judged}{chosen}",
         f"idloop refine {model} {fitted}{judged}{chosen} --output RUN",
     ]
 

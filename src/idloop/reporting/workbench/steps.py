@@ -76,6 +76,7 @@ def find_missing(study: Study, model: Model, ladder: Ladder | None, report: Repo
     found = diagnose(
         model,
         study.records,
+        study.validation,
         level=study.level,
         criterion=study.criterion,
         minimum_improvement=study.minimum_improvement,
