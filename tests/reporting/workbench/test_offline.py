@@ -20,6 +20,7 @@ from idloop.records import Record
 from idloop.reporting.workbench import state_json
 from idloop.reporting.workbench.offline import OfflineSource, recorded_evidence
 from idloop.reporting.workbench.signals import Signals
+from idloop.reporting.workbench.state import Snapshot
 from idloop.reporting.workbench.state_json import page_state
 from idloop.reporting.workbench.steps import Study, find_missing
 
@@ -112,7 +113,7 @@ def test_the_evidence_decides_no_effect_that_the_diagnosis_does_not_name(named, 
     evidence = recorded_evidence(found, [recorded(1, count=200)])
     assert set(evidence.decided) == decided
     assert evidence.line.startswith(said)
-    rows = {row["name"]: row["decided"] for row in state_json._evidence(evidence, ())["effects"]}
+    rows = {row["name"]: row["decided"] for row in state_json._evidence(evidence, Snapshot())["effects"]}
     assert rows["drag@motor"] == "open"
     assert {name for name, text in rows.items() if text == "not added"} == set(rows) - decided - {"drag@motor"}
 
