@@ -956,3 +956,17 @@ def test_predictions_ahead_are_asked_only_where_no_free_run_is_better_than_a_con
     assert predicted(-300.0, 90.0)
     assert not predicted(-300.0, -5.0)
     assert not predicted(0.5, math.nan)
+
+
+def test_a_command_in_another_unit_than_in_the_other_files_is_doubted(record, tmp_path):
+    c = _columns(record)
+    factors = {"a": 1.0, "b": 1.1, "c": 1e-3, "d": 0.9}
+    logs = [
+        _write(tmp_path / f"{name}.csv", "t_s,current,angle_rad", c["t"], f * c["u"], c["q"])
+        for name, f in factors.items()
+    ]
+    (doubt,) = (one for one in recognise(logs).doubts if "another unit" in one)
+    assert doubt.startswith("command: in c.csv it is about 950 times smaller than in the others")
+    # One that hardly moves was commanded less.
+    slow = _write(tmp_path / "c.csv", "t_s,current,angle_rad", c["t"], 1e-3 * c["u"], 1e-3 * c["q"], form="{:.9g}")
+    assert not any("another unit" in one for one in recognise([logs[0], logs[1], slow, logs[3]]).doubts)

@@ -47,6 +47,8 @@ _OF_ALL = ("wrap", "decode")
 _FEW = 5  # columns that are not used, of which the names are said
 _TEXT = "its cells are text"
 _COUNTERS, _ON = (16, 24, 32), 5.0  # bits of counters, and intervals by which they go on from full to zero at most
+# Files whose commands are compared at least; how far their motions may differ, and a command that is in another unit.
+_FEWEST_COMPARED, _ALIKE, _OTHER_UNIT = 3, 10.0, 100.0
 _FEW_SAMPLES = 100  # rows of a piece below which it is not worth a record
 
 
@@ -245,7 +247,7 @@ def recognise(
     found = _alike(
         _each([partial(recognise_table, table, said, period=period, shown=shown) for table in tables], paths)
     )
-    between = tuple(_read_otherwise(found))
+    between = (*_read_otherwise(found), *_of_another_size(found))
     return Log(paths, tuple(_cut_apart(one, rows) for one in found), between=between, late=late)
 
 
@@ -349,6 +351,38 @@ def _read_otherwise(found: list[Recognition]) -> Iterator[str]:
             yield (
                 f"{one.table.path.name} is read as {first.table.path.name}; alone it would have other signals ({own})"
             )
+
+
+def _of_another_size(found: list[Recognition]) -> Iterator[str]:
+    """Yield a doubt for files whose command is far larger or smaller than that of most, although the motion is not."""
+    sizes = {one.table.path.name: (_spread(one, "command"), _spread(one, *MOTION)) for one in found}
+    sizes = {name: size for name, size in sizes.items() if min(size) > 0.0}
+    if len(sizes) < _FEWEST_COMPARED:
+        return
+    command, motion = np.median(list(sizes.values()), axis=0)
+    times = {
+        name: own / command for name, (own, moved) in sizes.items() if max(moved / motion, motion / moved) < _ALIKE
+    }
+    for said, names in {
+        "larger": [name for name, one in times.items() if one > _OTHER_UNIT],
+        "smaller": [name for name, one in times.items() if one < 1.0 / _OTHER_UNIT],
+    }.items():
+        if names:
+            factor = float(np.median([max(times[name], 1.0 / times[name]) for name in names]))
+            yield (
+                f"command: in {listed(names, 3)} it is about {factor:.0f} times {said} than in the others, which move"
+                " as far: another unit, such as A beside mA, or another signal; start these files apart"
+            )
+
+
+def _spread(found: Recognition, *roles: str) -> float:
+    """Standard deviation of the signal of the first of some roles that a file has; 0 where none is a column."""
+    guess = next((one for role in roles if (one := found.of(role)) is not None), None)
+    if guess is None or guess.column not in found.table.columns:
+        return 0.0
+    value = found.table.numbers(guess.column)
+    known = value[np.isfinite(value)]
+    return float(np.std(known)) if known.size else 0.0
 
 
 def _what(guess: Guess | None) -> object:
