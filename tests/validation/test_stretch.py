@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from idloop.validation.operating_state import OperatingState, direction_of, since_reversal
-from idloop.validation.stretch import describe, stamp, worst_stretches
+from idloop.validation.stretch import _span, describe, stamp, worst_stretches
 
 TIME = np.arange(0.0, 20.0, 0.01)
 
@@ -93,3 +93,10 @@ def test_without_a_motion_the_command_is_said() -> None:
 def test_stamps_are_written_as_ros_does() -> None:
     assert stamp(1_700_000_000_000_000_001) == "1700000000.000000001"
     assert stamp(5) == "0.000000005"
+
+
+def test_an_end_that_is_nothing_beside_the_other_is_zero() -> None:
+    """From −1.76 · 10⁻⁵ to 0.0231 m reads like a finding."""
+    assert _span(-1.76e-5, 0.0231) == "0 to 0.0231"
+    assert _span(-0.101, 0.0529) == "−0.101 to 0.0529"
+    assert _span(4.0, 4.01) == "4"

@@ -9,7 +9,7 @@ import numpy as np
 
 from idloop.arrays import Array, Mask
 from idloop.validation.operating_state import OperatingState
-from idloop.validation.words import percent, short
+from idloop.validation.words import beside, percent, short
 
 # Length of the window that smooths the squared error, as a share of the record, and at least in samples.
 _WINDOW_SHARE, _WINDOW_SAMPLES = 1.0 / 250.0, 5
@@ -161,4 +161,5 @@ def _span(low: float, high: float) -> str:
     """Text of a range; one number where both ends are about equal."""
     if high - low <= 0.02 * max(abs(low), abs(high)):
         return short(0.5 * (low + high))
-    return f"{short(low)} to {short(high)}"
+    scale = max(abs(low), abs(high))
+    return f"{beside(low, scale)} to {beside(high, scale)}"
