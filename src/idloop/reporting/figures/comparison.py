@@ -149,7 +149,8 @@ def residual_figures(test: ResidualTest, theme: Theme = LIGHT) -> list[figure]:
     """
     own = (test.lag, test.autocorrelation, test.autocorrelation_band)
     cross = (test.cross_lag, test.cross_correlation, test.cross_correlation_band)
-    named = f"correlation with {test.against}, {'lags ≤ 0' if test.decided else 'all'} not tested (grey)"
+    # A phone cuts what is longer.
+    named = f"correlation with {test.against} (grey: not tested)"
     return [
         _stems(theme, "autocorrelation", *own, np.ones(len(test.lag), dtype=bool), passed=test.white),
         _stems(theme, named, *cross, (test.cross_lag > 0) & test.decided, passed=test.input_free),
