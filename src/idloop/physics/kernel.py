@@ -1425,16 +1425,35 @@ def balance(
 
 
 @entry
-def breakaway_levels(axis: Axis, time: Any, position: Any, body: int, state: Any, levels: Any) -> None:
-    """Breakaway levels (m, 2) of a body forwards and backwards, without transmitted torque."""
+def body_forces_along(axis: Axis, time: Any, position: Any, velocity: Any, body: int, state: Any, force: Any) -> None:
+    """Force (m,) of the effects at a body along a motion (m, n), without memory and without dry friction."""
+    model = view_of(axis)
+    hooks = axis.body_hooks
+    for k in range(time.shape[0]):
+        if axis.condition_hooks.shape[0] > 0:
+            hold_conditions(model, time[k], state)
+        approach(position[k], velocity[k], 1.0, state)
+        force[k] = 0.0
+        for row in range(hooks.shape[0]):
+            if hooks[row, SITE] == body:
+                force[k] += call(
+                    hooks[row, VALUE], position[k, body], velocity[k, body], axis.inertia[body], 0.0,
+                    state, hooks[row, STATE], axis.parameters, hooks[row, PARAMETER],
+                )  # fmt: skip
+
+
+@entry
+def dry_friction_along(
+    axis: Axis, time: Any, position: Any, direction: Any, speed: Any, body: int, state: Any, level: Any
+) -> None:
+    """Level (m,) of a body's dry friction in a direction (m,), without transmitted torque; speed 0 is breakaway."""
     model = view_of(axis)
     for k in range(time.shape[0]):
         if axis.condition_hooks.shape[0] > 0:
             hold_conditions(model, time[k], state)
         for i in range(axis.inertia.shape[0]):
             state[FIRST + i] = position[k, i]
-        levels[k, 0] = friction_level(model, body, 1.0, 0.0, 0.0, state)
-        levels[k, 1] = friction_level(model, body, -1.0, 0.0, 0.0, state)
+        level[k] = friction_level(model, body, direction[k], speed[k], 0.0, state)
 
 
 @entry

@@ -23,7 +23,7 @@ from idloop.estimation.force_balance.held_command import CommandAround
 from idloop.physics import kernel
 from idloop.physics.conditions import Conditions
 from idloop.physics.effect import BODY, COUPLING, INPUT, Effect
-from idloop.physics.layout import lay_out
+from idloop.physics.layout import Layout, lay_out
 from idloop.physics.model import ActiveEffect, Model, values_of
 
 Array = NDArray[np.float64]
@@ -177,14 +177,18 @@ def mean_of_sides(values: Array, count: int, jumps: Places, late: Array) -> Arra
     return found
 
 
-@njit(cache=True, nogil=True)
+# Sums may be reordered, so that they are computed several terms at a time.
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
 def windowed(values: Array, rows: Places, weights: Array) -> Array:
     """Weighted sums of the columns of values (n, b) over the windows that begin at some rows."""
-    sums = np.zeros((len(rows), values.shape[1]))
-    for row in range(len(rows)):
-        for k in range(len(weights)):
-            for column in range(values.shape[1]):
-                sums[row, column] += weights[k] * values[rows[row] + k, column]
+    sums = np.empty((len(rows), values.shape[1]))
+    for column in range(values.shape[1]):
+        signal = np.ascontiguousarray(values[:, column])
+        for row in range(len(rows)):
+            total, first = 0.0, rows[row]
+            for k in range(len(weights)):
+                total += weights[k] * signal[first + k]
+            sums[row, column] = total
     return sums
 
 
@@ -593,41 +597,46 @@ class BalanceTerms:
             left, near, mean = left - shift, near + changed, mean + shift
         return np.asarray(_change_by_friction(left, speed, rest, levels, near, mean, drive.jumps, drive.late))
 
-    def _alone(self, kept: Sequence[ActiveEffect], values: Values, chain: int | None = None) -> Any:
-        """The compiled model with some effects only, without the drive, and with at most one coupling of the chain."""
-        others = [one.name for one in self.model.effects if one not in kept]
-        loop = self.model.loop if self.model.loop in kept else None
-        model = self.along.cached(
-            ("model", self.model.bodies, self.model.couplings, tuple(one.name for one in kept)),
-            lambda: replace(self.model.without_effects(others), loop=loop),
+    def _alone(
+        self, kept: Sequence[ActiveEffect], values: Values, gain: float = 0.0, chain: int | None = None
+    ) -> Layout:
+        """The compiled model with some effects only, a gain of the drive, and at most one coupling of the chain."""
+
+        def made() -> Layout:
+            others = [one.name for one in self.model.effects if one not in kept]
+            loop = self.model.loop if self.model.loop in kept else None
+            return lay_out(replace(self.model.without_effects(others), loop=loop), final=False)
+
+        key = (
+            "layout",
+            self.model.bodies,
+            self.model.couplings,
+            tuple((*_identity(one.effect), one.at) for one in kept),
         )
-        layout = lay_out(model, values, final=False)
-        axis, constants = layout.axis, layout.axis.constants.copy()
-        constants[kernel.GAIN] = constants[kernel.DELAY] = 0.0
-        only = np.zeros(len(axis.stiffness))
+        layout: Layout = self.along.cached(key, made)
+        constants, only = layout.axis.constants.copy(), np.zeros(len(layout.axis.stiffness))
+        constants[kernel.GAIN], constants[kernel.DELAY] = gain, 0.0
         if chain is not None:
             only[chain] = 1.0
-        axis = axis._replace(
-            constants=constants, viscous=np.zeros_like(axis.viscous), stiffness=only * axis.stiffness,
-            damping=only * axis.damping,
+        coupled = [(values[f"{one}.stiffness"], values[f"{one}.damping"]) for one in self.model.couplings]
+        stiffness, damping = only * np.array(coupled).reshape(-1, 2).T
+        numbers = [number for one in kept if not one.effect.delay for number in _numbers(one, values)]
+        axis = layout.axis._replace(
+            constants=constants, viscous=np.zeros(layout.bodies), stiffness=stiffness, damping=damping,
+            inertia=np.array([values[name] for name in self._inertias]), parameters=np.array([*numbers, 0.0]),
         )  # fmt: skip
-        return layout, axis
+        return replace(layout, axis=axis)
 
-    def _balance(
-        self, layout: Any, axis: Any, motions: Sequence[Instants], commands: Sequence[Array] | None = None
-    ) -> Array:
+    def _balance(self, layout: Layout, motions: Sequence[Instants], commands: Sequence[Array] | None = None) -> Array:
         """Minus all forces of a compiled model at the instants of motions, shape (m, bodies)."""
         found = []
         for index, motion in enumerate(motions):
-            own, count = axis, len(motion.time)
-            if motion.conditions is not None and layout.wanted:
-                one = layout.under(motion.conditions).axis
-                own = axis._replace(condition_time=one.condition_time, condition=one.condition)
+            count = len(motion.time)
             left, required = np.empty((count, layout.bodies)), np.empty(count)
             command = np.zeros(count) if commands is None else np.ascontiguousarray(commands[index])
             kernel.balance(
-                own, motion.time, motion.position, motion.velocity, np.zeros_like(motion.velocity),
-                halfway(motion.time), command, -1.0, layout.new_state(), left, required,
+                layout.under(motion.conditions).axis, motion.time, motion.position, motion.velocity,
+                np.zeros_like(motion.velocity), halfway(motion.time), command, -1.0, layout.new_state(), left, required,
             )  # fmt: skip
             found.append(left)
         return np.concatenate(found)
@@ -642,9 +651,10 @@ class BalanceTerms:
 
         def made() -> Term:
             strength = {f"{active.name}.{active.effect.parameters[0].name}": numbers[0]} if numbers else {}
-            layout, axis = self._alone([active], {**values, **strength})
-            left = self._balance(layout, axis, self.along.pieces(memory=active.effect.settle is not None))
-            return self.along.term(-left[:, self._place[active.at]])
+            layout, body = self._alone([active], {**values, **strength}), self._place[active.at]
+            if active.effect.settle is not None:
+                return self.along.term(-self._balance(layout, self.along.motions)[:, body])
+            return self.along.term(_body_force(layout, self.along.whole, body))
 
         hooks = (active.effect.force, active.effect.settle)
         inertia = (
@@ -663,9 +673,9 @@ class BalanceTerms:
             return Term(stiffness * weak[0] + damping * weak[1], stiffness * near[0] + damping * near[1])
 
         def made() -> Term:
-            layout, axis = self._alone(several, values, joint)
+            layout = self._alone(several, values, chain=joint)
             memory = any(one.effect.settle is not None for one in several)
-            return along.term(self._balance(layout, axis, along.pieces(memory=memory))[:, joint])
+            return along.term(self._balance(layout, along.pieces(memory=memory))[:, joint])
 
         numbers = tuple((_identity(one.effect), *_numbers(one, values)) for one in several)
         found: Term = along.cached((joint, stiffness, damping, numbers), made)
@@ -680,22 +690,14 @@ class BalanceTerms:
 
         def made() -> _Friction:
             strength = {f"{several[0].name}.{several[0].effect.parameters[0].name}": numbers[0][0]}
-            layout, axis = self._alone(several, {**values, **strength})
-            # A force of the same effect is another term.
-            none = np.zeros((0, axis.body_hooks.shape[1]), dtype=np.int64)
-            only, near = axis._replace(body_hooks=none), self.along.near_rest
-            moving = self._balance(layout, only, (self.along.whole,))[:, body]
-            turned = self.along.turned[body]
-            here, back = (self._balance(layout, only, (motion,))[:, body] for motion in turned.motions)
+            layout, along = self._alone(several, {**values, **strength}), self.along
+            moving, turned = _moving_friction(layout, along.whole, body), along.turned[body]
+            here, back = (_moving_friction(layout, motion, body) for motion in turned.motions)
             moving[turned.places] += turned.share * (back - here)
-            slow = moving[self.along.near]
-            moving[self.along.near] = 0.0
-            if near.conditions is not None and layout.wanted:
-                one = layout.under(near.conditions).axis
-                axis = axis._replace(condition_time=one.condition_time, condition=one.condition)
-            levels = np.empty((len(near.time), 2))
-            kernel.breakaway_levels(axis, near.time, near.position, body, layout.new_state(), levels)
-            return _Friction(self.along.weak(moving), slow, levels[:, 0], levels[:, 1])
+            slow = moving[along.near]
+            moving[along.near] = 0.0
+            ahead, back = (_friction_level(layout, along.near_rest, body, sign, 0.0) for sign in (1.0, -1.0))
+            return _Friction(along.weak(moving), slow, ahead, back)
 
         keys = tuple((_identity(one.effect), *own) for one, own in zip(several, numbers, strict=True))
         found: _Friction = self.along.cached(("friction", body, keys), made)
@@ -738,21 +740,17 @@ class BalanceTerms:
         along, values = self.along, {**values, "drive.gain": 1.0}
         if self._lags:
             starts = np.cumsum([len(motion.time) for motion in along.motions])[:-1]
-            alone, axis = self._alone(self.inputs, values)
-            constants = axis.constants.copy()
-            constants[kernel.GAIN] = 1.0
-            axis = axis._replace(constants=constants)
-            return lambda command: -self._balance(alone, axis, along.motions, np.split(command, starts))[:, 0]
+            lagging = self._alone(self.inputs, values, gain=1.0)
+            return lambda command: -self._balance(lagging, along.motions, np.split(command, starts))[:, 0]
         if not any(one.effect.command is not None for one in self.inputs):
             return lambda command: command
-        layout = lay_out(self.model, values, final=False)
         motion = commands.motion
-        drive = layout.under(motion.conditions if layout.wanted else None).axis
+        drive = self._alone(self.inputs, values, gain=1.0).under(motion.conditions)
         position, velocity = motion.position[:, 0].copy(), motion.velocity[:, 0].copy()
 
         def force(command: Array) -> Array:
             given = np.empty(len(command))
-            kernel.drive_along(drive, motion.time, command, position, velocity, layout.new_state(), given)
+            kernel.drive_along(drive.axis, motion.time, command, position, velocity, drive.new_state(), given)
             return given
 
         return force
@@ -840,6 +838,30 @@ def _equation_error(
         layout.new_state() if state is None else state, left, required,
     )  # fmt: skip
     return left
+
+
+def _body_force(layout: Layout, motion: Instants, body: int) -> Array:
+    """Force of a compiled model's effects at a body along a motion, without dry friction, shape (m,)."""
+    force, axis = np.empty(len(motion.time)), layout.under(motion.conditions).axis
+    kernel.body_forces_along(axis, motion.time, motion.position, motion.velocity, body, layout.new_state(), force)
+    return force
+
+
+def _friction_level(
+    layout: Layout, motion: Instants, body: int, direction: Array | float, speed: Array | float
+) -> Array:
+    """Level of a compiled model's dry friction at a body along a motion, shape (m,)."""
+    count, axis = len(motion.time), layout.under(motion.conditions).axis
+    level, (directions, speeds) = np.empty(count), (np.zeros(count) + each for each in (direction, speed))
+    kernel.dry_friction_along(axis, motion.time, motion.position, directions, speeds, body, layout.new_state(), level)
+    return level
+
+
+def _moving_friction(layout: Layout, motion: Instants, body: int) -> Array:
+    """Dry friction of a compiled model at a body that moves, shape (m,)."""
+    velocity = motion.velocity[:, body]
+    direction = np.where(velocity > 0.0, 1.0, -1.0)
+    return direction * _friction_level(layout, motion, body, direction, np.abs(velocity))
 
 
 def balance_terms(model: Model, along: MotionInWindows) -> BalanceTerms:
