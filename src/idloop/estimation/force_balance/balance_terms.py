@@ -434,14 +434,16 @@ class _Commands:
         return np.concatenate([np.arange(len(around.mean)), around.jumps, around.jumps])
 
     @cached_property
-    def motion(self) -> Instants:
-        """The motion at the instant of every command."""
-        return self._along.whole.at(self.instants)
+    def driven(self) -> tuple[Array, Array, Array, Conditions | None]:
+        """Successive times, position and velocity of the driven body at every command (n,), and the conditions."""
+        whole, time = self._along.whole, np.arange(len(self.instants), dtype=float)
+        conditions = None if whole.conditions is None else whole.conditions.sampled(whole.time[self.instants], time)
+        return time, whole.position[self.instants, 0], whole.velocity[self.instants, 0], conditions
 
     @property
     def nbytes(self) -> int:
         """Memory in bytes."""
-        return int(self.command.nbytes) * (9 + 4 * len(self._along.inertial[0]))
+        return 9 * int(self.command.nbytes)
 
     def both(self, force: Array) -> tuple[Array, Array]:
         """A force at these commands in every window, and near rest."""
@@ -504,6 +506,7 @@ class BalanceTerms:
             if (several := [one for one in effects if one.effect.site == COUPLING and one.at == coupling])
         }
         self._lags = any(one.effect.settle is not None for one in self.inputs)
+        self._undistorted = not any(one.effect.command is not None for one in self.inputs)
         self._inertias = [f"{body}.inertia" for body in model.bodies]
         self._viscous = [f"{body}.viscous_friction" for body in model.bodies]
         self._last: tuple[tuple[float, ...], _Unexplained] | None = None
@@ -721,19 +724,16 @@ class BalanceTerms:
         force = self._drive_force(values, commands)
         base = force(given)
 
-        def sent_waves() -> list[Array]:
-            return waves if self._lags else [wave[commands.instants] for wave in waves]
+        def changes() -> list[tuple[Array, Array]]:
+            if self._undistorted and not self._lags:
+                return [(sent, np.full(len(commands.near), waves[0][0]))]
+            given_waves = waves if self._lags else [wave[commands.instants] for wave in waves]
+            return [evaluated(force(given + wave) - base) for wave in given_waves]
 
         def evaluated(force: Array) -> tuple[Array, Array]:
             return (along.weak(force), force[along.near]) if self._lags else commands.both(force)
 
-        return DriveTerm(
-            *evaluated(base),
-            jumps,
-            late,
-            lambda: [evaluated(force(given + wave) - base) for wave in sent_waves()],
-            sent,
-        )
+        return DriveTerm(*evaluated(base), jumps, late, changes, sent)
 
     def _drive_force(self, values: Values, commands: _Commands) -> Callable[[Array], Array]:
         """Function from commands to the force of the drive, per gain."""
@@ -742,15 +742,14 @@ class BalanceTerms:
             starts = np.cumsum([len(motion.time) for motion in along.motions])[:-1]
             lagging = self._alone(self.inputs, values, gain=1.0)
             return lambda command: -self._balance(lagging, along.motions, np.split(command, starts))[:, 0]
-        if not any(one.effect.command is not None for one in self.inputs):
+        if self._undistorted:
             return lambda command: command
-        motion = commands.motion
-        drive = self._alone(self.inputs, values, gain=1.0).under(motion.conditions)
-        position, velocity = motion.position[:, 0].copy(), motion.velocity[:, 0].copy()
+        time, position, velocity, conditions = commands.driven
+        drive = self._alone(self.inputs, values, gain=1.0).under(conditions)
 
         def force(command: Array) -> Array:
             given = np.empty(len(command))
-            kernel.drive_along(drive.axis, motion.time, command, position, velocity, drive.new_state(), given)
+            kernel.drive_along(drive.axis, time, command, position, velocity, drive.new_state(), given)
             return given
 
         return force
