@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -61,6 +61,10 @@ class Candidate:
     def name(self) -> str:
         """Name in the model that has it, such as ``effect@site``."""
         return effect_name(self.effect, self.at, self.number)
+
+    def with_model(self, model: Model) -> Candidate:
+        """The candidate with another fit of the model that has it."""
+        return replace(self, model=model, parameters=effect_parameters(model, self.name))
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from idloop.diagnosis.diagnosis import Diagnosis, diagnosis_of, findings_of_model
-from idloop.diagnosis.evidence.deciding_view import DecidingView, as_predicted, requested_force_fit
+from idloop.diagnosis.evidence.deciding_view import DecidingView, requested_force_fit
 from idloop.diagnosis.evidence.force_view import ForceView
 from idloop.diagnosis.evidence.free_run_view import free_run_view
 from idloop.diagnosis.evidence.prediction_view import PredictionView, delay_or_lag
@@ -213,5 +213,5 @@ def _with_predicted_values(found: Diagnosis, fit: WeakFit, estimation: Estimatio
             and not fit.contradicts(predicted.model)
             and not explains_less(one.model, predicted.model, estimation.records)
         )
-        candidates.append(as_predicted(one, predicted, estimation.records) if predicted is not None and agrees else one)
+        candidates.append(one.with_model(predicted.with_stderr()) if predicted is not None and agrees else one)
     return replace(found, candidates=tuple(candidates))

@@ -10,7 +10,7 @@ import numpy as np
 
 from idloop.diagnosis.candidate import Candidate, effect_parameters
 from idloop.diagnosis.diagnosis import candidate_of, findings_of_model
-from idloop.diagnosis.evidence.deciding_view import DecidingView, as_predicted, requested_force_fit
+from idloop.diagnosis.evidence.deciding_view import DecidingView, requested_force_fit
 from idloop.diagnosis.evidence.force_view import ADEQUATE_FORCE, ForceView, fitted_model
 from idloop.diagnosis.evidence.free_run_view import free_run_view
 from idloop.diagnosis.evidence.prediction_view import PredictionView, delay_or_lag
@@ -36,6 +36,7 @@ from idloop.diagnosis.search.step import ADEQUATE, MISSING, NOISE_VERDICTS, FitT
 from idloop.estimation.dataset import prepare
 from idloop.estimation.force_balance.weak_fit import WeakFit
 from idloop.estimation.force_balance.weak_form import WeakForm
+from idloop.estimation.greybox import fit as fit_as_chosen
 from idloop.estimation.likelihood.estimation_problem import EstimationProblem, prepare_estimation
 from idloop.estimation.likelihood.refit import Refit, refit, refit_or_none
 from idloop.estimation.optimisation.caching_engine import CachingEngine
@@ -116,6 +117,8 @@ def refine(
     if criterion == "auto" and found.verdict in NOISE_VERDICTS and not found.response.uninformative:
         more = task.by_free_run(found.model, found)
         found = found if more is found or more is None else task.by_errors(more.model, more, PREDICTION)
+    if criterion == "auto" and ladder is None and found.criterion == PREDICTION:
+        found = task.with_values_of_free_run(start, found)
     undetermined = ([] if scale is None else [scale]) + effect_scales(found.model, records)
     findings = findings_of_model(start, found.model, found.added, found.response, undetermined)
     contradicted = filter(None, (free_run_finding(found), force_finding(found)))
@@ -288,10 +291,24 @@ class _Refinement:
             return ladder
         steps = list(ladder.steps)
         added = steps[place].added
-        added = None if added is None else as_predicted(added, fit, self.records)
+        added = None if added is None else added.with_model(fit.with_stderr())
         model = fit.with_stderr() if added is None or added.model is None else added.model
         steps[place] = replace(steps[place], added=added).measured(model, self.records, self.validation)
         return replace(ladder, steps=tuple(steps))
+
+    def with_values_of_free_run(self, start: Model, ladder: Ladder) -> Ladder:
+        """The ladder whose first and last model have the values of a free run, where a fit of them takes these."""
+        last, reasons = len(ladder.steps) - 1, dict[str, None]()
+        for place, model in {0: start, last: ladder.model if last else start}.items():
+            found = fit_as_chosen(model, self.records)
+            if found.criterion != SIMULATION:
+                continue
+            step = ladder.steps[place].measured(found.model, self.records, self.validation)
+            if place and step.added is not None:
+                step = replace(step, added=step.added.with_model(found.model))
+            ladder = replace(ladder, steps=(*ladder.steps[:place], step, *ladder.steps[place + 1 :]))
+            reasons[f"the values are those of a free run, not of one-step predictions: {found.why}"] = None
+        return replace(ladder, findings=(*ladder.findings, *reasons))
 
     def _with_delay_or_lag(self, estimation: EstimationProblem, ladder: Ladder) -> Ladder:
         """The ladder with a delay or a lag of the drive as predictions separate them."""

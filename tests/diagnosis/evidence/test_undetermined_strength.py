@@ -97,3 +97,13 @@ def test_an_effect_at_its_neutral_value_is_none() -> None:
     model = load_model("axis").with_effects(["input_delay@input(delay=0.0)", "coulomb_friction@axis(level=0.1)"])
     assert is_none(model, "input_delay@input")
     assert not is_none(model, "coulomb_friction@axis")
+
+
+@pytest.mark.parametrize(("error", "refused"), [(6e7, True), (1e6, False)])
+def test_an_effect_of_which_only_what_a_simpler_one_has_is_determined_is_that_one(error: float, refused: bool) -> None:
+    (proposal,) = proposals(load_model("axis"), ["presliding_friction"])
+    errors = {f"{proposal.name}.level": 0.01, f"{proposal.name}.stiffness": error}
+    fitted = proposal.model({"level": 0.4, "stiffness": 6e6}).with_values({}, errors)
+    text = undetermined_with(proposal.base, fitted, proposal)
+    assert ("what it adds to coulomb_friction, its stiffness" in text) is refused
+    assert bool(text) is refused

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
-from idloop.diagnosis.candidate import Candidate, effect_parameters
 from idloop.diagnosis.evidence.undetermined_strength import CERTAIN
 from idloop.errors import InputError
 from idloop.estimation.force_balance.weak_fit import WeakFit, draft_windows, fit_from_two_starts
@@ -19,7 +16,6 @@ from idloop.estimation.likelihood.estimation_problem import EstimationProblem, p
 from idloop.estimation.likelihood.refit import Refit, refit_or_none
 from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.physics.model import Model
-from idloop.records import Record
 
 # The command is reversed where that reduces the unexplained force to less than this part.
 _REVERSED = 0.5
@@ -99,12 +95,6 @@ def _with_largest_inertias(fit: WeakFit) -> Model:
         if name in free and np.isfinite(error := errors[free.index(name)]):
             values[name] += CERTAIN * float(error)
     return fit.model.with_values(values)
-
-
-def as_predicted(candidate: Candidate, fit: Refit, records: Sequence[Record]) -> Candidate:
-    """A candidate with the values of a fit to prediction errors, of the model that has it."""
-    model = fit.with_stderr()
-    return replace(candidate, model=model, parameters=effect_parameters(model, candidate.name))
 
 
 def requested_force_fit(model: Model, estimation: EstimationProblem, forms: dict[int, WeakForm]) -> WeakFit:

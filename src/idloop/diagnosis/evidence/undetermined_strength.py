@@ -29,11 +29,11 @@ def undetermined_with(parent: Model, model: Model, proposal: Proposal) -> str:
     proposal : Proposal
         The effect.
     """
-    if proposal.replaces is None:
-        if own := undetermined_strength(model, proposal.name, proposal.effect):
-            return f"the data do not determine its {own}"
-    elif own := _undetermined_addition(parent, model, proposal):
-        return f"the data do not determine what it adds to {proposal.replaces}, its {own}"
+    if proposal.replaces is None and (own := undetermined_strength(model, proposal.name, proposal.effect)):
+        return f"the data do not determine its {own}"
+    for contained, known in _contained(parent, proposal).items():
+        if own := _undetermined_addition(model, proposal, known):
+            return f"the data do not determine what it adds to {contained}, its {own}"
     for active in parent.effects:
         strength = active.effect.strength
         key = f"{active.name}.{strength}"
@@ -79,11 +79,17 @@ def is_none(fitted: Model, name: str) -> bool:
     return bool(effect.strength) and fitted.values[f"{name}.{effect.strength}"] == effect.spec(effect.strength).neutral
 
 
-def _undetermined_addition(parent: Model, fitted: Model, proposal: Proposal) -> str:
-    """The parameters that an effect adds to the one that it contains; empty where the data determine any of them."""
-    replaced = str(proposal.replaces)
-    known = set(proposal.effect.contains.get(replaced.partition("@")[0].partition("#")[0], {}).values())
-    known |= {name.removeprefix(f"{proposal.name}.") for name in parent.free if replaced == proposal.name}
+def _contained(parent: Model, proposal: Proposal) -> dict[str, set[str]]:
+    """Parameters that an effect shares with what it replaces, else with each effect that it contains."""
+    nested = {name: set(shared.values()) for name, shared in proposal.effect.contains.items()}
+    if proposal.replaces is None:
+        return nested
+    own = {name.removeprefix(f"{proposal.name}.") for name in parent.free if proposal.replaces == proposal.name}
+    return {proposal.replaces: own | nested.get(proposal.replaces.partition("@")[0].partition("#")[0], set())}
+
+
+def _undetermined_addition(fitted: Model, proposal: Proposal, known: set[str]) -> str:
+    """The parameters of an effect beside the known ones; empty where the data determine any of them."""
     found = []
     for spec in proposal.effect.parameters:
         key = f"{proposal.name}.{spec.name}"

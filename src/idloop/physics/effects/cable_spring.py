@@ -12,6 +12,9 @@ def force(position: float, velocity: float, inertia: float, elapsed: float, stat
     return -parameters[0] * (position - parameters[1])
 
 
+# A joint that turns by a little more than once, behind a gear of 160:1: what turns further has no spring to wind up.
+_MOST_TURNS = 200.0
+
 EFFECT = Effect(
     name="cable_spring",
     site=BODY,
@@ -29,11 +32,15 @@ EFFECT = Effect(
     linear=True,
     rate=lambda values, inertia, stiffness: (values["stiffness"] / inertia) ** 0.5,
     looks_like=("imbalance",),
-    trials=lambda s: [
+    trials=lambda s: (
         [
-            {"stiffness": 0.1 * s.force / s.span, "rest": s.middle},
-            {"stiffness": 0.1 * s.force / s.span, "rest": s.middle + s.span},
+            [
+                {"stiffness": 0.1 * s.force / s.span, "rest": s.middle},
+                {"stiffness": 0.1 * s.force / s.span, "rest": s.middle + s.span},
+            ]
         ]
-    ],
+        if s.turns <= _MOST_TURNS
+        else []
+    ),
     degenerates_to=("input_offset", "load_torque"),
 )

@@ -19,7 +19,7 @@ EFFECT = Effect(
     text="A drag that grows with the square of speed: fan, propeller, churning oil.",
     also_called=("drag", "air_drag", "aerodynamic_drag", "fan"),
     equation=EffectEquation(r"-c\,\left|@v\right|@v", "", {"coefficient": "c"}),
-    parameters=(EffectParameter("coefficient", "{force}·s²/{position}²", min=0.0),),
+    parameters=(EffectParameter("coefficient", "{force}·s²/{position}²"),),
     force=force,
     proportional=True,
     looks_like=("viscous_friction", "stribeck_friction"),

@@ -1,0 +1,45 @@
+"""The values of a ladder are those that a fit of the same model takes, also where it takes those of a free run."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from idloop.diagnosis.candidate import Candidate
+from idloop.diagnosis.ladder import Ladder, Step
+from idloop.diagnosis.options import Options
+from idloop.diagnosis.refine import _Refinement
+from idloop.estimation import fit, greybox
+from idloop.estimation.criterion_choice import Choice
+from idloop.physics import Model, load_model
+
+from .conftest import record_of
+
+
+@pytest.mark.parametrize("criterion", ["prediction", "simulation"])
+def test_first_and_last_model_have_the_values_of_a_fit_by_free_run(
+    start: Model, monkeypatch: pytest.MonkeyPatch, criterion: str
+) -> None:
+    def chosen(*_: Any) -> Choice:
+        return Choice(criterion, "the noise model explains model error")
+
+    monkeypatch.setattr(greybox, "choose_criterion", chosen)
+    record = record_of(load_model("axis"), 1, seconds=2.0)
+    extended = start.with_effects(["coulomb_friction@axis"])
+    added = Candidate("coulomb_friction", "axis", "yes", "", "", model=extended)
+    ladder = Ladder((Step(None, start), Step(added, extended)), "adequate", criterion="prediction")
+    task = _Refinement(start, [record], [], Options(), 8, None)
+    found = task.with_values_of_free_run(start, ladder)
+    assert fit(start, [record]).criterion == criterion
+    if criterion == "prediction":
+        assert found.steps == ladder.steps
+        assert found.findings == ()
+        return
+    for step, model in zip(found.steps, (start, extended), strict=True):
+        assert step.model.values == fit(model, [record]).model.values
+        assert step.train["fit"]
+    last = found.steps[-1].added
+    assert last is not None
+    assert last.parameters["level"]["value"] == found.model.values["coulomb_friction@axis.level"]
+    assert [text.partition(",")[0] for text in found.findings] == ["the values are those of a free run"]
