@@ -16,7 +16,8 @@ def force(position: float, velocity: float, inertia: float, elapsed: float, stat
 EFFECT = Effect(
     name="quadratic_drag",
     site=BODY,
-    text="A drag that grows with the square of speed: fan, propeller, churning oil.",
+    text="A drag that grows with the square of speed (fan, propeller, churning oil); below zero, viscous friction that"
+    " levels off with speed, as that of grease in a harmonic drive.",
     also_called=("drag", "air_drag", "aerodynamic_drag", "fan"),
     equation=EffectEquation(r"-c\,\left|@v\right|@v", "", {"coefficient": "c"}),
     parameters=(EffectParameter("coefficient", "{force}·s²/{position}²"),),
