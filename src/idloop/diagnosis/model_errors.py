@@ -21,6 +21,8 @@ from idloop.validation.measures import fit_percent, nrmse, rmse
 
 # Other parameters compensate for an effect that was not missing: the unexplained force grows by a tenth or more.
 _WORSE, _FAR_WORSE = 1.1, 1.5
+# A free run with a larger error, as a part of the signal's deviation, does not follow it.
+_FOLLOWS = 0.9
 # Fifths of a record, kept for as long as the record: every model is run on them.
 _FIFTHS: WeakKeyDictionary[Record, list[Record]] = WeakKeyDictionary()
 
@@ -55,8 +57,14 @@ def explains_less(before: Model, after: Model, records: Sequence[Record]) -> boo
 
 
 def runs_worse(before: Model, after: Model, records: Sequence[Record]) -> bool:
-    """Whether the free run of some output, started anew at every fifth, has errors that grow by a tenth or more."""
-    return _grow(model_errors(before, records), model_errors(after, records), _WORSE)
+    """Whether the free run of some output, started anew at every fifth, has errors that grow by a tenth or more.
+
+    What did not follow the motion before shows nothing: an arm that a loop holds falls with the right model, and stands
+    still with one that describes nothing.
+    """
+    was, now = (model_errors(one, records) for one in (before, after))
+    followed = {name: error for name, error in was["anew"].items() if error < _FOLLOWS}
+    return _grow(was | {"anew": followed}, now, _WORSE)
 
 
 def _grow(was: dict[str, Any], now: dict[str, Any], most: float, of: str = "anew") -> bool:

@@ -217,7 +217,8 @@ class _Refinement:
         unbalanced = last.relative > _MOST_UNEXPLAINED and not found.model.inner_couplings
         if not (runs_worse or unbalanced):
             return found
-        other = self.by_errors(start, ladder, PREDICTION)
+        # What was found is kept until then.
+        other = replace(self, on_step=None).by_errors(start, ladder, PREDICTION)
         if not other.added or not (runs_worse or other.model.inner_couplings):
             return found
         worse = any(check(found.model, other.model) for check in (self._worse, self._runs_worse))
