@@ -122,9 +122,11 @@ def beside_weight(done: FirstFit, *, progress: Progress) -> FirstFit:
             fitted = fit(model, read_bags(done.bags, model), progress=progress)
         except InputError:
             continue
+        if not _shows(fitted, f"{effect}@{joint}"):
+            continue
         note = f"{effect}@{joint} is in the model: without a weight, inertia and viscous friction describe nothing"
         one = judged(FirstFit(model, fitted, bags=done.bags, notes=(*done.notes, note)))
-        if one.fit is not None and not one.reversed and _shows(one.fit, f"{effect}@{joint}"):
+        if one.fit is not None and not one.reversed:
             found.append(one)
     # The free run of an arm near its upper rest drifts off whatever the model is; its force balance does not.
     forces = [_force_error(one) for one in found]
@@ -204,13 +206,11 @@ def judged(done: FirstFit) -> FirstFit:
             " changes of the velocity, or let a diagnosis find what else moves the axis"
         )
         return replace(refused, why_not=why, incomplete=True)
-    if not _is_predicted(found):
-        why = (
-            "inertia and viscous friction predict no signal of any record better than a constant does; let a diagnosis"
-            " find what the model lacks"
-        )
-        return replace(refused, why_not=why, incomplete=True)
-    if why := _describes_nothing(found.train):
+    # Predictions ahead need an observer, and are asked last.
+    why = _describes_nothing(found.train)
+    if not why and not _is_predicted(found):
+        why = "inertia and viscous friction predict no signal of any record better than a constant does"
+    if why:
         return replace(refused, why_not=f"{why}; let a diagnosis find what the model lacks", incomplete=True)
     return replace(done, reversed=bool(opposite_direction_warning(done.model, found.model)))
 
