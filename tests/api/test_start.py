@@ -237,8 +237,10 @@ def test_values_that_describe_nothing_are_no_fit(record):
     for stderr in (np.nan, 10.0):
         unknown = replace(found, result=replace(found.result, stderr=np.full(1, stderr)))
         assert "determine none of axis.viscous_friction" in judged(replace(done, fit=unknown)).why_not
-    bad = dict.fromkeys(found.train[0].fit, -5.0)
-    nothing = replace(found, train=(SimpleNamespace(fit=bad, fit_ahead=bad),))
+    (compared,) = found.train
+    bad = dict.fromkeys(compared.fit, -5.0)
+    known = {name: getattr(compared, name) for name in ("model", "force", "time", "measured", "simulated")}
+    nothing = replace(found, train=(SimpleNamespace(**known, fit=bad, fit_ahead=bad),))
     refused = judged(replace(done, fit=nothing))
     assert refused.incomplete
     assert refused.fit is None
