@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from idloop.diagnosis.screening.proposals import proposals
 from idloop.physics import load_model
 from idloop.physics.trial import Scales
@@ -39,3 +41,9 @@ def test_the_fuller_form_is_not_offered_beside_itself():
     plain = found(load_model("axis"))["presliding_friction@axis"]
     assert plain.replaces is None
     assert set(plain.alternatives(SCALES)[0][0]) == {"level", "stiffness"}
+
+
+def test_a_spring_winds_up_as_far_as_a_joint_turns_behind_a_gear():
+    spring = found(load_model("axis"))["cable_spring@axis"]
+    assert spring.alternatives(replace(SCALES, turns=150.0))
+    assert not spring.alternatives(replace(SCALES, turns=500.0))

@@ -17,7 +17,7 @@ EFFECT = Effect(
     name="quadratic_drag",
     site=BODY,
     text="A drag that grows with the square of speed (fan, propeller, churning oil); below zero, viscous friction that"
-    " levels off with speed, as that of grease in a harmonic drive.",
+    " levels off, as that of grease in a harmonic drive, within the speeds of the records.",
     also_called=("drag", "air_drag", "aerodynamic_drag", "fan"),
     equation=EffectEquation(r"-c\,\left|@v\right|@v", "", {"coefficient": "c"}),
     parameters=(EffectParameter("coefficient", "{force}·s²/{position}²"),),
