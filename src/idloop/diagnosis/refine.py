@@ -299,7 +299,7 @@ class _Refinement:
 
     def with_values_of_free_run(self, start: Model, ladder: Ladder) -> Ladder:
         """The ladder whose first and last model have the values of a free run, where a fit of them takes these."""
-        last, reasons = len(ladder.steps) - 1, dict[str, None]()
+        last, reason = len(ladder.steps) - 1, ""
         for place, model in {0: start, last: ladder.model if last else start}.items():
             found = fit_as_chosen(model, self.records)
             if found.criterion != SIMULATION:
@@ -308,8 +308,8 @@ class _Refinement:
             if place and step.added is not None:
                 step = replace(step, added=step.added.with_model(found.model))
             ladder = replace(ladder, steps=(*ladder.steps[:place], step, *ladder.steps[place + 1 :]))
-            reasons[f"the values are those of a free run, not of one-step predictions: {found.why}"] = None
-        return replace(ladder, findings=(*ladder.findings, *reasons))
+            reason = f"the values are those of a free run, not of one-step predictions: {found.why}"
+        return replace(ladder, findings=(*ladder.findings, *([reason] if reason else [])))
 
     def _with_delay_or_lag(self, estimation: EstimationProblem, ladder: Ladder) -> Ladder:
         """The ladder with a delay or a lag of the drive as predictions separate them."""
