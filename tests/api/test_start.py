@@ -373,6 +373,9 @@ def test_several_files_are_named_by_what_their_names_share(record, tmp_path):
     assert name("drive log.csv") == "drive_log"
     assert name("step_0.csv", "step_1.csv", "step_2.csv") == "step"
     assert name("drive.csv", "encoder.csv") == "drive_encoder"
+    assert name("pendulum_sin_1V.csv", "pendulum_step_2V.csv") == "pendulum"
+    assert name("MotorStairUp.mat", "MotorStairDown.mat") == "MotorStair"
+    assert name("runA.csv", "runB.csv") == "run"
     assert name("a.csv", "b.csv", "c.csv") == "a_and_2_more"
 
 

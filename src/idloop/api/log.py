@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 
 _Read = TypeVar("_Read")
 _TURNED = re.compile(r"-(\w+|`[^`]*`)")
+_WORDS = re.compile(r"[_\-.0-9]+")
 _SHORTEST_NAME = 2  # letters that several names must have in common to give one
 _OVERLAP = 0.5  # share of the shorter file that two files of one run have at least in common
 # What one file shows holds for the others: values that start again, and negative ones logged as unsigned.
@@ -71,7 +72,7 @@ class Log:
     def name(self) -> str:
         """Name of the file, or what the names of several have in common."""
         names = [_plain_name(path) for path in self.files]
-        common = os.path.commonprefix(names).rstrip("0123456789_-.")  # noqa: RUF071  (letters are meant)
+        common = _common_name(names)
         if len(names) == 1 or len(common) < _SHORTEST_NAME:
             return "_".join(names) if len(names) < 3 else f"{names[0]}_and_{len(names) - 1}_more"
         return common
@@ -545,6 +546,17 @@ def _why_unused(table: Columns, name: str) -> str:
         return _TEXT
     known = values[np.isfinite(values)]
     return "never changes" if known.size and float(np.ptp(known)) == 0.0 else ""
+
+
+def _common_name(names: Sequence[str]) -> str:
+    """What several names begin with, without a number, and without a word that goes on otherwise in each of them."""
+    common = os.path.commonprefix(names)  # noqa: RUF071  (letters are meant)
+    follow = [name[len(common) :] for name in names]
+    within = common[-1:].isalpha() and all(one[:1].islower() for one in follow)
+    words = _WORDS.split(common)
+    if within and len(words) > 1:
+        common = common[: len(common) - len(words[-1])]
+    return common.rstrip("0123456789_-.")
 
 
 def _plain_name(path: Path) -> str:

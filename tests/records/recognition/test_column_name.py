@@ -39,6 +39,8 @@ NAMES = {
     "t_ff": (("torque", "ff"), "", ""),
     "current_A": (("current",), "A", ""),
     "motor_V": (("motor",), "V", ""),
+    "encoder_V": (("encoder",), "V", ""),
+    "tacho_V": (("tacho",), "V", ""),
     "motor_cmd_v": (("motor", "cmd"), "V", ""),
     "cmd_voltage_v": (("cmd", "voltage"), "V", ""),
     "bus_v": (("bus",), "V", ""),

@@ -88,6 +88,13 @@ def test_of_joints_with_names_the_one_that_moves_most_is_taken(tmp_path, taken):
     assert any(f"2 joints (X, Y); joint {taken}" in doubt for doubt in found.doubts)
 
 
+def test_joints_of_topics_are_called_by_their_own_names(tmp_path):
+    topics = [f"/joint_states/joint{joint}/{field}" for joint in (0, 1) for field in ("effort", "position")]
+    path = _write(tmp_path / "log.csv", ",".join(["t", *topics]), TIME, FORCE, 2.0 * ANGLE, FORCE, ANGLE)
+    found = recognise(path)
+    assert any("2 joints (joint0, joint1); joint joint0" in doubt for doubt in found.doubts)
+
+
 def test_a_counter_without_a_name_that_begins_anew_with_each_run_is_no_motion(tmp_path):
     """As boards print it: row, held command, microseconds, angle."""
     rows = np.arange(150)

@@ -69,3 +69,18 @@ def test_set_points_beside_what_follows_them_are_no_joints(tmp_path):
     columns = [place + 1e-3, place, speed + 1e-3, speed, force, np.roll(force, 40)]
     np.savetxt(tmp_path / "axis.txt", np.column_stack([T, *columns]), fmt="%.7g")
     assert not any("joints" in doubt for doubt in recognise(tmp_path / "axis.txt").doubts)
+
+
+def test_forces_on_top_of_a_constant_are_no_velocities(tmp_path):
+    rng = np.random.default_rng(2)
+    place = 0.02 * (1.0 - np.cos(0.4 * T))
+    force = 250.0 + 8.0 * np.tanh(400.0 * 0.02 * 0.4 * np.sin(0.4 * T)) + 0.1 * rng.normal(size=T.size)
+    pressure = 5.0 + 0.02 * rng.normal(size=T.size)
+    raw = [place * 80.0 + 3.0, pressure / 2.0, force / 50.0]
+    noise = 1e-4 * rng.normal(size=(3, T.size))
+    columns = [*(one + more for one, more in zip(raw, noise, strict=True)), place, pressure, force]
+    np.savetxt(tmp_path / "cylinder.txt", np.column_stack([T, *columns]), fmt="%.6g")
+    with pytest.raises(InputError, match="no column is a position"):
+        recognise(tmp_path / "cylinder.txt")
+    found = recognise(tmp_path / "cylinder.txt", {"position": "4=m", "command": "6=N"})
+    assert not any("joints" in doubt for doubt in found.doubts)

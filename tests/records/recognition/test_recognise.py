@@ -349,6 +349,16 @@ BAD = {
     "no command": ({"t": T, "angle": ANGLE}, {}, "no column is a command"),
     "no motion": ({"t": T, "u": U, "motor_temp": T}, {}, "no column is a position or a velocity"),
     "a column that is not there": ({"t": T, "u": U, "y": ANGLE}, {"position": Given("angel")}, "no column 'angel'"),
+    "a motion that stands still": (
+        {"t": T, "velocity_rad_s": 5.0 + 0.0 * T, "current_a": U},
+        {},
+        "nothing moves: velocity_rad_s never changes",
+    ),
+    "a sensor in volts": (
+        {"time_s": T, "current_A": U, "encoder_V": SPEED, "duty_pct": U, "supply_V": 12 + 0.0 * T},
+        {},
+        "--position 'encoder_V * 0.5=rad'",
+    ),
     "an unknown unit": ({"t": T, "u": U, "y": ANGLE}, {"position": Given("y", "parsec")}, "unknown unit 'parsec'"),
 }
 
@@ -500,6 +510,13 @@ def test_of_a_torque_and_a_current_that_makes_it_the_current_is_the_command(torq
     assert computed["command"][0] == torque, "a multiple of the current was computed from it"
     named = _roles(motion | {f"{torque} cmd": 0.1 * U + 0.2 * np.cos(T), current: 2 * U})[0]
     assert named["command"][0] == f"{torque} cmd"
+
+
+def test_the_hand_of_an_arm_is_no_joint():
+    roles, found = _roles({"time": T, "tau_command": U, "q": ANGLE, "qd": SPEED, "ee_pos": 0.3 * np.sin(0.1 * ANGLE)})
+    assert roles["position"][0] == "q"
+    assert not any("could be meant" in one for one in found.all_doubts())
+    assert _roles({"time": T, "force": U, "tcp_pos": ANGLE})[0]["position"][0] == "tcp_pos"
 
 
 @pytest.mark.parametrize("name", ["Vibration (g)", "Left Load Cell (mV)"])

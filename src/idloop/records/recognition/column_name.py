@@ -31,6 +31,8 @@ _UNITS_OF_WORDS: tuple[tuple[set[str], set[str]], ...] = (
         },
         _SPEEDS,
     ),
+    # What the sensor of a motion shows may be read as a voltage.
+    ({"enc", "encoder", "tacho", "tachometer"}, _VOLTAGES),
     # A small v is a voltage or a velocity.
     ({"v"}, _VOLTAGES | _SPEEDS),
     (

@@ -82,10 +82,19 @@ def in_blocks(columns: dict[str, TableColumn]) -> tuple[dict[str, TableColumn], 
 
 
 def _correlations(free: list[TableColumn]) -> Array:
-    """Correlation of the slope of each column (rows) with each column, 0 where one stands still."""
+    """Correlation of the slope of each column (rows) with each column, 0 where one stands still.
+
+    A velocity passes through zero where its position turns back. A force that changes its sign with the velocity, but
+    lies on top of a constant, does not: the smaller of the correlations with and without the means counts.
+    """
     slopes, means = slopes_and_means([one.value for one in free], free[0].runs)
     good = np.isfinite(slopes).all(axis=1) & np.isfinite(means).all(axis=1)
-    slopes, means = (one[good] - one[good].mean(axis=0) if good.any() else one[:0] for one in (slopes, means))
+    pairs = [(one - one.mean(axis=0) if good.any() else one, one) for one in (slopes[good], means[good])]
+    centred, whole = (_cosines(slope, mean) for slope, mean in zip(*pairs, strict=True))
+    return np.minimum(centred, whole)
+
+
+def _cosines(slopes: Array, means: Array) -> Array:
     sizes = np.outer(np.sqrt((slopes**2).sum(axis=0)), np.sqrt((means**2).sum(axis=0)))
     return np.asarray(np.divide(slopes.T @ means, sizes, out=np.zeros_like(sizes), where=sizes > 0.0))
 
@@ -218,11 +227,18 @@ def one_joint(
         others = (one for index, some in by_joint.items() if index != chosen for one in some)
         other = next((one for one in others if one.by_name.role == "position"), None)
         example = f", as in --position {shlex.quote(other.name)}" if other is not None else ""
+        shown = _last_parts(by_joint)
         doubts.append(
-            f"the log has {len(by_joint)} joints ({listed(by_joint)}); joint {chosen}, {why}, is taken:"
+            f"the log has {len(by_joint)} joints ({listed(shown.values())}); joint {shown[chosen]}, {why}, is taken:"
             f" for another, name its columns{example}"
         )
     return {name: one for name, one in columns.items() if name in named or one.parsed.index in ("", chosen)}
+
+
+def _last_parts(joints: Iterable[str]) -> dict[str, str]:
+    """Last part of the path of each joint, where these tell them apart."""
+    last = {joint: joint.rpartition(".")[2] for joint in joints}
+    return last if len(set(last.values())) == len(last) else {joint: joint for joint in last}
 
 
 def joints_with_command(columns: Map[str, TableColumn]) -> tuple[str, ...]:

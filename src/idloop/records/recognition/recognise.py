@@ -47,6 +47,7 @@ from idloop.records.recognition.roles import (
     RoleByName,
     is_computed,
     is_force_sensor,
+    is_sensor_in_volts,
     is_torque,
     may_be_measured,
     may_be_supply,
@@ -161,7 +162,7 @@ def recognise_table(
     _command_without_column(log)
     if not any(role in chosen for role in MOTION):
         raise InputError(
-            f"{table.path}: no column is a position or a velocity; name one with --position or --velocity (columns are"
+            f"{table.path}: {_no_motion(log.columns.values())}; name one with --position or --velocity (columns are"
             f" {listed(numbers, 20)}){_of_a_sensor(log.columns.values())}"
         )
     if LOAD in chosen and "position" not in chosen:
@@ -259,9 +260,16 @@ def _by_names(
     return joints_with_command(every)
 
 
+def _no_motion(columns: Iterable[TableColumn]) -> str:
+    """That there is no motion: none is named, or what is named so never changes."""
+    still = [one.name for one in columns if one.by_name.role in MOTION and not one.moves]
+    return f"nothing moves: {listed(still)} never changes" if still else "no column is a position or a velocity"
+
+
 def _of_a_sensor(columns: Iterable[TableColumn]) -> str:
     """How a motion that a sensor shows in volts is said; empty where nothing is in volts."""
-    volts = (one for one in reversed(list(columns)) if one.parsed.unit in ("V", "mV"))
+    volts = [one for one in reversed(list(columns)) if one.parsed.unit in ("V", "mV")]
+    volts.sort(key=lambda one: not is_sensor_in_volts(one.parsed))
     name = next((one.name for one in volts if not is_force_sensor(one.parsed)), "")
     return f"; that of a sensor in volts as a formula, such as --position '{quoted(name)} * 0.5=rad'" if name else ""
 

@@ -80,6 +80,10 @@ _COMPUTED = {
 AT_MOTOR = {"motor", "rotor", "drive"}
 AT_LOAD = {"load", "link", "arm", "output", "joint", "stage", "abtrieb"}
 _COORDINATES = {"q", "x", "y", "z", "theta", "phi", "alpha", "beta"}
+# The hand of an arm, whose place is that of no joint.
+_HAND = {"ee", "eef", "tcp", "endeffector", "cartesian"}
+# What shows a motion as a voltage.
+_MOTION_SENSORS = {"enc", "encoder", "pot", "poti", "potentiometer", "tacho", "tachometer", "lvdt"}
 _INPUTS = {"u", "input", "inp"}
 # Which of several columns is the command: what says so, then what acts first in the chain from command to force.
 _ORDER = (
@@ -117,6 +121,8 @@ def role_by_name(name: ColumnName) -> RoleByName:
     if (words & TIME_WORDS and not _is_force(unit)) or (unit in SECONDS and not words & _FORCES):
         by_word = words & TIME_WORDS
         return RoleByName("time", 1.0 + (len(words) == 1) + bool(by_word), _because(by_word, unit))
+    if is_sensor_in_volts(name):
+        return RoleByName("other")
     kind = _kind(name, words, unit)
     along = words & _ALONG_FIELD or ("d" in words and unit in ("A", "mA", "V", "mV"))
     none = words & _NEVER or (along and not words & (_POSITIONS | _VELOCITIES))
@@ -145,7 +151,7 @@ def role_by_name(name: ColumnName) -> RoleByName:
         role: Role = "reference" if wanted else "position"
         said = words & _POSITIONS
         # A letter may be any coordinate, or a state of a model.
-        rank = 2.0 + bool(measured) + bool(unit) - 0.5 * bool(said and said <= _COORDINATES)
+        rank = 2.0 + bool(measured) + bool(unit) - 0.5 * bool(said and said <= _COORDINATES) - bool(words & _HAND)
         return RoleByName(role, rank, _because(wanted | said, unit))
     if kind == "velocity":
         role = "reference velocity" if wanted else "velocity"
@@ -194,6 +200,11 @@ def says_no_command(name: ColumnName) -> bool:
 def is_force_sensor(name: ColumnName) -> set[str]:
     """Words that say that a sensor beside the drive felt a force: ``wrench``, ``load cell``; none where none do."""
     return next((some for some in _FORCE_SENSORS if some <= set(name.words)), set())
+
+
+def is_sensor_in_volts(name: ColumnName) -> bool:
+    """Whether a name says that a sensor shows a motion as a voltage, of a scale that is not known: ``encoder_V``."""
+    return name.unit in ("V", "mV") and bool(set(name.words) & _MOTION_SENSORS) and not set(name.words) & WANTED
 
 
 def is_computed(name: ColumnName) -> bool:
