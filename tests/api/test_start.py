@@ -143,6 +143,32 @@ def test_a_variable_of_one_name_in_each_file_is_the_signal_that_the_file_is_call
     assert not _are_signals([read_table(tmp_path / f"speed{k}.mat") for k in (1, 2)])
 
 
+@pytest.mark.parametrize(
+    "names", [("up_torque", "up_speed", "down_torque", "down_speed"), ("tau1", "speed1", "tau2", "speed2")]
+)
+def test_files_of_several_records_with_a_signal_each_are_told_apart(record, tmp_path, names):
+    c = _columns(record)
+    speed = np.gradient(c["q"], c["t"])
+    files = []
+    for name in names:
+        signal, values = ("speed", speed) if "speed" in name else ("torque", c["u"])
+        files.append(_write(tmp_path / f"{name}.csv", f"t,{signal}", c["t"], values))
+    with pytest.raises(InputError, match="those of 2 records with 2 files each") as refused:
+        recognise(files)
+    assert f"start {files[0]} {files[1]}`" in str(refused.value)
+    assert recognise(files[:2]).joined
+
+
+def test_series_of_several_records_that_only_the_files_name_are_told_apart(record, tmp_path):
+    c = _columns(record)
+    logs = [tmp_path / f"run{run}_{name}.t" for run in (1, 2) for name in ("tau", "pos")]
+    for log in logs:
+        np.savetxt(log, np.column_stack([c["t"], c["u"] if "tau" in log.name else c["q"]]), fmt="%.7g")
+    with pytest.raises(InputError, match="those of 2 records with 2 files each"):
+        recognise(logs)
+    assert recognise(logs[:2]).joined
+
+
 def test_runs_in_one_file_become_records_and_text_between_is_left_out(record, tmp_path):
     c = _columns(record)
     rows = [f"{int(1e3 * t)},{u:.7g},{q:.7g}" for t, u, q in zip(c["t"], c["u"], c["q"], strict=True)]

@@ -237,6 +237,12 @@ def recognise(
     options = {"skip_text": True, **(csv or {})}
     tables = _each([partial(read_table, path, options=options) for path in paths], paths)
     said = _given(given or {}, [name for table in tables for name in table.columns])
+    if runs := _runs_of_files(tables):
+        each = " and ".join(f"`{program()} start {shlex.join(map(str, run))}`" for run in runs[:2])
+        raise InputError(
+            f"the names of the files are those of {len(runs)} records with {len(runs[0])} files each: start each record"
+            f" alone, as in {each}, and give the bags of all of them to fit, diagnose and refine"
+        )
     if any(set(one.columns) != set(tables[0].columns) for one in tables) or _are_signals(tables):
         if rows:
             raise InputError("--rows cuts one file, or files with the same columns")
@@ -423,6 +429,30 @@ def _joined(paths: tuple[Path, ...], tables: list[Columns], said: dict[str, Give
     return Log(paths, (found,), joined=True, between=(*between, *doubts, *_apart(bases)))
 
 
+def _runs_of_files(tables: list[Columns]) -> list[list[Path]]:
+    """Return the files of each record where there are several, each of several files; none where all are of one.
+
+    The files of one signal have the same columns and a word in common, as in ``up_torque`` and ``down_torque``; the
+    words that are left tell the records apart.
+    """
+    kinds: dict[tuple[str, ...], list[Path]] = {}
+    for table in tables:
+        # Of a value that only the file names, the name says which signal it is.
+        named = "" if _names_signals(table) else role_by_name(parse_column_name(table.path.stem)).role
+        kinds.setdefault((named, *sorted(table.columns)), []).append(table.path)
+    if len(kinds) < 2 or len({len(paths) for paths in kinds.values()}) > 1 or len(kinds) == len(tables):
+        return []
+    runs: dict[tuple[str, ...], list[Path]] = {}
+    for paths in kinds.values():
+        words = [parse_column_name(path.stem) for path in paths]
+        common = set.intersection(*(set(one.words) for one in words))
+        for path, one in zip(paths, words, strict=True):
+            rest = tuple(word for word in one.words if word not in common)
+            runs.setdefault((*rest, one.index), []).append(path)
+    whole = len(runs) == len(tables) / len(kinds) and all(len(run) == len(kinds) for run in runs.values())
+    return list(runs.values()) if whole else []
+
+
 def _are_signals(tables: list[Columns]) -> bool:
     """Whether files with the same columns are the signals of one record: a value that only the file names, and a time.
 
@@ -434,11 +464,16 @@ def _are_signals(tables: list[Columns]) -> bool:
         return False
     if counts == {1} and len({len(column) for table in tables for column in table.columns.values()}) > 1:
         return False
-    inside = {role_by_name(parse_column_name(name)).role for name in tables[0].columns}
     names = [parse_column_name(table.path.stem) for table in tables]
     roles = {role_by_name(name).role for name in names}
     named = {"command", "effort"} & roles and roles & set(MOTION) and len({name.words for name in names}) == len(names)
-    return bool(named) and not inside & {"command", "effort", *MOTION}
+    return bool(named) and not _names_signals(tables[0])
+
+
+def _names_signals(table: Columns) -> bool:
+    """Whether a column is called a command or a motion."""
+    roles = {role_by_name(parse_column_name(name)).role for name in table.columns}
+    return bool(roles & {"command", "effort", *MOTION})
 
 
 def _complete(tables: list[Columns]) -> list[str]:
