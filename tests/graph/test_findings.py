@@ -8,44 +8,46 @@ pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip i
 
 from idloop.errors import IdloopError
 from idloop.graph import Findings, read_findings
+from idloop.physics import load_model
 from idloop_nodes.codec import (
     EffectEvidence,
     EvidenceSummary,
     LadderSummary,
     MissingSummary,
+    Status,
     encode_diagnostics,
     evidence_to_statuses,
-    ladder_to_statuses,
-    missing_to_statuses,
+    no_diagnosis,
 )
 from idloop_nodes.streams.bag_writer import BagWriter
 from idloop_nodes.topics import DIAGNOSTICS
 
 TOPICS = {
-    MissingSummary: ("/estimator/missing_effects", missing_to_statuses),
-    LadderSummary: ("/estimator/ladder", ladder_to_statuses),
-    EvidenceSummary: ("/estimator/evidence", evidence_to_statuses),
+    MissingSummary: "/estimator/missing_effects",
+    LadderSummary: "/estimator/ladder",
+    EvidenceSummary: "/estimator/evidence",
 }
 
 
 def write(folder, said):
-    writer = BagWriter(folder, {topic: DIAGNOSTICS for topic, _ in TOPICS.values()}, "kilted")
+    writer = BagWriter(folder, dict.fromkeys(TOPICS.values(), DIAGNOSTICS), "kilted")
     for stamp, one in enumerate(said):
-        topic, statuses = TOPICS[type(one)]
-        writer.write(topic, stamp, encode_diagnostics(stamp, statuses("e", one)))
+        statuses = evidence_to_statuses("e", one) if isinstance(one, EvidenceSummary) else one.statuses
+        writer.write(TOPICS[type(one)], stamp, encode_diagnostics(stamp, statuses))
     writer.close()
     return folder
 
 
 def ladder(suggested=None):
-    return LadderSummary("m", document=json.dumps({"ladder": [], "suggested_experiment": suggested}))
+    document = json.dumps({"ladder": [], "suggested_experiment": suggested})
+    return LadderSummary((Status("e: ladder", values={"document": document, "error": ""}),))
 
 
 def test_everything_that_was_said_is_read_in_order(tmp_path):
-    first = MissingSummary(
-        "m", where=("here",), windows=((1, 2), (3, 4)), document=json.dumps({"verdict": "missing", "set": ["a@b"]})
-    )
-    failed = MissingSummary("m", error="the worker process ended")
+    document = json.dumps({"verdict": "missing", "set": ["a@b"]})
+    values = {"where": '["here"]', "windows": "1-2 3-4", "document": document, "error": ""}
+    first = MissingSummary((Status("e: missing effects", values=values),))
+    failed = no_diagnosis("e", load_model("dc_motor"), "auto", 0.01, "the worker process ended")
     experiment = {"text": "try", "adds_to": "command"}
     said = [first, ladder(), ladder(experiment), ladder(experiment), failed, ladder()]
     found = read_findings(write(tmp_path / "bag", said))

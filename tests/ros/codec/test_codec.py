@@ -5,31 +5,29 @@ from __future__ import annotations
 import math
 import struct
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
+from idloop.diagnosis import Candidate, Diagnosis, Ladder, Step, UnknownStructure
+from idloop.diagnosis.identifiability import Gate
+from idloop.json_values import to_json
+from idloop.physics import load_model
 from idloop.reporting.estimates import with_interval
 from idloop_nodes.codec import (
     CdrError,
     EffectEvidence,
-    EffectSummary,
-    Estimate,
     EvidenceSummary,
     FitSummary,
     JointReader,
     JointSample,
     JointWriter,
-    LadderSummary,
     Level,
-    Measures,
-    MissingSummary,
     ParameterSummary,
     Status,
-    StepSummary,
-    UnknownSummary,
     decode_diagnostics,
     decode_header,
     decode_joint_state,
@@ -46,11 +44,14 @@ from idloop_nodes.codec import (
     ladder_to_statuses,
     missing_from_statuses,
     missing_to_statuses,
+    no_diagnosis,
     parameters_from_statuses,
     parameters_to_statuses,
     peek_stamp,
 )
+from idloop_nodes.codec.effects import estimate_text
 from idloop_nodes.codec.key_values import plus_minus
+from idloop_nodes.workbench_page.reading import ladder_of, missing_of
 
 stamps = st.integers(0, 2**31 * 10**9 - 1)
 texts = st.text(st.characters(exclude_characters="\x00", exclude_categories=("Cs",)), max_size=12)
@@ -209,25 +210,23 @@ def test_foreign_statuses_are_refused():
 
 
 name_tuples = st.lists(names, max_size=3).map(tuple)
-lines = st.lists(texts, max_size=3).map(tuple)
-estimates = st.dictionaries(names, st.builds(Estimate, finite, optional, texts), max_size=2)
-effects = st.builds(
-    EffectSummary, names, names, st.sampled_from(["yes", "weak", "no"]), optional, finite, optional, estimates, names
-)
-effects = st.builds(
-    lambda one, why, text, model: EffectSummary(**{**one.__dict__, "why": why, "text": text, "fitted_model": model}),
-    effects,
-    texts,
-    texts,
-    texts,
-)
-curve = st.lists(finite, max_size=3).map(tuple)
-unknowns = st.one_of(st.none(), st.builds(UnknownSummary, texts, texts, texts, curve, curve, curve, finite, texts))
-windows = st.lists(st.tuples(stamps, stamps), max_size=2).map(tuple)
-by_output = st.dictionaries(names, finite, max_size=2)
-measures = st.builds(Measures, by_output, by_output, by_output, optional)
-steps = st.builds(StepSummary, st.one_of(st.none(), effects), name_tuples, optional, names, measures, measures, texts)
-documents = st.one_of(st.none(), st.dictionaries(texts, st.one_of(finite, texts), max_size=2))
+MODEL = load_model("dc_motor")
+ADDED = MODEL.with_effects(["dead_zone@input(width=0.5)"])
+WIDTH = {"width": {"value": 0.1213, "stderr": 0.0011, "unit": "V", "held": False}}
+DEAD_ZONE = Candidate("dead_zone", "input", "yes", "", "Dead.", 812.0, 0.001, 0.97, WIDTH, ADDED)
+SLIP = Candidate("coulomb_friction", "motor", "weak", "slow", "Dry.")
+at = np.linspace(-1.0, 1.0, 3)
+UNKNOWN = UnknownStructure("motor.velocity", "rad/s", "N·m", at, 0.1 * at, 0.0 * at, 0.2, "a curve")
+
+
+def diagnosed(verdict="missing", set_=("dead_zone@input",), pair=None, unknown=None, candidates=(DEAD_ZONE, SLIP)):
+    return Diagnosis(
+        MODEL, candidates, set_, verdict, Gate(("20 s, two lines",), {}, {}), unknown, "force", 0.02, pair
+    )
+
+
+def climbed(*steps):
+    return Ladder((Step(None, MODEL), *steps), verdict="adequate", untestable=("cogging@motor",))
 
 
 def through_a_message(items):
@@ -238,45 +237,58 @@ def through_a_message(items):
     return decode_diagnostics(serialization.serialize_message(message))[1]
 
 
-@given(
-    st.builds(
-        MissingSummary,
-        names,
-        name_tuples,
-        st.sampled_from(["missing", "adequate", "unknown_structure", "not_excited"]),
-        st.lists(effects, max_size=3).map(tuple),
-        name_tuples,
-        name_tuples,
-        lines,
-        lines,
-        unknowns,
-        names,
-        finite,
-        windows,
-        texts,
-        texts,
-        name_tuples,
-    )
-)
-def test_missing_effects_round_trip(summary):
-    assert missing_from_statuses(through_a_message(missing_to_statuses("estimator", summary))) == summary
+@pytest.mark.parametrize("unknown", [None, UNKNOWN])
+def test_missing_effects_round_trip(unknown):
+    found = diagnosed(unknown=unknown)
+    summary = missing_to_statuses("estimator", found, ["at rest, 50 %"], [(1, 2), (3, 4)])
+    back = missing_from_statuses(through_a_message(summary.statuses))
+    assert back == summary
+    assert (back.verdict, back.set, back.pair, back.error) == ("missing", ("dead_zone@input",), (), "")
+    assert (back.where, back.windows) == (("at rest, 50 %",), ((1, 2), (3, 4)))
+    assert back.document == to_json(found.to_dict())
+    assert back.fitted_models == {"dead_zone@input": ADDED.to_yaml()}
+    shown = missing_of(back, None)
+    assert [one.name for one in shown.candidates] == ["dead_zone@input", "coulomb_friction@motor"]
+    assert shown.candidates[0].parameters == WIDTH
+    assert shown.candidates[0].model.to_yaml() == ADDED.to_yaml()
+    assert (shown.findings, shown.untestable) == (("20 s, two lines",), ())
+    assert (shown.unknown is None) == (unknown is None)
 
 
-@given(
-    st.builds(
-        LadderSummary,
-        names,
-        st.lists(steps, max_size=3).map(tuple),
-        names,
-        name_tuples,
-        documents,
-        st.integers(0, 9),
-        texts,
-        texts,
-    )
-)
-def test_ladder_round_trip(summary):
-    assert ladder_from_statuses(through_a_message(ladder_to_statuses("estimator", summary))) == summary
+def test_a_diagnosis_that_failed_round_trips():
+    summary = no_diagnosis("estimator", ADDED, "force", 0.02, "the worker process ended")
+    back = missing_from_statuses(through_a_message(summary.statuses))
+    assert back == summary
+    assert (back.error, back.line) == ("the worker process ended",) * 2
+    assert (back.values["effects"], back.values["level"], back.document) == ("dead_zone@input", "0.02", None)
+    assert missing_of(back, None).error == "the worker process ended"
+
+
+def test_the_values_of_effects_are_keys_of_their_own():
+    head, effect, _ = missing_to_statuses("estimator", diagnosed(unknown=UNKNOWN), (), ()).statuses
+    assert (head.values["criterion"], head.values["findings"]) == ("force", '["20 s, two lines"]')
+    assert (head.values["unknown/variable"], head.values["unknown/at"]) == ("motor.velocity", "-1.0 0.0 1.0")
+    expected = {"effect": "dead_zone", "at": "input", "testable": "yes", "p_value": "0.001", "explains": "0.97"}
+    expected |= {"gain": "812.0", "parameter/width": "0.1213", "stderr/width": "0.0011", "unit/width": "V"}
+    assert {name: effect.values[name] for name in expected} == expected
+
+
+@pytest.mark.parametrize("suggested", [None, {"text": "try", "rivals": ["a"], "signal": {"name": "square"}}])
+def test_ladder_round_trip(suggested):
+    errors = {"nrmse": {"motor.position": 0.1}, "fit": {"motor.position": 90.0}, "force": None}
+    ladder = climbed(Step(DEAD_ZONE, ADDED, ("dead_zone@input",), 0.001, train=errors))
+    summary = ladder_to_statuses("estimator", ladder, suggested, 2)
+    back = ladder_from_statuses(through_a_message(summary.statuses))
+    assert back == summary
+    assert (back.suggested_experiment, back.experiments, len(back.steps)) == (suggested, 2, 2)
+    assert ladder_of(back, None).added == ("dead_zone@input",)
+    named = back.document["suggested_experiment"]
+    assert named == (suggested and {"text": "try", "signal": {"name": "square"}})
+    step = back.steps[1].values
+    assert (step["step_p_value"], step["chosen_by"], step["effect"]) == ("0.001", "diagnosis", "dead_zone")
+    assert (step["train/fit/motor.position"], step["train/force"], step["model"]) == ("90.0", "", ADDED.to_yaml())
+    failed = back.failed("the worker process ended")
+    assert (failed.error, failed.line, failed.steps) == (*["the worker process ended"] * 2, back.steps)
 
 
 counts = st.integers(0, 2**62)
@@ -321,49 +333,33 @@ def test_the_evidence_is_for_people():
     assert "log E 49.3 of 8.9, but a second stretch of samples must confirm it; 5 s" in line
 
 
-DEAD_ZONE = EffectSummary(
-    "dead_zone",
-    "input",
-    "yes",
-    0.001,
-    0.97,
-    812.0,
-    {"width": Estimate(0.1213, 0.0011, "V")},
-    text="Dead.",
-)
-
-
 def test_what_stands_behind_a_plus_minus_is_the_same_interval_everywhere():
-    one = Estimate(0.1213, 0.0011, "V")
-    assert one.text == f"{with_interval(one.value, one.stderr)} V" == "0.1213 ± 0.0022 V"
+    assert estimate_text(WIDTH["width"]) == f"{with_interval(0.1213, 0.0011)} V" == "0.1213 ± 0.0022 V"
     assert (plus_minus(None), plus_minus(float("nan"))) == ("", "")
 
 
 def test_missing_effects_are_for_people():
-    summary = MissingSummary("m", verdict="missing", candidates=(DEAD_ZONE,), set=("dead_zone@input", "slip@motor"))
-    head, one = missing_to_statuses("estimator", summary)
+    ties = ("dead_zone@input", "coulomb_friction@motor")
+    head, one, _ = missing_to_statuses("estimator", diagnosed(set_=ties), (), ()).statuses
     assert head.name == "estimator: missing effects"
     assert head.level == one.level == Level.WARN
     assert head.message == (
         "dead_zone@input is missing (p 0.001, explains 97 %, width 0.1213 ± 0.0022 V); "
-        "this data cannot tell it from slip@motor"
+        "this data cannot tell it from coulomb_friction@motor"
     )
     assert (one.name, one.hardware_id) == ("estimator: dead_zone@input", "dead_zone@input")
-    assert missing_to_statuses("estimator", MissingSummary("m", verdict="adequate"))[0].level == Level.OK
-    pair = ("dead_zone@input", "saturation@input")
-    together = MissingSummary("m", verdict="missing", candidates=(DEAD_ZONE,), set=pair[:1], pair=pair)
-    assert missing_to_statuses("estimator", together)[0].message == (
+    nothing = missing_to_statuses("estimator", diagnosed("adequate", ()), (), ()).statuses[0]
+    assert (nothing.level, nothing.message) == (Level.OK, "nothing significant is missing")
+    together = diagnosed(pair=("dead_zone@input", "saturation@input"))
+    assert missing_to_statuses("estimator", together, (), ()).line == (
         "only together: dead_zone@input and saturation@input are missing "
         "(p 0.001, explains 97 %, width 0.1213 ± 0.0022 V)"
     )
 
 
 def test_the_ladder_is_for_people():
-    start = StepSummary(validation=Measures({"motor.position": 0.1}, {"motor.position": 90.0}), model="name: m")
-    step = StepSummary(
-        DEAD_ZONE, ("dead_zone@input",), 0.001, "diagnosis", validation=Measures({}, {"motor.position": 99.5})
-    )
-    items = ladder_to_statuses("estimator", LadderSummary("m", (start, step), "adequate"))
+    step = Step(DEAD_ZONE, ADDED, ("dead_zone@input",), 0.001, validation={"fit": {"motor.position": 99.5}})
+    items = ladder_to_statuses("estimator", climbed(step), None, 0).statuses
     assert items[0].message == "start + dead_zone@input: FIT motor.position 99.50 % on data not used in the fit"
     assert [one.name for one in items[1:]] == ["estimator: step 0", "estimator: step 1"]
     assert items[2].message == "+ dead_zone@input: FIT motor.position 99.50 %"

@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
 from idloop.errors import InputError
-from idloop_nodes.codec import LadderSummary, MissingSummary, StepSummary
+from idloop_nodes.codec import LadderSummary, MissingSummary, Status
 from idloop_nodes.estimation.coordinator import MAXIMUM_EXPERIMENTS, Autopilot, Coordinator
 from idloop_nodes.estimation.diagnosis_jobs import (
     ADD_BEST,
@@ -24,7 +24,18 @@ from idloop_nodes.estimation.diagnosis_jobs import (
 from idloop_nodes.estimation.whiteness_watch import WhitenessWatch
 
 TIE = ("dead_zone@input", "coulomb_friction@motor")
-LADDER = LadderSummary("m", (StepSummary(), StepSummary()))
+
+
+def missing_summary(verdict, effects=()):
+    return MissingSummary((Status("e: missing effects", values={"verdict": verdict, "set": " ".join(effects)}),))
+
+
+def ladder_summary(suggested=""):
+    head = Status("e: ladder", values={"suggested_experiment": suggested, "error": ""})
+    return LadderSummary((head, Status("e: step 0"), Status("e: step 1")))
+
+
+LADDER = ladder_summary()
 
 
 class Office:
@@ -57,7 +68,7 @@ class Office:
         return taken
 
     def found(self, verdict, effects=()):
-        return self.answer(missing=MissingSummary("m", verdict=verdict, set=effects), ladder=LADDER)
+        return self.answer(missing=missing_summary(verdict, effects), ladder=LADDER)
 
     @property
     def verbs(self):
@@ -116,7 +127,7 @@ def test_the_autopilot_climbs_until_nothing_is_left():
 
 
 def suggestion():
-    return LadderSummary("m", LADDER.steps, suggested_experiment={"text": "try", "experiment": {"adds_to": "command"}})
+    return ladder_summary(json.dumps({"text": "try", "experiment": {"adds_to": "command"}}))
 
 
 def test_what_ties_is_settled_by_an_experiment_first():
@@ -140,7 +151,7 @@ def test_what_ties_is_settled_by_an_experiment_first():
 def test_what_is_worked_out_alone_moves_nothing_and_runs_when_it_is_ordered():
     """A reader sees the predicted motion before anything moves."""
     office = Office(True, True, False)
-    office.coordinator.missing = MissingSummary("m", verdict="missing", set=TIE)
+    office.coordinator.missing = missing_summary("missing", TIE)
     assert office.coordinator.order(DESIGN).endswith("nothing moves")
     office.coordinator.limits_known(MotionLimits())
     office.answer(ladder=suggestion())
@@ -158,7 +169,7 @@ def test_what_is_worked_out_alone_moves_nothing_and_runs_when_it_is_ordered():
 @pytest.mark.parametrize("later", ["diagnosis", "effects", "another model"])
 def test_what_was_worked_out_for_another_question_is_not_run(later):
     office = Office(False, False, False)
-    office.coordinator.missing = MissingSummary("m", verdict="missing", set=TIE)
+    office.coordinator.missing = missing_summary("missing", TIE)
     office.coordinator.order(DESIGN)
     office.coordinator.limits_known(MotionLimits())
     office.answer(ladder=suggestion())
@@ -170,7 +181,7 @@ def test_what_was_worked_out_for_another_question_is_not_run(later):
         office.answer(ladder=LADDER)
     else:
         office.coordinator.forget()
-    office.coordinator.missing = MissingSummary("m", verdict="missing", set=TIE)
+    office.coordinator.missing = missing_summary("missing", TIE)
     office.coordinator.order(SUGGEST)
     assert (office.experiments, office.asked) == ([], 2)
 
@@ -178,7 +189,7 @@ def test_what_was_worked_out_for_another_question_is_not_run(later):
 @pytest.mark.parametrize("stage", ["limits", "suggestion"])
 def test_a_design_that_fails_adds_nothing(stage):
     office = Office(True, True, False)
-    office.coordinator.missing = MissingSummary("m", verdict="missing", set=TIE)
+    office.coordinator.missing = missing_summary("missing", TIE)
     office.coordinator.order(DESIGN)
     if stage == "limits":
         office.coordinator.refused("nobody answers")
@@ -257,7 +268,7 @@ def test_what_was_ordered_for_another_model_is_in_vain():
     office = Office(True, True, True)
     office.coordinator.order(DIAGNOSE)
     office.coordinator.forget()
-    assert office.answer(DIAGNOSE, missing=MissingSummary("m", verdict="missing", set=TIE)) is None
+    assert office.answer(DIAGNOSE, missing=missing_summary("missing", TIE)) is None
     assert office.coordinator.missing is None
     assert office.coordinator.state == b""
     assert not office.coordinator.busy

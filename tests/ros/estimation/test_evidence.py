@@ -17,6 +17,7 @@ from idloop_nodes.codec import (
     FitSummary,
     MissingSummary,
     ParameterSummary,
+    Status,
     decode_diagnostics,
     encode_diagnostics,
     evidence_from_statuses,
@@ -139,7 +140,7 @@ def test_estimates_are_trusted_once_effects_have_been_weighed_and_nothing_is_mis
     bench.answer(SLIP)
     assert bench.estimates[-1][0].trusted
     assert bench.evidence[-1].parameters == tuple(bench.estimates[-1])
-    bench.missing = MissingSummary("dc_motor", verdict="missing", set=("gravity@motor",))
+    bench.missing = MissingSummary((Status("e", values={"verdict": "missing", "set": "gravity@motor"}),))
     bench.looks.take_fit(FIT, [GAIN], 2)
     assert not bench.estimates[-1][0].trusted
     assert "gravity@motor" in bench.estimates[-1][0].why

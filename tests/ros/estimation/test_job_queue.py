@@ -39,7 +39,7 @@ class Office:
     def order(self, verb=UNDO, *, replaceable=False, **more):
         from idloop.physics import load_model
 
-        one = DiagnosisOrder(verb, 0, load_model("dc_motor"), **more)
+        one = DiagnosisOrder("estimator", verb, 0, load_model("dc_motor"), **more)
         self.worker.submit(
             one.carry_out,
             self.answers.append,

@@ -162,7 +162,7 @@ def test_a_user_has_the_next_experiment_run_and_climbs(operate):
 
     assert operator.call("/estimator/add_best_effect").success
     operator.until(lambda: len(operator.ladder().steps) == 2)
-    assert operator.ladder().steps[1].added.name == "dead_zone@input"
+    assert operator.ladder().steps[1].hardware_id == "dead_zone@input"
     assert operator.call("/estimator/undo").success
     operator.until(lambda: len(operator.ladder().steps) == 1)
 

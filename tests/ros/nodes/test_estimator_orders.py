@@ -19,6 +19,7 @@ from idloop_nodes.codec import (
     ladder_from_statuses,
     missing_from_statuses,
 )
+from idloop_nodes.workbench_page.reading import ladder_of
 
 pytestmark = [
     pytest.mark.ros,
@@ -73,7 +74,8 @@ class EstimatorBench:
         answer = order()
         self.bench.until(lambda: not coordinator.busy and getattr(coordinator, name) is not old)
         self.bench.until(lambda: got and read(decode_diagnostics(got[-1])[1]) == getattr(coordinator, name))
-        return answer, getattr(coordinator, name)
+        newest = getattr(coordinator, name)
+        return answer, ladder_of(newest, None) if topic == "ladder" else newest
 
     def effects(self):
         return [one for one in self.bench.node.get_parameter("effects").value if one]
@@ -95,24 +97,24 @@ def test_orders_climb_the_ladder_and_come_down_again(bench):
     assert "16.0 s of data" in answer.message
     assert missing.verdict == "missing"
     assert missing.set == ("dead_zone@input",)
-    best = missing.candidates[0]
-    assert best.p_value < 0.01
-    assert abs(best.parameters["width"].value - WIDTH) < 0.05
-    assert best.parameters["width"].unit == "V"
+    best = missing.document["candidates"][0]
+    assert best["p_value"] < 0.01
+    assert abs(best["parameters"]["width"]["value"] - WIDTH) < 0.05
+    assert best["parameters"]["width"]["unit"] == "V"
     assert missing.where
-    assert missing.findings
+    assert missing.document["gate"]["findings"]
 
     _, ladder = one.after("ladder", lambda: one.call("add_best_effect"))
     assert [step.added.name for step in ladder.steps[1:]] == ["dead_zone@input"]
     assert ladder.steps[1].chosen_by == "diagnosis"
-    assert ladder.steps[1].p_value == best.p_value
-    before, after = (step.validation.nrmse["motor.position"] for step in ladder.steps)
+    assert ladder.steps[1].p_value == best["p_value"]
+    before, after = (step.validation["nrmse"]["motor.position"] for step in ladder.steps)
     assert after < 0.5 * before
     assert one.effects() == ["dead_zone@input"]
     assert "dead_zone@input" in one.bench.node.estimator.model.effect_names
 
     _, missing = one.after("missing_effects", lambda: one.call("diagnose"))
-    assert missing.effects == ("dead_zone@input",)
+    assert missing.values["effects"] == "dead_zone@input"
     assert missing.verdict != "missing"
     assert missing.set == ()
 
@@ -148,7 +150,7 @@ def test_setting_the_effects_refits_with_exactly_these(bench):
     both = ["coulomb_friction@motor", "dead_zone@input"]
     _, ladder = one.after("ladder", lambda: one.bench.set("effects", both))
     assert [step.added.name for step in ladder.steps[1:]] == both
-    assert ladder.steps[2].validation.nrmse["motor.position"] < ladder.steps[0].validation.nrmse["motor.position"]
+    assert ladder.steps[2].validation["nrmse"]["motor.position"] < ladder.steps[0].validation["nrmse"]["motor.position"]
 
     _, ladder = one.after("ladder", lambda: one.bench.set("effects", ["dead_zone@input"]))
     assert [step.added.name for step in ladder.steps[1:]] == ["dead_zone@input"]

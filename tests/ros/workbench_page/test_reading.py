@@ -9,16 +9,17 @@ import pytest
 
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
+from idloop.diagnosis import Candidate
 from idloop.diagnosis.ladder import SCHEMA
 from idloop.errors import InputError
 from idloop.physics import load_model
 from idloop.reporting.workbench.state import Activity
 from idloop_nodes.codec import (
     EffectEvidence,
-    EffectSummary,
     EvidenceSummary,
     LadderSummary,
     Level,
+    MissingSummary,
     ParameterSummary,
     Status,
 )
@@ -26,9 +27,9 @@ from idloop_nodes.workbench_page.reading import (
     MAXIMUM_POINTS,
     activity_of,
     automatic_of,
-    candidate_of,
     evidence_of,
     ladder_of,
+    missing_of,
 )
 
 
@@ -70,10 +71,14 @@ def test_a_message_makes_no_effect_run_that_is_not_trusted(tmp_path):
     model = load_model("dc_motor").to_yaml().replace("effects: []", "effects: [{effect: lean, at: motor, size: 1.0}]")
     assert "lean" in model
     document = json.dumps({"schema": SCHEMA, "ladder": [{"added": None, "model": model}]})
+    lean = json.dumps(Candidate("lean", "motor", "yes", "", "").to_dict() | {"gain": None})
+    found = f'{{"unknown": null, "untestable": [], "gate": {{"findings": []}}, "candidates": [{lean}]}}'
+    head = Status("e: missing effects", values={"document": found, "verdict": "missing", "set": ""})
+    missing = MissingSummary((head, Status("e: lean@motor", values={"fitted_model": model}, hardware_id="lean@motor")))
     with pytest.raises(InputError, match="which are not trusted"):
-        candidate_of(EffectSummary("lean", "motor", fitted_model=model), tmp_path)
+        missing_of(missing, tmp_path)
     with pytest.raises(InputError, match="which are not trusted"):
-        ladder_of(LadderSummary("run", document=document), tmp_path)
+        ladder_of(LadderSummary((Status("e: ladder", values={"document": document}),)), tmp_path)
     assert not (tmp_path / "run").exists()
 
 

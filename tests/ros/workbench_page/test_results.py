@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,7 +10,6 @@ import pytest
 pytest.importorskip("idloop_nodes", reason="idloop_nodes is not installed: pip install -e ros_ws/src/idloop_nodes")
 
 from idloop.diagnosis import Candidate, Ladder, Step
-from idloop.json_values import to_json
 from idloop.physics import load_model
 from idloop.reporting.workbench.assessment import Assessment
 from idloop.reporting.workbench.state import Missing
@@ -19,7 +17,6 @@ from idloop.reporting.workbench.state_json import page_state
 from idloop.validation.where import Where
 from idloop_nodes.codec import (
     FitSummary,
-    LadderSummary,
     ParameterSummary,
     fit_to_statuses,
     ladder_to_statuses,
@@ -42,8 +39,7 @@ def fit(effects, value):
 def ladder(*models):
     steps = [Step(None, models[0])]
     steps += [Step(Candidate("dead_zone", "input", "yes", "", "It gives."), one) for one in models[1:]]
-    document = json.dumps(to_json(Ladder(tuple(steps)).to_dict()))
-    return ladder_to_statuses("estimator", LadderSummary(MODEL.name, document=document))
+    return ladder_to_statuses("estimator", Ladder(tuple(steps)), None, 0).statuses
 
 
 @pytest.fixture

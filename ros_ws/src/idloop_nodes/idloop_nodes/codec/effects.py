@@ -1,252 +1,291 @@
-"""Missing effects, and the ladder of those that were added, as diagnostic statuses and back."""
+"""Missing effects, and the ladder of those that were added, as diagnostic statuses.
+
+A summary is its message: the worker writes it once from the library's result, and who receives it reads from it what he
+needs. The whole result is in it as a document.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Any
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
+from idloop.documents import read_json
 from idloop_nodes.codec.diagnostics import Level, Status
-from idloop_nodes.codec.key_values import from_values, number_or_none, plus_minus, reading, text_or_empty, to_values
+from idloop_nodes.codec.key_values import as_json, plus_minus, reading, text_or_empty
+
+if TYPE_CHECKING:
+    from idloop.diagnosis import Candidate, Diagnosis, Ladder, Step, UnknownStructure
+    from idloop.physics import Model
 
 LEVELS = {"adequate": Level.OK, "missing": Level.WARN}
+Windows = Sequence[tuple[int, int]]
 
 
 @dataclass(frozen=True)
-class Estimate:
-    """Value of one parameter of an effect, with standard error (or None) and unit."""
+class _Summary:
+    """Statuses of a message: one for all, then one for each effect or step."""
 
-    value: float
-    stderr: float | None = None
-    unit: str = ""
+    statuses: tuple[Status, ...]
 
     @property
-    def text(self) -> str:
-        """For a person, with the 95 % interval: ``0.121 ± 0.002 V``."""
-        return f"{self.value:.4g}{plus_minus(self.stderr)} {self.unit}".strip()
-
-
-@dataclass(frozen=True)
-class EffectSummary:
-    """One effect that may be missing."""
-
-    # Effect and site
-    effect: str
-    at: str
-    testable: str = "yes"  # ``yes``, ``weak`` or ``no``: what the data can show of it
-    p_value: float | None = None  # family-wise; None when it was not tested
-    explains: float = 0.0  # share of the unexplained error that it explains, 0 to 1
-    gain: float | None = None  # log-likelihood gained; None when it was only screened
-    parameters: dict[str, Estimate] = field(default_factory=dict)  # by the parameter's name in the effect
-    replaces: str = ""  # effect of the model whose place it takes; empty when none
-    # Why it is testable or resembles this one; its physics in a sentence
-    why: str = ""
-    text: str = ""
-    # The model that was fitted with it, as the text of a model file; empty when it was only screened
-    fitted_model: str = field(default="", metadata={"added": True})
-
-    @property
-    def name(self) -> str:
-        """``dead_zone@input``."""
-        return f"{self.effect}@{self.at}"
+    def values(self) -> dict[str, str]:
+        """Key values of the first status."""
+        return self.statuses[0].values
 
     @property
     def line(self) -> str:
-        """Evidence and parameters for a person."""
-        parts = [] if self.p_value is None else [f"p {self.p_value:.2g}" if self.p_value >= 1e-3 else "p < 0.001"]
-        parts.append(f"explains {100.0 * self.explains:.0f} %")
-        parts += [f"{name} {one.text}" for name, one in self.parameters.items()]
-        return ", ".join(parts)
-
-
-@dataclass(frozen=True)
-class UnknownSummary:
-    """Structure that no effect of the catalogue explains: the remaining force over a variable, with its band."""
-
-    variable: str
-    unit: str
-    force_unit: str
-    at: tuple[float, ...]
-    force: tuple[float, ...]
-    band: tuple[float, ...]
-    share: float
-    text: str
-
-
-@dataclass(frozen=True)
-class MissingSummary:
-    """What a diagnosis found."""
-
-    model: str  # name of the model
-    effects: tuple[str, ...] = ()  # effects that it has
-    verdict: str = ""  # ``missing``, ``adequate``, ``unknown_structure`` or ``not_excited``
-    candidates: tuple[EffectSummary, ...] = ()  # best first
-    set: tuple[str, ...] = ()  # effects that the data cannot tell from the best one, that one included
-    untestable: tuple[str, ...] = ()  # effects of which the data can show nothing
-    # What the data can show; where the model fails
-    findings: tuple[str, ...] = field(default=(), metadata={"lines": True})
-    where: tuple[str, ...] = field(default=(), metadata={"lines": True})
-    unknown: UnknownSummary | None = None
-    criterion: str = ""
-    level: float = 0.01  # family-wise error rate
-    windows: tuple[tuple[int, int], ...] = ()  # first and last stamp of each stretch of data in nanoseconds
-    document: str = ""  # all of it as `idloop diagnose` writes it (JSON, schema idloop/diagnose/1)
-    error: str = ""  # why there is no diagnosis, one line; empty when there is one
-    # Two effects that show only together; empty where one alone is missing, or none
-    pair: tuple[str, ...] = field(default=(), metadata={"added": True})
+        """For a person."""
+        return self.statuses[0].message
 
     @property
-    def line(self) -> str:
-        """The verdict for a person."""
-        if self.error:
-            return self.error
-        if self.verdict == "missing" and self.candidates:
-            best = self.candidates[0]
-            ties = [name for name in self.set if name != best.name]
-            tied = f"; this data cannot tell it from {', '.join(ties)}" if ties else ""
-            if self.pair:
-                return f"only together: {' and '.join(self.pair)} are missing ({best.line})"
-            return f"{best.name} is missing ({best.line}){tied}"
-        if self.verdict == "adequate":
-            return "nothing significant is missing"
-        if self.verdict == "unknown_structure":
-            return self.unknown.text if self.unknown else "something is missing that is not in the catalogue"
-        if self.verdict == "not_excited":
-            return f"nothing significant is missing, but this data cannot show {', '.join(self.untestable)}"
-        return self.verdict
+    def error(self) -> str:
+        """Why there is no result, one line; empty when there is one."""
+        return self.values["error"]
+
+    @property
+    def document(self) -> dict[str, Any] | None:
+        """All of it as the command line writes it; None where there is no result."""
+        return _mapping(self.values["document"])
 
 
-def missing_to_statuses(node: str, summary: MissingSummary) -> list[Status]:
-    """Return the statuses of ``estimator/missing_effects``."""
-    values = to_values(summary)
-    if summary.unknown is not None:
-        values |= to_values(summary.unknown, "unknown/")
-    level = Level.WARN if summary.error else LEVELS.get(summary.verdict, Level.WARN)
-    head = Status(f"{node}: missing effects", summary.line, level, values, summary.model)
-    return [head, *(_effect_to_status(node, one, tied=one.name in summary.set) for one in summary.candidates)]
+class MissingSummary(_Summary):
+    """What a diagnosis found: ``estimator/missing_effects``."""
+
+    @property
+    def verdict(self) -> str:
+        """``missing``, ``adequate``, ``unknown_structure`` or ``not_excited``; empty without a diagnosis."""
+        return self.values["verdict"]
+
+    @property
+    def set(self) -> tuple[str, ...]:
+        """Effects that the data cannot tell from the best one, that one included."""
+        return tuple(self.values["set"].split())
+
+    @property
+    def pair(self) -> tuple[str, ...]:
+        """Two effects that show only together; messages of earlier versions have none."""
+        return tuple(self.values.get("pair", "").split())
+
+    @property
+    def where(self) -> tuple[str, ...]:
+        """Where the model fails, as lines."""
+        return tuple(read_json(self.values["where"], "where"))
+
+    @property
+    def windows(self) -> tuple[tuple[int, ...], ...]:
+        """First and last stamp of each stretch of data [ns]."""
+        return tuple(tuple(map(int, one.split("-"))) for one in self.values["windows"].split())
+
+    @property
+    def fitted_models(self) -> dict[str, str]:
+        """Models that were fitted with an effect, as texts of model files, by ``effect@site``."""
+        found = {one.hardware_id: one.values.get("fitted_model", "") for one in self.statuses[1:]}
+        return {name: text for name, text in found.items() if text}
 
 
-def missing_from_statuses(statuses: Sequence[Status]) -> MissingSummary:
-    """Return the summary that `missing_to_statuses` wrote; CdrError when it cannot be read."""
-    with reading("estimator/missing_effects", statuses) as values:
-        known = "unknown/variable" in values
-        unknown = from_values(UnknownSummary, values, "unknown/") if known else None
-        candidates = tuple(effect_from_values(one.values) for one in statuses[1:])
-        return from_values(MissingSummary, values, candidates=candidates, unknown=unknown)
+class LadderSummary(_Summary):
+    """All steps so far: ``estimator/ladder``."""
+
+    @property
+    def steps(self) -> tuple[Status, ...]:
+        """A status for each step; the first one is the start."""
+        return self.statuses[1:]
+
+    @property
+    def suggested_experiment(self) -> dict[str, Any] | None:
+        """The next experiment, as `idloop suggest` writes it."""
+        return _mapping(self.values["suggested_experiment"])
+
+    @property
+    def experiments(self) -> int:
+        """Experiments whose data are in."""
+        return int(self.values["experiments"])
+
+    def failed(self, reason: str) -> LadderSummary:
+        """The same ladder after an order that could not be carried out."""
+        head = self.statuses[0]
+        head = replace(head, message=reason, level=Level.WARN, values=head.values | {"error": reason})
+        return LadderSummary((head, *self.steps))
 
 
-def _effect_to_status(node: str, one: EffectSummary, *, tied: bool) -> Status:
-    level = Level.WARN if tied else Level.OK
-    return Status(f"{node}: {one.name}", one.line, level, effect_to_values(one), one.name)
+def _mapping(text: str) -> dict[str, Any] | None:
+    document = read_json(text, "document") if text else None
+    if document is not None and not isinstance(document, dict):
+        raise ValueError(f"{text[:40]!r} is no mapping")
+    return document
 
 
-def effect_to_values(one: EffectSummary) -> dict[str, str]:
-    """Return the key values of one effect."""
-    values = to_values(one)
-    for name, estimate in one.parameters.items():
-        values[f"parameter/{name}"] = repr(float(estimate.value))
-        values[f"stderr/{name}"] = text_or_empty(estimate.stderr)
-        values[f"unit/{name}"] = estimate.unit
+def missing_to_statuses(node: str, found: Diagnosis, where: Sequence[str], windows: Windows) -> MissingSummary:
+    """Return the message of a diagnosis; `where` the model fails, on which stretches of data [ns]."""
+    values = {
+        "verdict": found.verdict,
+        "set": " ".join(found.set),
+        "untestable": " ".join(found.untestable),
+        "findings": _lines(found.gate.findings),
+        "where": _lines(where),
+        "windows": " ".join(f"{start}-{stop}" for start, stop in windows),
+        "document": as_json(found.to_dict()),
+        "pair": " ".join(found.pair or ()),
+    }
+    if found.unknown is not None:
+        values |= _unknown(found.unknown)
+    severity = LEVELS.get(found.verdict, Level.WARN)
+    head = _missing_head(node, found.model, _missing_line(found), severity, found.criterion, found.level, values)
+    effects = [
+        Status(
+            f"{node}: {one.name}",
+            _effect_line(one),
+            Level.WARN if one.name in found.set else Level.OK,
+            _effect(one, "" if one.model is None else one.model.to_yaml()),
+            one.name,
+        )
+        for one in found.candidates
+    ]
+    return MissingSummary((head, *effects))
+
+
+def no_diagnosis(node: str, model: Model, criterion: str, level: float, reason: str) -> MissingSummary:
+    """Return the message where there is no diagnosis of a model, and why."""
+    return MissingSummary((_missing_head(node, model, reason, Level.WARN, criterion, level, {"error": reason}),))
+
+
+def _missing_head(
+    node: str, model: Model, line: str, severity: Level, criterion: str, level: float, values: Mapping[str, str]
+) -> Status:
+    known = {"model": model.name, "effects": " ".join(model.effect_names), "criterion": criterion}
+    empty = dict.fromkeys(("verdict", "set", "untestable", "windows", "document", "error", "pair"), "")
+    empty |= {"findings": "[]", "where": "[]", "level": repr(float(level))}
+    return Status(f"{node}: missing effects", line, severity, known | empty | dict(values), model.name)
+
+
+def _missing_line(found: Diagnosis) -> str:
+    """The verdict for a person."""
+    if found.verdict == "missing" and found.candidates:
+        best = found.candidates[0]
+        if found.pair:
+            return f"only together: {' and '.join(found.pair)} are missing ({_effect_line(best)})"
+        ties = [name for name in found.set if name != best.name]
+        tied = f"; this data cannot tell it from {', '.join(ties)}" if ties else ""
+        return f"{best.name} is missing ({_effect_line(best)}){tied}"
+    if found.verdict == "adequate":
+        return "nothing significant is missing"
+    if found.verdict == "unknown_structure":
+        return found.unknown.text if found.unknown else "something is missing that is not in the catalogue"
+    if found.verdict == "not_excited":
+        return f"nothing significant is missing, but this data cannot show {', '.join(found.untestable)}"
+    return found.verdict
+
+
+def _effect_line(one: Candidate) -> str:
+    """Evidence and parameters of an effect for a person."""
+    parts = []
+    if math.isfinite(one.p_value):
+        parts.append(f"p {one.p_value:.2g}" if one.p_value >= 1e-3 else "p < 0.001")
+    parts.append(f"explains {100.0 * one.explains:.0f} %")
+    parts += [f"{name} {estimate_text(entry)}" for name, entry in one.parameters.items()]
+    return ", ".join(parts)
+
+
+def estimate_text(entry: Mapping[str, Any]) -> str:
+    """Return a parameter of an effect with its 95 % interval: ``0.121 ± 0.002 V``."""
+    return f"{entry['value']:.4g}{plus_minus(entry.get('stderr'))} {entry.get('unit', '')}".strip()
+
+
+def _effect(one: Candidate, fitted_model: str = "") -> dict[str, str]:
+    values = {
+        "effect": one.effect,
+        "at": one.at,
+        "testable": one.testable,
+        "p_value": text_or_empty(one.p_value),
+        "explains": repr(float(one.explains)),
+        "gain": text_or_empty(one.gain),
+        "replaces": one.replaces or "",
+        "why": one.why,
+        "text": one.text,
+        "fitted_model": fitted_model,
+    }
+    for name, entry in one.parameters.items():
+        values[f"parameter/{name}"] = repr(float(entry["value"]))
+        values[f"stderr/{name}"] = text_or_empty(entry.get("stderr"))
+        values[f"unit/{name}"] = str(entry.get("unit", ""))
     return values
 
 
-def effect_from_values(values: dict[str, str]) -> EffectSummary:
-    """Return the effect that `effect_to_values` wrote; KeyError or ValueError when it did not."""
-    names = [key.removeprefix("parameter/") for key in values if key.startswith("parameter/")]
-    parameters = {
-        name: Estimate(
-            float(values[f"parameter/{name}"]), number_or_none(values[f"stderr/{name}"]), values[f"unit/{name}"]
-        )
-        for name in names
+def _unknown(unknown: UnknownStructure) -> dict[str, str]:
+    """What no effect of the catalogue explains: the remaining force over a variable, with its band."""
+    names = ("variable", "unit", "force_unit", "text")
+    curves = {name: getattr(unknown, name) for name in ("at", "force", "band")}
+    return {
+        **{f"unknown/{name}": getattr(unknown, name) for name in names},
+        **{f"unknown/{name}": " ".join(repr(float(value)) for value in curve) for name, curve in curves.items()},
+        "unknown/share": repr(float(unknown.share)),
     }
-    return from_values(EffectSummary, values, parameters=parameters)
 
 
-@dataclass(frozen=True)
-class Measures:
-    """Errors of one model on one kind of data."""
-
-    # By output: error over spread, FIT in percent, error in the output's unit
-    nrmse: dict[str, float] = field(default_factory=dict)
-    fit: dict[str, float] = field(default_factory=dict)
-    rmse: dict[str, float] = field(default_factory=dict)
-    force: float | None = None  # relative error of the drive force, where it can be compared
-
-    @property
-    def line(self) -> str:
-        """FIT of every output for a person."""
-        return ", ".join(f"{name} {value:.2f} %" for name, value in self.fit.items())
-
-
-@dataclass(frozen=True)
-class StepSummary:
-    """One step: what was added, on what evidence, and what it did to the error."""
-
-    added: EffectSummary | None = None  # None for the start
-    set: tuple[str, ...] = ()  # effects that the data could not tell from the one added, that one included
-    p_value: float | None = field(default=None, metadata={"key": "step_p_value"})
-    chosen_by: str = ""  # ``diagnosis`` or ``user``; empty for the start
-    # On the data of the fit, and on data that it never saw
-    train: Measures = field(default_factory=Measures)
-    validation: Measures = field(default_factory=Measures)
-    model: str = ""  # the model of this step as a model file
+def ladder_to_statuses(
+    node: str, ladder: Ladder, suggested: Mapping[str, Any] | None, experiments: int
+) -> LadderSummary:
+    """Return the message of a ladder with the next experiment; `experiments`: those whose data are in."""
+    # As a ladder names it; what its simulation needs is sent once.
+    named = None if suggested is None else {name: part for name, part in suggested.items() if name != "rivals"}
+    values = {
+        "model": ladder.model.name,
+        "verdict": ladder.verdict,
+        "untestable": " ".join(ladder.untestable),
+        "suggested_experiment": "" if suggested is None else json.dumps(suggested, ensure_ascii=False),
+        "experiments": str(experiments),
+        "document": as_json({**ladder.to_dict(), "suggested_experiment": named}),
+        "error": "",
+    }
+    what, fit = " + ".join(["start", *ladder.added]), _fit_text(ladder.steps[-1])
+    line = f"{what}: FIT {fit} on data not used in the fit" if fit else what
+    head = Status(f"{node}: ladder", line, Level.OK, values, ladder.model.name)
+    return LadderSummary((head, *(_step(node, number, step) for number, step in enumerate(ladder.steps))))
 
 
-@dataclass(frozen=True)
-class LadderSummary:
-    """All steps so far."""
-
-    model: str  # name of the model
-    steps: tuple[StepSummary, ...] = ()  # the first one is the start
-    verdict: str = ""  # as of the newest diagnosis
-    untestable: tuple[str, ...] = ()
-    suggested_experiment: dict[str, Any] | None = None  # the next experiment, as `idloop suggest` writes it
-    experiments: int = 0  # experiments whose data are in
-    # All of it as `idloop refine` writes it (JSON, schema idloop/refine/1): the ladder can be climbed on offline
-    document: str = ""
-    error: str = ""  # why the last order could not be carried out, one line; empty when it was
-
-    @property
-    def line(self) -> str:
-        """The newest step for a person."""
-        if self.error:
-            return self.error
-        if not self.steps:
-            return "no step yet"
-        added = [step.added.name for step in self.steps if step.added is not None]
-        what = " + ".join(["start", *added])
-        fit = self.steps[-1].validation.line
-        return f"{what}: FIT {fit} on data not used in the fit" if fit else what
-
-
-def ladder_to_statuses(node: str, summary: LadderSummary) -> list[Status]:
-    """Return the statuses of ``estimator/ladder``."""
-    level = Level.WARN if summary.error else Level.OK
-    head = Status(f"{node}: ladder", summary.line, level, to_values(summary), summary.model)
-    return [head, *(_step_to_status(node, number, step) for number, step in enumerate(summary.steps))]
-
-
-def _step_to_status(node: str, number: int, step: StepSummary) -> Status:
-    values = to_values(step) | to_values(step.train, "train/") | to_values(step.validation, "validation/")
-    name, hardware = "start", ""
+def _step(node: str, number: int, step: Step) -> Status:
+    values = {
+        "set": " ".join(step.set),
+        "step_p_value": text_or_empty(step.p_value),
+        "chosen_by": "" if step.added is None else step.chosen_by,
+        "model": step.model.to_yaml(),
+    }
+    for use in ("train", "validation"):
+        errors: Mapping[str, Any] = getattr(step, use)
+        for measure in ("nrmse", "fit", "rmse"):
+            values |= {f"{use}/{measure}/{name}": repr(float(x)) for name, x in (errors.get(measure) or {}).items()}
+        values[f"{use}/force"] = text_or_empty(errors.get("force"))
+    name, effect = "start", ""
     if step.added is not None:
-        name, hardware = f"+ {step.added.name}", step.added.name
-        values |= effect_to_values(step.added)
-    message = f"{name}: FIT {step.validation.line}" if step.validation.fit else name
-    return Status(f"{node}: step {number}", message, Level.OK, values, hardware)
+        name, effect = f"+ {step.added.name}", step.added.name
+        values |= _effect(step.added)
+    fit = _fit_text(step)
+    return Status(f"{node}: step {number}", f"{name}: FIT {fit}" if fit else name, Level.OK, values, effect)
+
+
+def _fit_text(step: Step) -> str:
+    """FIT of every output on data that the fit never saw, for a person."""
+    return ", ".join(f"{name} {value:.2f} %" for name, value in step.validation.get("fit", {}).items())
+
+
+def _lines(lines: Sequence[str]) -> str:
+    return json.dumps(list(lines), ensure_ascii=False)
+
+
+def missing_from_statuses(statuses: Sequence[Status]) -> MissingSummary:
+    """Return the message of a diagnosis as it was received; CdrError when it cannot be read."""
+    with reading("estimator/missing_effects", statuses):
+        found = MissingSummary(tuple(statuses))
+        _ = found.error, found.verdict, found.set, found.where, found.windows, found.document
+        return found
 
 
 def ladder_from_statuses(statuses: Sequence[Status]) -> LadderSummary:
-    """Return the summary that `ladder_to_statuses` wrote; CdrError when it cannot be read."""
-    with reading("estimator/ladder", statuses) as values:
-        return from_values(LadderSummary, values, steps=tuple(_step_from_values(one.values) for one in statuses[1:]))
-
-
-def _step_from_values(values: dict[str, str]) -> StepSummary:
-    return from_values(
-        StepSummary,
-        values,
-        added=effect_from_values(values) if "effect" in values else None,
-        train=from_values(Measures, values, "train/"),
-        validation=from_values(Measures, values, "validation/"),
-    )
+    """Return the message of a ladder as it was received; CdrError when it cannot be read."""
+    with reading("estimator/ladder", statuses):
+        found = LadderSummary(tuple(statuses))
+        _ = found.error, found.suggested_experiment, found.experiments, found.document
+        return found

@@ -1,8 +1,8 @@
 """Dataclasses as key values of a diagnostic status and back, without loss.
 
 A field becomes a key of its name; a dict of numbers becomes a key for each entry, ``name/entry``. Fields of other types
-are left to the caller. Metadata of a field: ``key``, another key than its name; ``lines``, a tuple of texts that may
-hold spaces; ``added``, messages of earlier versions do not have it, so the default is taken.
+are left to the caller. Metadata of a field: ``key``, another key than its name; ``added``, messages of earlier versions
+do not have it, so the default is taken.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields
 from typing import Any, TypeVar, get_type_hints
 
-from idloop.documents import read_json
 from idloop.errors import InputError
 from idloop.json_values import to_json
 from idloop.records.bags.cdr import CdrError
@@ -27,8 +26,8 @@ Summary = TypeVar("Summary")
 
 
 def text_or_empty(value: float | None) -> str:
-    """Return the number in full precision, empty for None."""
-    return "" if value is None else repr(float(value))
+    """Return the number in full precision, empty for None and for one that is not known."""
+    return "" if value is None or math.isnan(value) else repr(float(value))
 
 
 def number_or_none(text: str) -> float | None:
@@ -50,23 +49,9 @@ def _number(value: float) -> str:
     return repr(float(value))
 
 
-def _span(text: str, separator: str | None = None) -> tuple[int, int]:
-    start, stop = text.split(separator)
+def _span(text: str) -> tuple[int, int]:
+    start, stop = text.split()
     return int(start), int(stop)
-
-
-def _mapping(text: str) -> dict[str, Any] | None:
-    document = read_json(text, "document") if text else None
-    if document is not None and not isinstance(document, dict):
-        raise ValueError(f"{text[:40]!r} is no mapping")
-    return document
-
-
-def _lines(text: str) -> tuple[str, ...]:
-    lines = read_json(text, "lines")
-    if not isinstance(lines, list) or not all(isinstance(one, str) for one in lines):
-        raise ValueError(f"{text[:40]!r} is no list of lines")
-    return tuple(lines)
 
 
 # Type of a field: how it is written, and how it is read.
@@ -77,18 +62,8 @@ _CONVERSIONS: dict[Any, tuple[Callable[[Any], str], Callable[[str], Any]]] = {
     bool: (lambda value: "true" if value else "false", lambda text: text == "true"),
     float | None: (text_or_empty, number_or_none),
     tuple[str, ...]: (" ".join, lambda text: tuple(text.split())),
-    tuple[float, ...]: (
-        lambda values: " ".join(map(_number, values)),
-        lambda text: tuple(float(one) for one in text.split()),
-    ),
     tuple[int, int]: (lambda span: " ".join(map(str, span)), _span),
-    tuple[tuple[int, int], ...]: (
-        lambda spans: " ".join(f"{start}-{stop}" for start, stop in spans),
-        lambda text: tuple(_span(one, "-") for one in text.split()),
-    ),
-    dict[str, Any] | None: (lambda value: "" if value is None else json.dumps(value, ensure_ascii=False), _mapping),
 }
-_LINES = (lambda lines: json.dumps(list(lines), ensure_ascii=False), _lines)
 
 
 def to_values(summary: Any, prefix: str = "") -> dict[str, str]:
@@ -101,8 +76,7 @@ def to_values(summary: Any, prefix: str = "") -> dict[str, str]:
         if kind == dict[str, float]:
             values |= {f"{key}/{name}": _number(number) for name, number in value.items()}
         elif kind in _CONVERSIONS:
-            write: Callable[[Any], str] = _LINES[0] if one.metadata.get("lines") else _CONVERSIONS[kind][0]
-            values[key] = write(value)
+            values[key] = _CONVERSIONS[kind][0](value)
     return values
 
 
@@ -116,8 +90,7 @@ def from_values(kind: Callable[..., Summary], values: Mapping[str, str], prefix:
                 name.removeprefix(f"{key}/"): float(text) for name, text in values.items() if name.startswith(f"{key}/")
             }
         elif hints[one.name] in _CONVERSIONS and not (one.metadata.get("added") and key not in values):
-            read = _LINES[1] if one.metadata.get("lines") else _CONVERSIONS[hints[one.name]][1]
-            found[one.name] = read(values[key])
+            found[one.name] = _CONVERSIONS[hints[one.name]][1](values[key])
     return kind(**found)
 
 

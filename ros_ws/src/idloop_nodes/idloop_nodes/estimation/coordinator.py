@@ -133,7 +133,7 @@ class Coordinator:
             self.missing = None
         ladder = answer.ladder
         if ladder is None and answer.error and self.ladder is not None:
-            ladder = replace(self.ladder, error=answer.error)
+            ladder = self.ladder.failed(answer.error)
         if ladder is not None:
             self.ladder = ladder
         return replace(answer, ladder=ladder)
@@ -222,7 +222,7 @@ class Coordinator:
         self.waiting = ""
         self.log(f"no experiment: {reason}")
         if self.ladder is not None:
-            self.ladder = replace(self.ladder, error=reason)
+            self.ladder = self.ladder.failed(reason)
         if self._overtaken():
             return
         self._without_experiment()

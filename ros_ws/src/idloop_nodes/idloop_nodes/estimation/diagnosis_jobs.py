@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from idloop.worker_process import Report
-from idloop_nodes.codec import LadderSummary, MissingSummary
+from idloop_nodes.codec import LadderSummary, MissingSummary, no_diagnosis
 
 if TYPE_CHECKING:
     from idloop.physics import Model
@@ -61,6 +61,7 @@ class DiagnosisAnswer:
 class DiagnosisOrder:
     """One order for the worker."""
 
+    node: str  # name of the estimator
     verb: str  # method of `LadderState` that carries it out
     stamp: int  # of the newest sample [ns]
     model: Model  # as it is now; where there is no ladder yet, its start
@@ -88,6 +89,5 @@ class DiagnosisOrder:
         """Return the answer when it could not be carried out; earlier results stay."""
         missing = None
         if self.verb == DIAGNOSE:
-            effects = tuple(self.model.effect_names)
-            missing = MissingSummary(self.model.name, effects, criterion=self.criterion, level=self.level, error=reason)
+            missing = no_diagnosis(self.node, self.model, self.criterion, self.level, reason)
         return DiagnosisAnswer(self.verb, self.stamp, self.state, missing=missing, error=reason)

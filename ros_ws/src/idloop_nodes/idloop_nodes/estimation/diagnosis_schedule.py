@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from idloop.errors import InputError
 from idloop.records.bags.cdr import SECOND
-from idloop_nodes.codec import LadderSummary, Level, Status, ladder_to_statuses, missing_to_statuses
+from idloop_nodes.codec import LadderSummary, Level, Status
 from idloop_nodes.estimation.coordinator import Autopilot, Coordinator
 from idloop_nodes.estimation.diagnosis_jobs import DIAGNOSE, DiagnosisAnswer, DiagnosisOrder
 from idloop_nodes.estimation.estimator_context import SHORTEST, EstimatorContext
@@ -139,6 +139,7 @@ class DiagnosisSchedule:
             raise InputError("too few samples yet")
         names = ("catalogue", "level", "criterion", "minimum_improvement", "seed")
         order = DiagnosisOrder(
+            self._context.name,
             verb,
             self.last,
             self.model,
@@ -167,9 +168,7 @@ class DiagnosisSchedule:
         if taken is None:
             return
         if taken.missing is not None:
-            self._context.publish(
-                "missing_effects", taken.stamp, missing_to_statuses(self._context.name, taken.missing)
-            )
+            self._context.publish("missing_effects", taken.stamp, taken.missing.statuses)
             for line in taken.missing.where[:MAXIMUM_LINES]:
                 self._context.info(f"where: {line.strip()}")
             self._context.info(f"diagnosis: {taken.missing.line}")
@@ -183,7 +182,7 @@ class DiagnosisSchedule:
         self.coordinator.go_on(taken)
 
     def _publish_ladder(self, stamp: int, ladder: LadderSummary) -> None:
-        self._context.publish("ladder", stamp, ladder_to_statuses(self._context.name, ladder))
+        self._context.publish("ladder", stamp, ladder.statuses)
 
     def health(self) -> Status:
         """Return what is under way, or the newest result."""
@@ -202,6 +201,6 @@ class DiagnosisSchedule:
             if progress is not None and coordinator.ordered:
                 text += f" {100.0 * progress[0]:.0f} %, {progress[1]}"
         elif coordinator.missing is not None:
-            head = missing_to_statuses("", coordinator.missing)[0]
+            head = coordinator.missing.statuses[0]
             text, level = head.message, head.level
         return Status("diagnosis", text, level, values)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 import pickle
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,104 +12,12 @@ from idloop.errors import InputError
 from idloop.physics import parse_effect
 from idloop.validation import compare
 from idloop.worker_process import Report
-from idloop_nodes.codec import (
-    EffectSummary,
-    Estimate,
-    LadderSummary,
-    Measures,
-    MissingSummary,
-    StepSummary,
-    UnknownSummary,
-)
-from idloop_nodes.codec.key_values import as_json
+from idloop_nodes.codec import ladder_to_statuses, missing_to_statuses
 from idloop_nodes.estimation.diagnosis_jobs import DiagnosisAnswer, DiagnosisOrder
 
 if TYPE_CHECKING:
     from idloop.diagnosis import Candidate, Diagnosis
     from idloop.physics import Model
-
-
-Span = tuple[int, int]
-
-
-def summarise_diagnosis(diagnosis: Diagnosis, where: Sequence[str], windows: Sequence[Span]) -> MissingSummary:
-    """Return the contents of ``estimator/missing_effects``."""
-    one, unknown = diagnosis.unknown, None
-    if one is not None:
-        at, force, band = (tuple(float(x) for x in values) for values in (one.at, one.force, one.band))
-        unknown = UnknownSummary(one.variable, one.unit, one.force_unit, at, force, band, float(one.share), one.text)
-    return MissingSummary(
-        model=diagnosis.model.name,
-        effects=tuple(diagnosis.model.effect_names),
-        verdict=diagnosis.verdict,
-        candidates=tuple(summarise_candidate(one) for one in diagnosis.candidates),
-        set=tuple(diagnosis.set),
-        pair=diagnosis.pair or (),
-        untestable=tuple(diagnosis.untestable),
-        findings=tuple(diagnosis.gate.findings),
-        where=tuple(where),
-        unknown=unknown,
-        criterion=diagnosis.criterion,
-        level=diagnosis.level,
-        windows=tuple(windows),
-        document=as_json(diagnosis.to_dict()),
-    )
-
-
-def summarise_candidate(one: Candidate) -> EffectSummary:
-    """Return one effect, the model that was fitted with it as text."""
-    return EffectSummary(
-        effect=one.effect,
-        at=one.at,
-        testable=one.testable,
-        p_value=_finite(one.p_value),
-        explains=float(one.explains),
-        gain=_finite(one.gain),
-        parameters={
-            name: Estimate(float(values["value"]), _finite(values.get("stderr")), str(values.get("unit", "")))
-            for name, values in one.parameters.items()
-        },
-        replaces=one.replaces or "",
-        why=one.why,
-        text=one.text,
-        fitted_model="" if one.model is None else one.model.to_yaml(),
-    )
-
-
-def summarise_ladder(ladder: Ladder, suggested: Mapping[str, Any] | None, experiments: int) -> LadderSummary:
-    """Return the contents of ``estimator/ladder``."""
-    return LadderSummary(
-        model=ladder.model.name,
-        steps=tuple(summarise_step(step) for step in ladder.steps),
-        verdict=ladder.verdict,
-        untestable=tuple(ladder.untestable),
-        suggested_experiment=None if suggested is None else dict(suggested),
-        experiments=experiments,
-        document=as_json({**ladder.to_dict(), "suggested_experiment": _without_rivals(suggested)}),
-    )
-
-
-def summarise_step(step: Step) -> StepSummary:
-    """Return one step, its model as text."""
-    return StepSummary(
-        added=None if step.added is None else summarise_candidate(replace(step.added, model=None)),
-        set=tuple(step.set),
-        p_value=_finite(step.p_value),
-        chosen_by="" if step.added is None else step.chosen_by,
-        train=summarise_measures(step.train),
-        validation=summarise_measures(step.validation),
-        model=step.model.to_yaml(),
-    )
-
-
-def summarise_measures(measures: Mapping[str, Any]) -> Measures:
-    """Return the errors by output; the single records are left to the file."""
-    by_output = {name: dict(measures.get(name) or {}) for name in ("nrmse", "fit", "rmse")}
-    return Measures(**by_output, force=_finite(measures.get("force")))
-
-
-def _finite(value: float | None) -> float | None:
-    return None if value is None or not math.isfinite(value) else float(value)
 
 
 @dataclass
@@ -141,7 +48,7 @@ class LadderState:
             passed_over=found.passed_over,
         )
         where = compare(self.ladder.model, order.validation[-1]).where.lines() if order.validation else []
-        return self._answer(order, missing=summarise_diagnosis(found, where, order.windows))
+        return self._answer(order, missing=missing_to_statuses(order.node, found, where, order.windows))
 
     def add_best_effect(self, order: DiagnosisOrder, report: Report) -> DiagnosisAnswer:
         """Add what the newest diagnosis names first: an effect, or both of a pair."""
@@ -245,13 +152,8 @@ class LadderState:
     def _answer(self, order: DiagnosisOrder, **more: Any) -> DiagnosisAnswer:
         ladder = None
         if self.ladder is not None:
-            ladder = summarise_ladder(self.ladder, self.suggested, order.experiments)
+            ladder = ladder_to_statuses(order.node, self.ladder, self.suggested, order.experiments)
         return DiagnosisAnswer(order.verb, order.stamp, pickle.dumps(self), ladder=ladder, **more)
-
-
-def _without_rivals(suggested: Mapping[str, Any] | None) -> dict[str, Any] | None:
-    """As a ladder names it; what its simulation needs is sent once."""
-    return None if suggested is None else {name: part for name, part in suggested.items() if name != "rivals"}
 
 
 def _settings(order: DiagnosisOrder, report: Report) -> dict[str, Any]:

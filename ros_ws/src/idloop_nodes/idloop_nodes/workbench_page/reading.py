@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from idloop.diagnosis import Candidate, Ladder, UnknownStructure
-from idloop.documents import read_json
 from idloop.physics.model_file import from_text
 from idloop.reporting.estimates import with_interval
 from idloop.reporting.figures.effects import Decided
@@ -29,7 +27,6 @@ from idloop.reporting.workbench.state import (
     TrustedEstimate,
 )
 from idloop_nodes.codec import (
-    EffectSummary,
     EvidenceSummary,
     FitSummary,
     LadderSummary,
@@ -71,48 +68,22 @@ def fit_of(summary: FitSummary) -> Fit:
 
 def missing_of(summary: MissingSummary, folder: Path | None) -> Missing:
     """Return the newest diagnosis; what a model file names beside it lies in the folder."""
-    unknown = summary.unknown
+    document = summary.document
+    if document is None:
+        return Missing(summary.verdict, summary.line, error=summary.error)
+    unknown, fitted = document["unknown"], summary.fitted_models
+    candidates = [Candidate.from_dict(one) for one in document["candidates"]]
     return Missing(
         summary.verdict,
         summary.line,
-        tuple(candidate_of(one, folder) for one in summary.candidates),
+        tuple(
+            replace(one, model=from_text(fitted[one.name], folder)) if one.name in fitted else one for one in candidates
+        ),
         summary.set,
         summary.pair,
-        summary.untestable,
-        summary.findings,
-        None
-        if unknown is None
-        else UnknownStructure(
-            unknown.variable,
-            unknown.unit,
-            unknown.force_unit,
-            np.array(unknown.at),
-            np.array(unknown.force),
-            np.array(unknown.band),
-            unknown.share,
-            unknown.text,
-        ),
-        summary.error,
-    )
-
-
-def candidate_of(one: EffectSummary, folder: Path | None) -> Candidate:
-    """Return one effect with the model that was fitted with it."""
-    return Candidate(
-        one.effect,
-        one.at,
-        one.testable,
-        one.why,
-        one.text,
-        math.nan if one.gain is None else one.gain,
-        1.0 if one.p_value is None else one.p_value,
-        one.explains,
-        {
-            name: {"value": value.value, "stderr": value.stderr, "unit": value.unit}
-            for name, value in one.parameters.items()
-        },
-        model=from_text(one.fitted_model, folder) if one.fitted_model else None,
-        replaces=one.replaces or None,
+        tuple(document["untestable"]),
+        tuple(document["gate"]["findings"]),
+        None if unknown is None else UnknownStructure.from_dict(unknown),
     )
 
 
@@ -155,8 +126,7 @@ def _decided(samples: int, summary: EvidenceSummary, seconds: Sequence[float], v
 
 def ladder_of(summary: LadderSummary, folder: Path | None) -> Ladder | None:
     """Return the ladder with its models; None while there is none."""
-    document = read_json(summary.document, "ladder") if summary.document else None
-    return None if document is None else Ladder.from_dict(document, folder)
+    return None if summary.document is None else Ladder.from_dict(summary.document, folder)
 
 
 def suggestion_of(document: Mapping[str, Any] | None, folder: Path | None) -> Suggestion | None:
