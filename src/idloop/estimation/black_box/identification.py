@@ -30,17 +30,8 @@ def identify(
 ) -> Identified:
     """Identify by any method; of several orders and delays the least BIC on these data wins (`Method.selects`).
 
-    Parameters
-    ----------
-    method : str
-        One of `METHODS`.
-    progress : callable, optional
-        Called with the share done and what is tried.
-
-    Raises
-    ------
-    InputError
-        No such method, a choice that it lacks, or data that it cannot use.
+    `method`: one of `METHODS`; `progress`: called with the share done and what is tried. Raises InputError: no such
+    method, a choice that it lacks, or data that it cannot use.
     """
     from idloop.estimation.black_box.sampled import together
 

@@ -89,25 +89,10 @@ def drive_by_sine(
 ) -> SineAnswer:
     """Drive an element alone by a sine and take the harmonics of its answer over a whole period.
 
-    Parameters
-    ----------
-    element : Element
-        A closed-form element or a `EffectElement`.
-    amplitude, bias : float
-        In the input's unit.
-    frequency : float
-        Hz.
-    samples : int
-        Per period, at least 16.
-    harmonics : int
-        Highest harmonic kept, at least 2.
-
-    Raises
-    ------
-    InputError
-        Amplitude, frequency or counts out of range.
-    IdloopError
-        The answer does not repeat: an element without damping, or one that drifts.
+    `element`: a closed-form element or a `EffectElement`; `amplitude`, `bias`: in the input's unit; `frequency`: Hz;
+    `samples`: per period, at least 16; `harmonics`: highest harmonic kept, at least 2. Raises InputError: amplitude,
+    frequency or counts out of range. Raises IdloopError: the answer does not repeat: an element without damping, or one
+    that drifts.
     """
     check_size(element.name, "amplitude", amplitude)
     check_size(element.name, "frequency", frequency)

@@ -74,17 +74,8 @@ class Dwell:
 def dwells_of(signal: Signal, start: float = 0.0) -> tuple[Dwell, ...]:
     """Steps of an excitation that was built, settling left out.
 
-    Parameters
-    ----------
-    signal : Signal
-        From ``build_signal("stepped_sine", ...)``.
-    start : float
-        When its first sample was sent [s on the record's axis].
-
-    Raises
-    ------
-    InputError
-        The signal has no steps with a frequency.
+    `signal`: from ``build_signal("stepped_sine", ...)``; `start`: when its first sample was sent [s on the record's
+    axis]. Raises InputError: the signal has no steps with a frequency.
     """
     step = signal.sample_time
     found = tuple(
@@ -100,24 +91,9 @@ def dwells_of(signal: Signal, start: float = 0.0) -> tuple[Dwell, ...]:
 def find_dwells(record: Record, source: str | None = None, settle_periods: int = 2) -> tuple[Dwell, ...]:
     """Steps of a stepped sine, found in the recorded command (or another signal without much noise).
 
-    Parameters
-    ----------
-    record : Record
-        The experiment.
-    source : str, optional
-        Signal to search; the command by default.
-    settle_periods : int
-        Periods left out at the beginning of each step.
-
-    Returns
-    -------
-    tuple of Dwell
-        Steps with at least two periods after settling.
-
-    Raises
-    ------
-    InputError
-        No such signal, or no step of a sine in it.
+    `record`: the experiment; `source`: signal to search; the command by default; `settle_periods`: periods left out at
+    the beginning of each step. Returns: steps with at least two periods after settling. Raises InputError: no such
+    signal, or no step of a sine in it.
     """
     signal = recorded_signal(record, record.input_name if source is None else source)
     time, value = signal.time, signal.value

@@ -256,14 +256,10 @@ class InertiaBacklash:
 
     `gap`: full width of the gap, in the input's unit. Raises InputError: the gap is not above 0.
 
-    Notes
-    -----
-    The wall is met before the next departure (c ≤ π) from A = gap / π on. Below there is no motion with one
-    impact per half period, and ``gain`` is NaN.
+    The wall is met before the next departure (c ≤ π) from A = gap / π on. Below there is no motion with one impact per
+    half period, and ``gain`` is NaN.
 
-    References
-    ----------
-    Gibson, Nonlinear Automatic Control, 1963, for the two kinds of backlash; the closed form is the Fourier
+    References: Gibson, Nonlinear Automatic Control, 1963, for the two kinds of backlash; the closed form is the Fourier
     integral of the motion above.
     """
 

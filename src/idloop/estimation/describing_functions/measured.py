@@ -47,22 +47,9 @@ class MeasuredDescribingFunction(DescribingFunction):
         A linear part behind the element passes the first harmonic whatever the others are. One before it
         changes the amplitude at the element as well: measure from the signal between them instead.
 
-        Parameters
-        ----------
-        system : control.TransferFunction or control.StateSpace
-            From the element's output to the target.
-        delay : float
-            Further delay [s].
-
-        Returns
-        -------
-        MeasuredDescribingFunction
-            Its distortion and harmonics are unknown (NaN): those of the target passed through the linear part.
-
-        Raises
-        ------
-        InputError
-            Not such a system, or it passes nothing at a frequency.
+        `system`: from the element's output to the target; `delay`: further delay [s]. Returns: its distortion and
+        harmonics are unknown (NaN): those of the target passed through the linear part. Raises InputError: not such a
+        system, or it passes nothing at a frequency.
         """
         response = linear_part(system, delay).response(self.frequency)
         if not np.all(np.isfinite(response)) or np.any(response == 0.0):

@@ -129,20 +129,9 @@ class LinearModel:
     def simulate(self, data: SampledData, initial: Array | Literal["estimate", "zero"] = "estimate") -> Array:
         """Free run: the outputs from the commands alone.
 
-        Parameters
-        ----------
-        initial : ndarray of shape (n,), "estimate" or "zero"
-            State at the first sample; the one that fits the measurements best by default.
-
-        Returns
-        -------
-        ndarray, shape (N, p)
-            [output units]
-
-        Raises
-        ------
-        InputError
-            Other signals or another sample time than the model's.
+        `initial` (n,): state at the first sample; the one that fits the measurements best by default ("estimate" or
+        "zero"). Returns shape (N, p): [output units]. Raises InputError: other signals or another sample time than the
+        model's.
         """
         self._check(data)
         state = np.zeros(self.order)
@@ -157,10 +146,7 @@ class LinearModel:
     def predict(self, data: SampledData, steps: int = 1) -> Array:
         """Prediction `steps` samples ahead from past commands and measurements, shape (N, p).
 
-        Raises
-        ------
-        InputError
-            Other signals or another sample time than the model's, or fewer than one step.
+        Raises InputError: other signals or another sample time than the model's, or fewer than one step.
         """
         self._check(data)
         if steps < 1:

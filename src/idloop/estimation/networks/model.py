@@ -117,15 +117,8 @@ class NarxModel:
     def predict(self, data: SampledData, steps: int = 1) -> Array:
         """Prediction `steps` samples ahead (one: the series-parallel form).
 
-        Returns
-        -------
-        ndarray, shape (N, p)
-            The samples before `first` are the measured ones [output units].
-
-        Raises
-        ------
-        InputError
-            Other signals or another sample time than the model's, too short a record, or fewer than one step.
+        Returns shape (N, p): the samples before `first` are the measured ones [output units]. Raises InputError: other
+        signals or another sample time than the model's, too short a record, or fewer than one step.
         """
         self._check(data)
         if steps < 1:
@@ -135,21 +128,10 @@ class NarxModel:
     def simulate(self, data: SampledData, initial: Array | Literal["measured", "zero"] = "measured") -> Array:
         """Free run (parallel form): the outputs from the commands alone.
 
-        Parameters
-        ----------
-        initial : ndarray of shape (first, p), "measured" or "zero"
-            The outputs before the first sample that is computed.
-
-        Returns
-        -------
-        ndarray, shape (N, p)
-            The samples before `first` are `initial`. A run that diverges stays at `low` or `high` [output units].
-
-        Raises
-        ------
-        InputError
-            Other signals or another sample time than the model's, too short a record, or an `initial` of another
-            shape.
+        `initial` (first, p): the outputs before the first sample that is computed ("measured" or "zero"). Returns shape
+        (N, p): the samples before `first` are `initial`. A run that diverges stays at `low` or `high` [output units].
+        Raises InputError: other signals or another sample time than the model's, too short a record, or an `initial` of
+        another shape.
         """
         self._check(data)
         past = data.output
@@ -197,10 +179,7 @@ class NarxModel:
     def from_dict(cls, document: Mapping[str, Any]) -> NarxModel:
         """The model of `to_dict`, of arrays or of plain lists with None for NaN.
 
-        Raises
-        ------
-        InputError
-            Something is missing, or of another shape.
+        Raises InputError: something is missing, or of another shape.
         """
         try:
             history = dict(document["history"])

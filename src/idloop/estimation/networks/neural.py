@@ -33,22 +33,9 @@ def narx_neural(
     (Proc. IJCNN 1990). A network is trained in series-parallel form first; the parallel form carries on from there
     and fits the free run.
 
-    Parameters
-    ----------
-    delays : TappedDelays, optional
-        Two past outputs and inputs by default.
-    hidden : int
-        Units.
-    form : {"series-parallel", "parallel"}
-    restarts : int
-        Starts of which the one with the least validation error is kept.
-    seed : int
-        Of the division and the starts: equal seeds give equal models.
-
-    Raises
-    ------
-    InputError
-        Too little data for the network, or numbers out of range.
+    `delays`: two past outputs and inputs by default; `hidden`: units; `form`: "series-parallel", "parallel";
+    `restarts`: starts of which the one with the least validation error is kept; `seed`: of the division and the starts:
+    equal seeds give equal models. Raises InputError: too little data for the network, or numbers out of range.
     """
     delays, rules = delays or TappedDelays(), rules or TrainingRules()
     division = division or Division()

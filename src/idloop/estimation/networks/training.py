@@ -25,10 +25,7 @@ _SMALLEST_DAMPING = 1e-20
 class TrainingRules:
     """When to step and when to stop.
 
-    Raises
-    ------
-    InputError
-        Numbers out of range.
+    Raises InputError: numbers out of range.
     """
 
     epochs: int = 1000  # most steps

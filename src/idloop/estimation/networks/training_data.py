@@ -38,10 +38,7 @@ def by_spread(values: Array) -> tuple[Array, Array]:
 class Division:
     """How the samples are shared out.
 
-    Raises
-    ------
-    InputError
-        Shares that do not add up.
+    Raises InputError: shares that do not add up.
     """
 
     # Shares; they add up to one
@@ -97,10 +94,7 @@ class TappedDelays:
     The regressors of sample k are y(k - 1), ..., y(k - na) of each output and u(k - nk), ..., u(k - nk - nb + 1)
     of each input.
 
-    Raises
-    ------
-    InputError
-        Negative orders.
+    Raises InputError: negative orders.
     """
 
     na: int | Sequence[int] = 2  # past samples of each output
@@ -116,22 +110,8 @@ class TappedDelays:
     def taps(self, inputs: int, outputs: int) -> tuple[Integers, Integers]:
         """Signal and lag of each regressor.
 
-        Parameters
-        ----------
-        inputs, outputs : int
-            Numbers of signals.
-
-        Returns
-        -------
-        source : ndarray of int, shape (r,)
-            Output 0 to p - 1, then inputs p to p + m - 1.
-        lag : ndarray of int, shape (r,)
-            [samples].
-
-        Raises
-        ------
-        InputError
-            Other numbers of signals than orders, or no regressor.
+        `inputs`, `outputs`: numbers of signals. Returns `source` (r,): output 0 to p - 1, then inputs p to p + m - 1.
+        Returns `lag` (r,): [samples]. Raises InputError: other numbers of signals than orders, or no regressor.
         """
         na, nb, nk = _each(self.na, outputs, "na"), _each(self.nb, inputs, "nb"), _each(self.nk, inputs, "nk")
         pairs = [(index, lag) for index, count in enumerate(na) for lag in range(1, count + 1)]

@@ -119,20 +119,9 @@ def fast_best_linear_approximation(
     or the drive puts there, is accounted for by the response interpolated between the excited lines. The odd
     distortion of the empty lines next to an excited one is taken for its own.
 
-    Parameters
-    ----------
-    data, period, **options
-        As for the robust method; one experiment is enough, more are averaged.
-
-    Returns
-    -------
-    FrequencyResponse
-        `stderr` holds noise and odd distortion, `distortion` each of them and the levels at the empty lines.
-
-    Raises
-    ------
-    InputError
-        An excitation that leaves no odd line empty or excites even ones, or fewer than two periods.
+    `data`, `period`, `**options`: as for the robust method; one experiment is enough, more are averaged. Returns:
+    `stderr` holds noise and odd distortion, `distortion` each of them and the levels at the empty lines. Raises
+    InputError: an excitation that leaves no odd line empty or excites even ones, or fewer than two periods.
     """
     spectra = by_period(data, period, **options)
     first = spectra.data[0]

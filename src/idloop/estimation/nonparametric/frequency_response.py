@@ -57,14 +57,7 @@ class FrequencyResponse:
         For errors that are circular complex normal, the squared distance over the estimated variance is
         F-distributed with 2 and `degrees` degrees of freedom.
 
-        Returns
-        -------
-        ndarray, shape (f, p, m)
-
-        Raises
-        ------
-        InputError
-            A share that is no probability.
+        Returns shape (f, p, m). Raises InputError: a share that is no probability.
         """
         from scipy.stats import f
 
@@ -106,12 +99,7 @@ class FrequencyResponse:
     def plot(self, axes: Any = None, share: float = 0.95) -> Any:
         """Draw the Bode diagram with its bands, and the coherence where it is known, from the resolution upwards.
 
-        Parameters
-        ----------
-        axes : sequence of two or three matplotlib axes, optional
-            For magnitude, phase and, where given, coherence.
-        share : float
-            Probability of the bands.
+        `axes`: for magnitude, phase and, where given, coherence; `share`: probability of the bands.
         """
         from idloop import drawing
         from idloop.estimation.black_box.labels import draw_bode, new_axes

@@ -122,26 +122,9 @@ def cra(
     between them as it is. The weights are then the covariances of output and input over the input's variance,
     with variances after Bartlett (Box and Jenkins, eq. 12.1.10) that allow for the response at all other lags.
 
-    Parameters
-    ----------
-    data : SampledData or sequence of SampledData
-        One input.
-    lags : int
-        Largest lag [samples].
-    prewhitening : int
-        Order of the autoregression; 0 takes the input as it is.
-    trend : {"constant", "linear", "none"}
-        What is taken off each signal before.
-
-    Returns
-    -------
-    ImpulseResponse
-        At the lags from −`lags` to `lags`.
-
-    Raises
-    ------
-    InputError
-        More than one input, one that does not move, or too few samples.
+    `data`: one input; `lags`: largest lag [samples]; `prewhitening`: order of the autoregression; 0 takes the input as
+    it is; `trend`: what is taken off each signal before ("constant", "linear", "none"). Returns: at the lags from
+    −`lags` to `lags`. Raises InputError: more than one input, one that does not move, or too few samples.
     """
     from scipy.signal import lfilter
 

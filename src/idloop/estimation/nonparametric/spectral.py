@@ -109,23 +109,10 @@ def welch(
 ) -> FrequencyResponse:
     """Frequency response from averaged periodograms of Hann-windowed segments (Welch 1967; H1 estimate).
 
-    Parameters
-    ----------
-    segment : int, optional
-        Length of a segment [samples]; by default an eighth of the data, of records above 65,536 samples as much
-        more as the root of their length, at most the shortest experiment.
-    overlap : float
-        Share of a segment that the next one repeats.
-
-    Returns
-    -------
-    FrequencyResponse
-        With coherence, standard errors and the spectrum of the disturbance.
-
-    Raises
-    ------
-    InputError
-        Segments that the data does not hold, or inputs without power.
+    `segment`: length of a segment [samples]; by default an eighth of the data, of records above 65,536 samples as much
+    more as the root of their length, at most the shortest experiment; `overlap`: share of a segment that the next one
+    repeats. Returns: with coherence, standard errors and the spectrum of the disturbance. Raises InputError: segments
+    that the data does not hold, or inputs without power.
     """
     several = together(data)
     length = segment_length(several, segment, overlap)
@@ -411,23 +398,9 @@ def indirect(
     variable: S_ee S_rr / |S_ur|² over the number of averages, with e the part of the output that the estimate
     leaves over.
 
-    Parameters
-    ----------
-    data : SampledData or sequence of SampledData
-        One input, and the reference.
-    segment, overlap
-        As for ``welch``.
-
-    Returns
-    -------
-    FrequencyResponse
-        Its coherence is that between reference and command, shape (f, 1) for all outputs: where it is low, the
-        reference does not reach the plant.
-
-    Raises
-    ------
-    InputError
-        No reference, a reference that does not move, or more than one input.
+    `data`: one input, and the reference; `segment`, `overlap`: as for ``welch``. Returns: its coherence is that between
+    reference and command, shape (f, 1) for all outputs: where it is low, the reference does not reach the plant. Raises
+    InputError: no reference, a reference that does not move, or more than one input.
     """
     several = together(data)
     first = several[0]

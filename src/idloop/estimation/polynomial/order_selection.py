@@ -55,24 +55,10 @@ def estimate_delay(
     chooses, which allows for the many lags that are compared. A first coefficient that the noise hides
     counts to the delay.
 
-    Parameters
-    ----------
-    data : SampledData or sequence of SampledData
-        With one output.
-    longest, shortest : int
-        Delays to compare [samples]. Under feedback without delay keep `shortest` at 1: the command of a sample
-        follows the measurement there.
-    na, nb : int
-        Order of the noise and plant that is allowed for.
-
-    Raises
-    ------
-    InputError
-        More than one output, an empty range, or too few samples.
-
-    References
-    ----------
-    Ljung, System Identification, 2nd ed., sections 16.4 and 17.3; Björklund and Ljung, IEEE CDC 2003.
+    `data`: with one output; `longest`, `shortest`: delays to compare [samples]. Under feedback without delay keep
+    `shortest` at 1: the command of a sample follows the measurement there; `na`, `nb`: order of the noise and plant
+    that is allowed for. Raises InputError: more than one output, an empty range, or too few samples. References: Ljung,
+    System Identification, 2nd ed., sections 16.4 and 17.3; Björklund and Ljung, IEEE CDC 2003.
     """
     experiments = together(data)
     if experiments[0].output.shape[1] != 1:
@@ -139,25 +125,10 @@ def arx_structures(
     The record is factored once; each structure then costs a factorisation of its few columns alone. All are
     fitted to the same rows, so that their losses compare.
 
-    Parameters
-    ----------
-    data : SampledData or sequence of SampledData
-        With one output.
-    na, nb, nk : int or iterable
-        Numbers to combine; an entry of nb or nk may be a tuple with one number per input.
-    validation : SampledData or sequence of SampledData, optional
-        On which the models are judged.
-    structures : iterable of (na, nb, nk), optional
-        In the place of all combinations.
-
-    Raises
-    ------
-    InputError
-        More than one output, no structures, or too few samples for the largest.
-
-    References
-    ----------
-    Ljung, System Identification, 2nd ed., section 16.4; the table is that of arxstruc.
+    `data`: with one output; `na`, `nb`, `nk`: numbers to combine; an entry of nb or nk may be a tuple with one number
+    per input; `validation`: on which the models are judged; `structures`: in the place of all combinations. Raises
+    InputError: more than one output, no structures, or too few samples for the largest. References: Ljung, System
+    Identification, 2nd ed., section 16.4; the table is that of arxstruc.
     """
     experiments = together(data)
     judged = [] if validation is None else together([experiments[0], *together(validation)])[1:]
@@ -195,20 +166,9 @@ def arx_structures(
 def select_order(table: ArxStructures, criterion: Criterion | None = None) -> Orders:
     """Choose the structure of the least criterion, of equals the smaller.
 
-    Parameters
-    ----------
-    criterion : "validation", "bic", "aic", "fpe" or "loss", optional
-        Validation where there are validation data, else BIC, which finds the true order as records grow.
-
-    Returns
-    -------
-    Orders
-        For ``arx(data, orders.na, orders.nb, orders.nk)``.
-
-    Raises
-    ------
-    InputError
-        An unknown criterion, or validation without validation data.
+    `criterion`: validation where there are validation data, else BIC, which finds the true order as records grow
+    ("validation", "bic", "aic", "fpe" or "loss"). Returns: for ``arx(data, orders.na, orders.nb, orders.nk)``. Raises
+    InputError: an unknown criterion, or validation without validation data.
     """
     name: Criterion = criterion or ("validation" if table.validation_loss is not None else "bic")
     values = table.criterion(name)

@@ -274,22 +274,8 @@ def default_horizon(
     That choice lets the neglected past vanish as the data grow (Larimore, Proc. ACC 1983; Bauer, Automatica 41,
     2005, section 5). It is never below 10 samples nor below the order and two more, and at most 60.
 
-    Parameters
-    ----------
-    order : int, optional
-        Number of states, where it is known.
-    feedthrough : bool
-        Whether the command of a sample acts on its own measurement.
-
-    Returns
-    -------
-    int
-        [samples]
-
-    Raises
-    ------
-    InputError
-        Too few samples.
+    `order`: number of states, where it is known; `feedthrough`: whether the command of a sample acts on its own
+    measurement. Returns: [samples]. Raises InputError: too few samples.
     """
     experiments = together(data)
     wide = experiments[0].input.shape[1] + experiments[0].output.shape[1]

@@ -119,17 +119,8 @@ def select_order(
 ) -> OrderSelection:
     """Singular values and canonical correlations of the data, and the order that they show.
 
-    Parameters
-    ----------
-    method : "n4sid", "moesp" or "cva"
-        Whose singular values are wanted; the order rests on the canonical correlations, which no scaling changes.
-    feedthrough : bool
-        As for `n4sid`.
-
-    Raises
-    ------
-    InputError
-        As for `n4sid`.
+    `method`: whose singular values are wanted; the order rests on the canonical correlations, which no scaling changes
+    ("n4sid", "moesp" or "cva"); `feedthrough`: as for `n4sid`. Raises InputError: as for `n4sid`.
     """
     compression, future = _projected(data, "auto", horizon, feedthrough)
     return selection(method, compression, future, realisation.weighted_subspace(future, method))
