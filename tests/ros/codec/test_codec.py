@@ -220,9 +220,7 @@ UNKNOWN = UnknownStructure("motor.velocity", "rad/s", "N·m", at, 0.1 * at, 0.0 
 
 
 def diagnosed(verdict="missing", set_=("dead_zone@input",), pair=None, unknown=None, candidates=(DEAD_ZONE, SLIP)):
-    return Diagnosis(
-        MODEL, candidates, set_, verdict, Gate(("20 s, two lines",), {}, {}), unknown, "force", 0.02, pair
-    )
+    return Diagnosis(MODEL, candidates, set_, verdict, Gate(("20 s, two lines",), {}, {}), unknown, "force", 0.02, pair)
 
 
 def climbed(*steps):
