@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import shlex
+import shutil
+import subprocess
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -77,3 +79,18 @@ def test_each_command_says_what_it_is_for_and_can_be_copied_with_it():
     assert lines[0] == "  # does the model lack a physical effect, and which one?"
     fits = list(with_purpose(["idloop fit m.yaml a", "idloop fit m.yaml b"]))
     assert fits == ["  # fit the model to these records", "  idloop fit m.yaml a", "  idloop fit m.yaml b"]
+
+
+def test_many_records_are_written_as_one_word_that_the_shell_expands():
+    bags = [Path(f"out dir/bags/log_run{k}") for k in range(1, 83)]
+    lines = list(with_purpose(diagnosing(FITTED, bags, bags[44], Path("out/refined"))))
+    numbers = "{{1..44},{46..82}}"
+    assert lines[1] == "  idloop diagnose out/fitted.yaml 'out dir/bags/log_run'{1..82}"
+    assert lines[3].startswith(f"  idloop refine out/fitted.yaml 'out dir/bags/log_run'{numbers} --validate 'out dir/")
+    shell = shutil.which("bash")
+    if shell:
+        words = subprocess.run([shell, "-c", f"printf '%s\\n' {lines[3]}"], capture_output=True, text=True, check=True)
+        fitted = [str(bag) for bag in bags if bag != bags[44]]
+        assert words.stdout.splitlines()[3:-4] == fitted
+    named = list(with_purpose(diagnosing(FITTED, [Path(f"bags/{name}") for name in "abcdefgh"], None, Path("out"))))
+    assert named[1] == "  idloop diagnose out/fitted.yaml " + " ".join(f"bags/{name}" for name in "abcdefgh")

@@ -64,6 +64,17 @@ def test_the_time_left_falls_between_updates():
     assert work.left is None
 
 
+def test_work_that_grows_goes_not_back_and_has_no_known_end():
+    """A ladder does not know how many steps it has: with each further one the share would begin again."""
+    work = work_of("refining axis", 30.0)
+    work.update(0.75, "refitting")
+    assert work.left is not None
+    work.update(0.25, "screening")
+    assert work.line == "refining axis: 75 %, screening, 0:00:30 used"
+    work.update(0.8, "refitting")
+    assert work.line == "refining axis: 80 %, refitting, 0:00:30 used"
+
+
 @pytest.mark.parametrize(("share", "percent"), ((0.0, 0), (1.5, 100)))
 def test_no_time_left_is_named_where_none_is_known(share, percent):
     work = work_of("fitting", 61.0)

@@ -214,4 +214,5 @@ def refine(
         effects=effects, seed=seed, most=most, ladder=None if start is None else start.climbed, progress=progress,
         on_step=on_step,
     )  # fmt: skip
+    progress(1.0, "testing what is left of the records")
     return _judged(climbed, train, validation)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import re
 import shlex
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -22,6 +24,8 @@ _PURPOSE = {
     "inspect": "what the recording holds, in full",
     "fit": "fit the model to these records",
 }
+_NUMBERED = re.compile(r"(?P<name>.*[^\d])(?P<number>0|[1-9]\d*)")
+_MOST_NAMED = 6  # words that differ by a number only, of which each is written
 _BEYOND = 0.1  # of the range of the commands that a fit sees, by which those that it does not see may go beyond it
 
 
@@ -64,11 +68,32 @@ def with_purpose(lines: Sequence[str]) -> Iterator[str]:
     """Yield commands, each below a comment that says what it is for where that is another one than before."""
     before = ""
     for line in lines:
-        purpose = _PURPOSE.get(shlex.split(line)[1], "")
+        words = shlex.split(line)
+        purpose = _PURPOSE.get(words[1], "")
         if purpose != before:
             yield f"  # {purpose}"
-        yield f"  {line}"
+        yield f"  {' '.join(_in_braces(words))}"
         before = purpose
+
+
+def _in_braces(words: Sequence[str]) -> Iterator[str]:
+    """Yield words of a command, of which many that differ by a number are one: ``run{{1..44},{46..82}}``."""
+    matches = [_NUMBERED.fullmatch(word) for word in words]
+    same = itertools.groupby(
+        zip(words, matches, strict=True), key=lambda pair: pair[1]["name"] if pair[1] is not None else None
+    )
+    for name, pairs in same:
+        group = list(pairs)
+        numbers = [int(match["number"]) for _, match in group if match is not None]
+        if name is None or len(group) <= _MOST_NAMED or numbers != sorted(set(numbers)):
+            yield from (shlex.quote(word) for word, _ in group)
+            continue
+        # Numbers that follow each other lie as far from their places.
+        runs = itertools.groupby(enumerate(numbers), key=lambda pair: pair[1] - pair[0])
+        ends = [[number for _, number in run] for _, run in runs]
+        said = [f"{{{run[0]}..{run[-1]}}}" if len(run) > 1 else f"{run[0]}" for run in ends]
+        braces = f"{{{','.join(said)}}}" if len(said) > 1 else said[0]
+        yield f"{shlex.quote(name)}{braces}"
 
 
 def commands(lines: Sequence[Sequence[str]]) -> list[str]:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from rich.progress import Task
     from rich.text import Text
 
+_FALL = 0.005  # by which a share is smaller than before, and not by rounding
 PERIOD = 5.0  # seconds from one plain line to the next; what ends sooner is silent
 
 quiet_option = kept_option("--quiet", is_flag=True, help="Do not say how far the work is.")
@@ -34,13 +35,16 @@ class Work:
     note: str = ""  # what is being done now
     started: float = field(init=False)
     updated: float = field(init=False)  # when the share was told
+    grown: bool = field(default=False, init=False)  # whether more is to do than was known at the start
 
     def __post_init__(self) -> None:
         self.started = self.updated = self.clock()
 
     def update(self, fraction: float, note: str = "") -> None:
-        """Keep how far it is."""
-        self.share, self.note, self.updated = min(max(float(fraction), 0.0), 1.0), note, self.clock()
+        """Keep how far it is; a share that falls says that the work has grown, and is not shown."""
+        share = min(max(float(fraction), 0.0), 1.0)
+        self.grown = self.grown or share < self.share - _FALL
+        self.share, self.note, self.updated = max(share, self.share), note, self.clock()
 
     @property
     def used(self) -> timedelta:
@@ -50,7 +54,7 @@ class Work:
     @property
     def left(self) -> timedelta | None:
         """Time to its end if it goes on as it had gone at the last update; None where that is not known, or over."""
-        if not 1e-3 < self.share < 1.0:
+        if self.grown or not 1e-3 < self.share < 1.0:
             return None
         end = self.started + (self.updated - self.started) / self.share
         left = end - self.clock()
