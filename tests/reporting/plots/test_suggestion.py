@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -75,6 +76,10 @@ def legend(axes) -> list[str]:
     return [text.get_text() for text in axes.get_legend().get_texts()]
 
 
+def head(figure) -> str:
+    return figure.legends[0].get_title().get_text().replace("\n", " ")
+
+
 def test_every_row_names_its_quantity_and_unit():
     axes = plot_suggestion(suggestion()).axes
     assert [a.get_ylabel() for a in axes] == [
@@ -128,7 +133,7 @@ def test_near_limits_are_lines_and_far_ones_are_named():
 
 def test_the_head_names_the_experiment_its_worth_and_the_rivals():
     figure = plot_suggestion(suggestion())
-    title, text = (t.get_text().replace("\n", " ") for t in figure.texts)
+    title, text = head(figure), figure.get_supxlabel().replace("\n", " ")
     assert title == "square on the command, amplitude 1.5 V, 4 s: expected discrimination 120 in log-likelihood"
     assert text.startswith("Expected to tell them apart. ")
     assert [t.get_text() for t in figure.legends[0].get_texts()] == [
@@ -144,7 +149,7 @@ def test_effects_that_may_be_there_are_drawn_on_the_model_without_them():
     given = suggestion(rivals=known, against_first=True)
     given = replace(given, outcomes=(replace(given.outcomes[0], in_favour=0.0), *given.outcomes[1:]))
     figure = plot_suggestion(given)
-    assert "expected discrimination 80 to 120 in log-likelihood" in figure.texts[0].get_text().replace("\n", " ")
+    assert "expected discrimination 80 to 120 in log-likelihood" in head(figure)
     assert len(curves(figure.axes[1])) == 3
     assert figure.legends[0].get_texts()[0].get_text() == "no further effect (differences are from it)"
 
@@ -190,7 +195,7 @@ def test_a_closed_loop_shows_the_reference_and_the_command_of_each_rival():
     for line, run in zip(curves(axes[1]), runs, strict=True):
         np.testing.assert_allclose(line.get_ydata(), run.input)
     assert legend(axes[2])[0].startswith("RMS ")
-    assert "amplitude 1.5 rad" in figure.texts[0].get_text()
+    assert "amplitude 1.5 rad" in head(figure)
     excited = plot_suggestion(suggestion(controller=controller)).axes
     assert [a.get_ylabel() for a in excited[:2]] == ["excitation [V]", "motor.effort [V]"]
 
@@ -199,8 +204,8 @@ def test_rivals_that_are_told_by_the_force_say_so():
     given = suggestion()
     errors = {"dead_zone@input": {"force[motor]": {"value": 1.0, "unit": "N·m", "noise": 0.1}}}
     told = replace(given, outcomes=(given.outcomes[0], replace(given.outcomes[1], errors=errors)))
-    assert "drive force" in plot_suggestion(told).texts[1].get_text()
-    assert "drive force" not in plot_suggestion(given).texts[1].get_text()
+    assert "drive force" in plot_suggestion(told).get_supxlabel()
+    assert "drive force" not in plot_suggestion(given).get_supxlabel()
 
 
 @pytest.mark.slow
@@ -222,8 +227,9 @@ def test_no_words_run_off_the_page_or_onto_each_other(signal):
         assert box.x1 <= page.x1
         assert page.y0 <= box.y0
         assert box.y1 <= page.y1
-    head = boxes[: len(figure.texts) + 1]
-    for above, below in zip(head, [*head[1:], boxes[len(head)]], strict=True):
+    rows = [axes.get_tightbbox() for axes in figure.axes if axes.get_ylabel()]
+    stack = [figure.legends[0].get_window_extent(), *rows, figure.texts[0].get_window_extent()]
+    for above, below in itertools.pairwise(stack):
         assert below.y1 <= above.y0 + 1.0
 
 

@@ -25,20 +25,16 @@ if TYPE_CHECKING:
 
 Entries = list[tuple[str, str]]
 
-# Inches: left of a column for its labels (how far out they are), a column alone, the two of a dense experiment, beside
-# and below them.
-_LEFT, _LABEL, _ALONE, _PAIR, _RIGHT, _BELOW = 0.95, 0.7, 6.9, (6.2, 4.4), 0.15, 0.6
-# Of a row, between rows, of a line of words, above and beside the words of the head.
-_TALL = {"sent": 1.15, "output": 1.75, "difference": 1.25}
-_GAP, _LINE, _HEAD, _MARGIN = 0.14, 0.17, 0.12, 0.2
+# Inches: the width of a column alone, and of the two of a dense experiment; the height of a row and of a line of words.
+_ALONE, _PAIR = 7.9, (7.3, 5.4)
+_TALL = {"sent": 1.4, "output": 2.0, "difference": 1.6}
+_LINE = 0.17
 # More rows than these are less tall.
 _MANY, _SMALLER = 6, 0.8
-# Beside the words of an entry of a legend: its line and the spaces about it.
-_HANDLE = 0.55
-# Points of the letters of the title, the text and the legends; width of a letter as a share of its size.
-_TITLE_SIZE, _TEXT_SIZE, _LEGEND_SIZE, _LETTER = 10.0, 9.0, 8.0, 0.6
-# Turns of a curve that an inch still shows, and those that the second column shows.
-_TURNS_PER_INCH, _TURNS_SHOWN = 12.0, 48
+# Letters in an inch of text and of a legend, and those as wide as the line of an entry and the spaces about it.
+_TEXT_LETTERS, _LEGEND_LETTERS, _HANDLE = 13, 15, 8
+# Turns of a curve that a column alone still shows, and those that the second column shows.
+_READABLE, _TURNS_SHOWN = 80, 48
 # Shares of the duration that it shows: a chirp turns seldom at one end, and slow outputs need some time.
 _LEAST_SHOWN, _MOST_SHOWN = 0.04, 0.33
 _FAINT_TURN = 0.02  # of the range of a curve: no eye would see it
@@ -50,17 +46,38 @@ _BAND: dict[str, Any] = {"facecolor": drawing.BAND, "alpha": 0.4, "edgecolor": d
 
 def plot_suggestion(suggestion: Suggestion) -> Figure:
     """Draw the figure of a suggestion with its rivals."""
+    from matplotlib.figure import Figure
+
     rows, duration = rows_of(suggestion), suggestion.experiment.duration
     stretch = _stretch(rows, duration)
     widths = (_ALONE,) if stretch is None else _PAIR
+    names = [(rival_name(suggestion, index), str(index)) for index in range(len(suggestion.rivals))]
+    title, text = (_wrapped(words, sum(widths)) for words in (_title(suggestion), _text(suggestion)))
+    talls = [_TALL[row.kind] * (_SMALLER if len(rows) > _MANY else 1.0) for row in rows]
+    height = sum(talls) + _LINE * (len(names) + len(title) + len(text) + 2)
     with drawing.styled(), drawing.short_numbers():
-        figure, grid = _new_page(suggestion, rows, widths)
+        figure = Figure(figsize=(sum(widths), height), layout="constrained")
+        grid = figure.subplots(
+            len(rows), len(widths), squeeze=False, gridspec_kw={"width_ratios": widths, "height_ratios": talls}
+        )
+        figure.supxlabel("\n".join(text), x=0.01, ha="left", fontsize=9.0)
+        _add_legend(
+            figure, names, sum(widths), loc="outside upper left", alignment="left", borderaxespad=0.8,
+            title="\n".join(title), title_fontproperties={"weight": "bold", "size": 10.0},
+        )  # fmt: skip
         for row, axes in zip(rows, grid, strict=True):
             _draw(axes[0], row, (0.0, duration), limits=row.limits, dense=stretch is not None)
             axes[0].set_ylabel(row.label)
             if row.entries:
                 # Outside the axes: inside, it would lie on the curves somewhere.
-                _add_legend(axes[0], row.entries, widths[0], loc="lower right", bbox_to_anchor=(1.0, 1.01))
+                _add_legend(
+                    axes[0],
+                    row.entries,
+                    0.85 * widths[0],
+                    borderaxespad=0.0,
+                    loc="lower right",
+                    bbox_to_anchor=(1.0, 1.01),
+                )
             if stretch is not None:
                 axes[0].axvspan(*stretch, color=drawing.MODELS[4], alpha=0.25, linewidth=0.0, zorder=0.5)
                 _draw(axes[1], row, stretch)
@@ -68,40 +85,10 @@ def plot_suggestion(suggestion: Suggestion) -> Figure:
             axes.tick_params(labelbottom=False)
         for axes in grid[-1]:
             axes.set_xlabel(drawing.label("time", "s"))
+        figure.align_ylabels(grid[:, 0])
         if stretch is not None:
             grid[0, 1].set_title(f"where they differ most: {stretch[0]:.3g} .. {stretch[1]:.3g} s", loc="left")
     return figure
-
-
-def _new_page(suggestion: Suggestion, rows: list[Row], widths: tuple[float, ...]) -> tuple[Figure, Any]:
-    """Title, text and legend of the rivals, and axes below, (rows, columns), at fixed places: quickly drawn."""
-    from matplotlib.figure import Figure
-
-    width = sum(widths) + _LEFT * len(widths) + _RIGHT
-    inside = width - 2.0 * _MARGIN
-    title, text = _wrapped(_title(suggestion), inside, _TITLE_SIZE), _wrapped(_text(suggestion), inside, _TEXT_SIZE)
-    names = [(rival_name(suggestion, index), str(index)) for index in range(len(suggestion.rivals))]
-    below_title = _HEAD + 1.2 * _LINE * len(title)
-    below_text = below_title + _LINE * (len(text) + 0.3)
-    top = below_text + _LINE * (_legend_lines(names, inside) + 0.3)
-    gaps = [_GAP + _LINE * _legend_lines(row.entries, widths[0]) for row in rows]
-    talls = [_TALL[row.kind] * (_SMALLER if len(rows) > _MANY else 1.0) for row in rows]
-    height = top + sum(gaps) + sum(talls) + _BELOW
-
-    figure = Figure(figsize=(width, height))
-    left: dict[str, Any] = {"x": _MARGIN / width, "ha": "left", "va": "top"}
-    figure.text(y=1.0 - _HEAD / height, s="\n".join(title), fontsize=_TITLE_SIZE, fontweight="bold", **left)
-    figure.text(y=1.0 - below_title / height, s="\n".join(text), fontsize=_TEXT_SIZE, linespacing=1.25, **left)
-    corner = (_MARGIN / width, 1.0 - below_text / height)
-    _add_legend(figure, names, inside, loc="upper left", bbox_to_anchor=corner)
-    grid = np.empty((len(rows), len(widths)), dtype=object)
-    for row, (gap, tall) in enumerate(zip(gaps, talls, strict=True)):
-        top += gap + tall
-        for column, wide in enumerate(widths):
-            begin = _LEFT * (column + 1) + sum(widths[:column])
-            grid[row, column] = figure.add_axes((begin / width, 1.0 - top / height, wide / width, tall / height))
-            grid[row, column].yaxis.set_label_coords(-_LABEL / wide, 0.5)
-    return figure, grid
 
 
 def _title(suggestion: Suggestion) -> str:
@@ -130,10 +117,9 @@ def _text(suggestion: Suggestion) -> str:
     return text
 
 
-def _wrapped(text: str, wide: float, size: float) -> list[str]:
-    """Lines of whole words that fit a width [inches] in letters of a size [points]."""
-    letters = int(72.0 * wide / (_LETTER * size))
-    wrapper = textwrap.TextWrapper(letters, break_on_hyphens=False)
+def _wrapped(text: str, wide: float) -> list[str]:
+    """Lines of whole words that fit a width [inches]."""
+    wrapper = textwrap.TextWrapper(int(_TEXT_LETTERS * wide), break_on_hyphens=False)
     return [line for paragraph in text.split("\n") for line in wrapper.wrap(paragraph)]
 
 
@@ -141,7 +127,7 @@ def _stretch(rows: list[Row], duration: float) -> tuple[float, float] | None:
     """Where the rivals differ most, of a length that can be read; None where the whole can be read."""
     turning = [_turns(curve) for row in rows for curve in row.curves if row.kind != "difference"]
     densest = max(turning, key=len)
-    if len(densest) <= _TURNS_PER_INCH * _ALONE:
+    if len(densest) <= _READABLE:
         return None
     # In units of the noise, all outputs and rivals together.
     apart = [(curve, row.band) for row in rows if row.band is not None for curve in row.curves[1:]]
@@ -195,26 +181,20 @@ def _draw(
     axes.set(xlim=stretch, ylim=(low - room, high + room))
 
 
-def _legend_columns(entries: Entries, wide: float) -> int:
-    """Columns of a legend, filled one after the other, that fit a width [inches]."""
-    widths = [len(text) * _LETTER * _LEGEND_SIZE / 72.0 + _HANDLE for text, _ in entries]
-    fitting = (n for n in range(len(entries), 1, -1) if sum(map(max, np.array_split(widths, n))) <= wide)
-    return next(fitting, 1)
-
-
-def _legend_lines(entries: Entries, wide: float) -> int:
-    return -(-len(entries) // _legend_columns(entries, wide))
-
-
-def _add_legend(place: Axes | Figure, entries: Entries, wide: float, **where: Any) -> None:
+def _add_legend(place: Axes | Figure, entries: Entries, wide: float, **look: Any) -> None:
+    """Signs and words in as many columns, filled one after the other, as fit a width [inches]."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
+    letters = [len(text) + _HANDLE for text, _ in entries]
+    fitting = (
+        n for n in range(len(entries), 1, -1) if sum(map(max, np.array_split(letters, n))) <= _LEGEND_LETTERS * wide
+    )
     signs: list[Any] = []
     for _, which in entries:
-        look = _LIMIT if which == "limit" else _look(int(which)) if which != "band" else {}
-        signs.append(Patch(**_BAND) if which == "band" else Line2D([], [], **look))
+        line = _LIMIT if which == "limit" else _look(int(which)) if which != "band" else {}
+        signs.append(Patch(**_BAND) if which == "band" else Line2D([], [], **line))
     place.legend(
-        signs, [text for text, _ in entries], ncols=_legend_columns(entries, wide), borderaxespad=0.0, borderpad=0.0,
-        handlelength=2.6, columnspacing=1.2, fontsize=_LEGEND_SIZE, **where,
+        signs, [text for text, _ in entries], ncols=next(fitting, 1), borderpad=0.0,
+        handlelength=2.6, columnspacing=1.2, **look,
     )  # fmt: skip
