@@ -42,7 +42,3 @@ from idloop_nodes.codec.results import parameters_from_statuses as parameters_fr
 from idloop_nodes.codec.results import parameters_to_statuses as parameters_to_statuses
 from idloop_nodes.codec.results import recursion_from_statuses as recursion_from_statuses
 from idloop_nodes.codec.results import recursion_to_statuses as recursion_to_statuses
-from idloop_nodes.codec.wear import WatchSummary as WatchSummary
-from idloop_nodes.codec.wear import WearSummary as WearSummary
-from idloop_nodes.codec.wear import wear_from_statuses as wear_from_statuses
-from idloop_nodes.codec.wear import wear_to_statuses as wear_to_statuses

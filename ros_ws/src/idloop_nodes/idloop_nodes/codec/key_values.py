@@ -66,13 +66,13 @@ _CONVERSIONS: dict[Any, tuple[Callable[[Any], str], Callable[[str], Any]]] = {
 }
 
 
-def to_values(summary: Any, prefix: str = "") -> dict[str, str]:
-    """Return the key values of a dataclass, each key with a prefix."""
+def to_values(summary: Any) -> dict[str, str]:
+    """Return the key values of a dataclass."""
     hints: dict[str, Any] = get_type_hints(type(summary))
     values: dict[str, str] = {}
     for one in fields(summary):
         value, kind = getattr(summary, one.name), hints[one.name]
-        key = prefix + (one.metadata.get("key") or one.name)
+        key = one.metadata.get("key") or one.name
         if kind == dict[str, float]:
             values |= {f"{key}/{name}": _number(number) for name, number in value.items()}
         elif kind in _CONVERSIONS:
@@ -80,11 +80,11 @@ def to_values(summary: Any, prefix: str = "") -> dict[str, str]:
     return values
 
 
-def from_values(kind: Callable[..., Summary], values: Mapping[str, str], prefix: str = "", **more: Any) -> Summary:
+def from_values(kind: Callable[..., Summary], values: Mapping[str, str], **more: Any) -> Summary:
     """Return the dataclass that `to_values` wrote; `more`: fields of other types. KeyError or ValueError otherwise."""
     hints, found = get_type_hints(kind), dict(more)
     for one in fields(kind):  # type: ignore[arg-type]
-        key = prefix + (one.metadata.get("key") or one.name)
+        key = one.metadata.get("key") or one.name
         if hints[one.name] == dict[str, float]:
             found[one.name] = {
                 name.removeprefix(f"{key}/"): float(text) for name, text in values.items() if name.startswith(f"{key}/")

@@ -12,15 +12,17 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from idloop.records.bags.cdr import SECOND
 from idloop.worker_process import Report
-from idloop_nodes.codec import Level, Status, WatchSummary, WearSummary, wear_to_statuses
+from idloop_nodes.codec import Level, Status
 from idloop_nodes.estimation.estimator_context import EstimatorContext
 
 if TYPE_CHECKING:
     from idloop.monitoring import Baseline, Monitor, WatchState
+    from idloop.monitoring.baseline import ReferenceStatistics
     from idloop.physics import Model
     from idloop.records import Record
 
 USUAL = "usual"  # watch dry friction and what sits in couplings
+LEARNING, ALARM, QUIET, CANNOT_TELL = "learning", "alarm", "quiet", "cannot_tell"
 
 
 class Watched(NamedTuple):
@@ -28,12 +30,13 @@ class Watched(NamedTuple):
 
     state: bytes  # pickle of the monitor; empty when it could not be built
     settling: float  # settling time of the observer before a stretch [s]
-    summary: WearSummary  # new contents of ``estimator/wear``
+    statuses: tuple[Status, ...]  # new contents of ``estimator/wear``: the monitor, then each watched parameter
 
 
 def learn_normal(
     report: Report,
     *,
+    node: str,
     model: Model,
     watches: tuple[str, ...],
     vary: tuple[str, ...],
@@ -53,47 +56,81 @@ def learn_normal(
         false_alarm_hours=parse_false_alarms(false_alarms),
         progress=report,
     )
-    return _watched(Monitor(baseline))
+    return _watched(node, Monitor(baseline))
 
 
-def check_stretch(report: Report, *, state: bytes, record: Record, new_run: bool) -> Watched:
+def check_stretch(report: Report, *, node: str, state: bytes, record: Record, new_run: bool) -> Watched:
     """Check a stretch that begins early by the settling time of the observer, in the worker."""
     monitor: Monitor = pickle.loads(state)  # noqa: S301  (our own estimator's)
     if new_run:
         monitor.begin()
     monitor.follow(record)
-    return _watched(monitor)
+    return _watched(node, monitor)
 
 
-def _watched(monitor: Monitor) -> Watched:
+def _watched(node: str, monitor: Monitor) -> Watched:
     baseline = monitor.baseline
-    return Watched(pickle.dumps(monitor), baseline.settling + baseline.block, summarise_wear(monitor))
+    return Watched(pickle.dumps(monitor), baseline.settling + baseline.block, wear_statuses(node, monitor))
 
 
-def summarise_wear(monitor: Monitor) -> WearSummary:
-    """Return the contents of ``estimator/wear``."""
+def wear_statuses(node: str, monitor: Monitor) -> tuple[Status, ...]:
+    """Return the contents of ``estimator/wear``; the worst of the watches is that of the monitor."""
     baseline = monitor.baseline
-    able = [not normal.why for normal in baseline.normal]
-    watches = tuple(_summarise(baseline, state, able=can) for state, can in zip(monitor.states(), able, strict=True))
-    worst = next((s for s in ("alarm", "cannot_tell") if any(w.state == s for w in watches)), "quiet")
-    return WearSummary(baseline.model.name, worst, baseline.false_alarm_hours, baseline.duration, watches)
-
-
-def _summarise(baseline: Baseline, state: WatchState, *, able: bool) -> WatchSummary:
-    growth, alarms = state.growth, state.alarms
-    same = ("parameter", "unit", "value", "watched", "state", "why", "threshold", "blocks", "telling", "delay")
-    return WatchSummary(
-        **{name: getattr(state, name) for name in same},
-        able=able,
-        growth=None if growth is None else growth.value,
-        low=None if growth is None else growth.low,
-        high=None if growth is None else growth.high,
-        evidence=state.sum,
-        alarms=len(alarms),
-        first=baseline.end_of(alarms[0].block) if alarms else 0,
-        newest=baseline.end_of(alarms[-1].block) if alarms else 0,
-        onset=baseline.end_of(alarms[-1].onset - 1) if alarms else 0,
+    watches = [_watch(node, baseline, *both) for both in zip(baseline.normal, monitor.states(), strict=True)]
+    alarms, unsure = (
+        ", ".join(one.hardware_id for one in watches if one.values["state"] == state) for state in (ALARM, CANNOT_TELL)
     )
+    state, line = QUIET, f"no wear; one false alarm in {baseline.false_alarm_hours:.4g} h"
+    if alarms:
+        state, line = ALARM, f"wear: {alarms}"
+    elif unsure:
+        state, line = CANNOT_TELL, f"no alarm; this data cannot tell about {unsure}"
+    head = _head(node, baseline.model.name, state, line, baseline.false_alarm_hours, baseline.duration)
+    return (replace(head, level=max(one.level for one in watches)), *watches)
+
+
+def _head(node: str, model: str, state: str, line: str, hours: float, reference: float) -> Status:
+    """The monitor: running time between two false alarms [h], and length of the healthy reference [s]."""
+    values = {"model": model, "state": state, "false_alarm_hours": str(hours), "reference": str(reference), "error": ""}
+    return Status(f"{node}: wear", line, values=values, hardware_id=model)
+
+
+def _watch(node: str, baseline: Baseline, normal: ReferenceStatistics, state: WatchState) -> Status:
+    """One watched parameter: an alarm is an error, a watch that can never alarm a warning."""
+    growth, alarms, level = state.growth, state.alarms, Level.WARN if normal.why else Level.OK
+    grown = ""
+    if growth is not None:
+        grown = f"{growth.value:+.3g} {state.unit} ({growth.low:.3g} .. {growth.high:.3g})"
+    if state.state == ALARM:
+        line, level = f"changed by {grown} against {state.value:.4g} {state.unit}" if grown else "changed", Level.ERROR
+    elif state.state == QUIET:
+        line = f"no growth of {state.watched:.3g} {state.unit}; {grown}"
+    else:
+        line = f"this data cannot tell: {state.why}"
+    values = {
+        "parameter": state.parameter,
+        "unit": state.unit,
+        "value": state.value,
+        "watched": state.watched,
+        "state": state.state,
+        "able": "false" if normal.why else "true",
+        "why": state.why,
+        "growth": "" if growth is None else growth.value,
+        "low": "" if growth is None else growth.low,
+        "high": "" if growth is None else growth.high,
+        "evidence": state.sum,
+        "threshold": state.threshold,
+        "blocks": state.blocks,
+        "telling": state.telling,
+        "delay": state.delay,
+        "alarms": len(alarms),
+        # Stamps of the first and the newest alarm, and of the likeliest onset before the newest [ns]
+        "first": baseline.end_of(alarms[0].block) if alarms else 0,
+        "newest": baseline.end_of(alarms[-1].block) if alarms else 0,
+        "onset": baseline.end_of(alarms[-1].onset - 1) if alarms else 0,
+    }
+    texts = {key: str(value) for key, value in values.items()}
+    return Status(f"{node}: {state.parameter}", line, level, texts, state.parameter)
 
 
 class WearSchedule:
@@ -130,9 +167,13 @@ class WearSchedule:
 
     def begin(self, model: Model) -> None:
         """Learn again: the model of another machine."""
-        self._model, self._monitor = model, Watched(b"", 0.0, WearSummary(model.name))
+        self._model, self._monitor = model, self._unlearnt(model)
         self._learnt = self._failed = False  # learnt: ordered, if not yet answered
         self.restart()
+
+    def _unlearnt(self, model: Model) -> Watched:
+        line = "learning what is normal"
+        return Watched(b"", 0.0, (_head(self._context.name, model.name, LEARNING, line, 0.0, 0.0),))
 
     def restart(self) -> None:
         """A new run of the clock: what was learnt stays."""
@@ -172,6 +213,7 @@ class WearSchedule:
             return
         work = partial(
             learn_normal,
+            node=self._context.name,
             model=model,
             watches=tuple(values["monitor"]),
             vary=tuple(values["monitor_vary"]),
@@ -179,7 +221,7 @@ class WearSchedule:
             records=() if bags else (self._context.buffer.record(model, first, stop),),
             bags=bags,
         )
-        self._order(work, stop, Watched(b"", 0.0, WearSummary(model.name)))
+        self._order(work, stop, self._unlearnt(model))
         self._learnt, self._from = True, stop
 
     def _cut(self, first: int, stop: int) -> None:
@@ -191,7 +233,8 @@ class WearSchedule:
         """One job at a time: each needs the monitor that the one before returned."""
         if self._ordered is None and self._waiting and self._monitor.state:
             stop, record = self._waiting.popleft()
-            work = partial(check_stretch, state=self._monitor.state, record=record, new_run=self._new_run)
+            node, state = self._context.name, self._monitor.state
+            work = partial(check_stretch, node=node, state=state, record=record, new_run=self._new_run)
             self._new_run = False
             self._order(work, stop, self._monitor)
 
@@ -204,35 +247,40 @@ class WearSchedule:
                 self._take(stamp, result)
 
         def failed(reason: str) -> None:
-            done(before._replace(summary=replace(before.summary, error=reason)))
+            head, *watches = before.statuses
+            values = head.values | {"error": reason}
+            head = replace(head, message=reason, level=max(head.level, Level.WARN), values=values)
+            done(before._replace(statuses=(head, *watches)))
 
         self._context.jobs.submit(work, done, failed)
 
     def _take(self, stamp: int, monitor: Watched) -> None:
         """Publish what the worker found, and order what waits."""
         self._ordered = None
-        before, self._monitor = self._monitor.summary, monitor
+        before, self._monitor = self._monitor.statuses, monitor
         self._failed = not monitor.state
-        self._context.publish("wear", stamp, wear_to_statuses(self._context.name, monitor.summary))
-        self._log(before, monitor.summary)
+        self._context.publish("wear", stamp, list(monitor.statuses))
+        self._log(before, *monitor.statuses)
         self._next()
 
-    def _log(self, before: WearSummary, summary: WearSummary) -> None:
-        if summary.error:
-            if summary.error != before.error:
-                self._context.warn(f"wear: {summary.error}")
+    def _log(self, before: tuple[Status, ...], head: Status, *watches: Status) -> None:
+        error = head.values["error"]
+        if error:
+            if error != before[0].values["error"]:
+                self._context.warn(f"wear: {error}")
             return
-        raised = {watch.parameter: watch.alarms for watch in before.watches}
-        for watch in summary.watches:
-            if watch.alarms > 0 and raised.get(watch.parameter, 0) == 0:
-                self._context.warn(f"wear of {watch.parameter}: {watch.line}")
-        if not before.watches:
-            self._context.info(f"wear: {summary.reference:.4g} s of healthy data as the reference; {summary.line}")
+        alarmed = {one.hardware_id for one in before[1:] if one.values["alarms"] != "0"}
+        for one in watches:
+            if one.values["alarms"] != "0" and one.hardware_id not in alarmed:
+                self._context.warn(f"wear of {one.hardware_id}: {one.message}")
+        if not before[1:]:
+            reference = float(head.values["reference"])
+            self._context.info(f"wear: {reference:.4g} s of healthy data as the reference; {head.message}")
 
     def health(self) -> list[Status]:
         """Return what is watched; nothing when nothing is."""
         if not self._context.parameters["monitor"]:
             return []
-        summary = self._monitor.summary
-        values = {watch.parameter: watch.line for watch in summary.watches}
-        return [Status("wear", summary.line, Level(summary.level), values | {"waiting": str(len(self._waiting))})]
+        head, *watches = self._monitor.statuses
+        values = {one.hardware_id: one.message for one in watches}
+        return [Status("wear", head.message, head.level, values | {"waiting": str(len(self._waiting))})]
