@@ -35,10 +35,7 @@ from idloop_nodes.codec.joints import encode_time as encode_time
 from idloop_nodes.codec.joints import peek_stamp as peek_stamp
 from idloop_nodes.codec.results import FitSummary as FitSummary
 from idloop_nodes.codec.results import ParameterSummary as ParameterSummary
-from idloop_nodes.codec.results import RecursionSummary as RecursionSummary
 from idloop_nodes.codec.results import fit_from_statuses as fit_from_statuses
 from idloop_nodes.codec.results import fit_to_statuses as fit_to_statuses
 from idloop_nodes.codec.results import parameters_from_statuses as parameters_from_statuses
 from idloop_nodes.codec.results import parameters_to_statuses as parameters_to_statuses
-from idloop_nodes.codec.results import recursion_from_statuses as recursion_from_statuses
-from idloop_nodes.codec.results import recursion_to_statuses as recursion_to_statuses

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from idloop.errors import IdloopError
 from idloop.estimation.live_estimator import RecursiveEstimator
 from idloop.records.bags.cdr import SECOND
-from idloop_nodes.codec import Level, RecursionSummary, Status, recursion_to_statuses
+from idloop_nodes.codec import Level, Status
+from idloop_nodes.codec.key_values import plus_minus
 from idloop_nodes.estimation.estimator_context import EstimatorContext, Values
 from idloop_nodes.estimation.sample_input import Sample
 
@@ -173,19 +174,17 @@ class RecursiveModel(Follower):
         recursion = self._recursion
         if recursion is None or self.failure:
             return
-        found = recursion.coefficients
-        summaries = [
-            RecursionSummary(
-                output=name,
-                unit=unit,
-                method=recursion.method,
-                samples=recursion.samples[name],
-                innovation_std=recursion.innovation_std[name],
-                coefficients={one.name: (one.value, one.stderr) for one in found if one.output == name},
-            )
-            for name, unit in self._outputs.items()
-        ]
-        self._context.publish("coefficients", stamp, recursion_to_statuses(self._context.name, summaries))
+        statuses = []
+        for output, unit in self._outputs.items():
+            samples, found = recursion.samples[output], [one for one in recursion.coefficients if one.output == output]
+            values = {"output": output, "unit": unit, "method": recursion.method, "samples": str(samples)}
+            values["innovation_std"] = str(recursion.innovation_std[output])
+            for one in found:
+                values |= {f"value/{one.name}": str(one.value), f"stderr/{one.name}": str(one.stderr)}
+            text = ", ".join(f"{one.name} = {one.value:.4g}{plus_minus(one.stderr, 1)}" for one in found)
+            message = f"{recursion.method} after {samples} samples: {text}"
+            statuses.append(Status(f"{self._context.name}: {output}", message, values=values, hardware_id=output))
+        self._context.publish("coefficients", stamp, statuses)
 
     def health(self) -> list[Status]:
         """Return what it has learnt from; nothing when it is not wanted."""
