@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from idloop.diagnosis.candidate import Candidate
+from idloop.diagnosis.candidate import Candidate, Rung
 from idloop.diagnosis.evidence.detection_limit import DetectionLimit
 from idloop.diagnosis.model_errors import model_errors
 from idloop.diagnosis.residual_curves.unknown_structure import UnknownStructure
@@ -18,6 +18,9 @@ from idloop.errors import InputError
 from idloop.physics.model import Model
 from idloop.physics.model_file import from_text
 from idloop.records import Record
+
+if TYPE_CHECKING:
+    from idloop.diagnosis.diagnosis import Diagnosis
 
 SCHEMA = "idloop/refine/1"
 
@@ -159,6 +162,43 @@ class Ladder:
             return f"in place of {name}, which it contains"
         return f"it contains {name}, which was added before it and is no step of its own any more"
 
+    def with_findings(self, found: Diagnosis) -> Ladder:
+        """The ladder with what a diagnosis of its last model has found; its candidates without their fits."""
+        return replace(
+            self,
+            criterion=found.criterion,
+            verdict=found.verdict,
+            candidates=tuple(replace(one, model=None) for one in found.candidates),
+            untestable=found.untestable,
+            findings=found.gate.findings,
+            unknown=found.unknown,
+            passed_over=found.passed_over,
+            limits=found.gate.limits,
+            response=found.response,
+        )
+
+    def with_rung(self, rung: Rung, records: Sequence[Record], validation: Sequence[Record]) -> Ladder:
+        """The ladder with what a diagnosis would add; as it is where that was not fitted."""
+        added = rung.added
+        if added.model is None:
+            return self
+        return self.with_step(
+            Step(added, added.model, rung.set, added.p_value).measured(added.model, records, validation)
+        )
+
+    def with_step(self, step: Step) -> Ladder:
+        """The ladder with one more step, in place of that whose effect the new one replaces."""
+        gone = None if step.added is None else step.added.replaces
+        kept = [one for one in self.steps if one.added is None or one.added.name != gone or one.chosen_by == "user"]
+        return replace(self, steps=(*kept, step))
+
+    def undecided(self) -> Ladder:
+        """The ladder as long as nobody has diagnosed its last model."""
+        return replace(
+            self, verdict="missing", candidates=(), unknown=None, suggested_experiment=None, passed_over={}, limits={},
+            response=CommandResponse.FOLLOWS,
+        )  # fmt: skip
+
     def merged_with(self, other: Ladder) -> Ladder:
         """The ladder with the verdict of a second view of its last model, which added nothing: the stricter of both."""
         shown = {one.name for one in other.candidates} - set(other.untestable)
@@ -188,10 +228,7 @@ class Ladder:
         """
         if len(self.steps) < 2:
             raise InputError("nothing to undo: no effect was added yet")
-        return replace(
-            self, steps=self.steps[:-1], verdict="missing", candidates=(), unknown=None, suggested_experiment=None,
-            passed_over={}, limits={}, response=CommandResponse.FOLLOWS,
-        )  # fmt: skip
+        return replace(self.undecided(), steps=self.steps[:-1])
 
     def to_dict(self) -> dict[str, Any]:
         """The document of schema ``idloop/refine/1``."""

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from idloop.spelling import joined_names
 
 if TYPE_CHECKING:
-    from idloop.diagnosis import Candidate, Diagnosis, Ladder, Step
+    from idloop.diagnosis import Diagnosis, Ladder, Step
     from idloop.diagnosis.candidate import Rung
     from idloop.diagnosis.design.suggest import Limits
     from idloop.physics import Model
@@ -92,18 +92,7 @@ def find_missing(study: Study, model: Model, ladder: Ladder | None, report: Repo
         ladder = Ladder((_step(study, found.model),), criterion=found.criterion, level=study.level)
         if model_version(found.model) != model_version(model):
             given = _step(study, model)
-    ladder = replace(
-        ladder,
-        criterion=found.criterion,
-        verdict=found.verdict,
-        candidates=tuple(replace(one, model=None) for one in found.candidates),
-        untestable=found.untestable,
-        findings=found.gate.findings,
-        unknown=found.unknown,
-        passed_over=found.passed_over,
-        limits=found.gate.limits,
-        response=found.response,
-    )
+    ladder = ladder.with_findings(found)
     return Found(found, ladder, pictures, tuple(findings_on_records(found.model, study.records)), given)
 
 
@@ -117,7 +106,6 @@ def add(
 ) -> Ladder:
     """Add an effect: as a diagnosis has fitted it with its intervals, else fitted now."""
     from idloop.diagnosis import add_effect
-    from idloop.diagnosis.screening.command_response import CommandResponse
 
     if ladder is None:
         from idloop.diagnosis import Ladder
@@ -129,15 +117,11 @@ def add(
     rungs = () if found is None else _rungs(found, name)
     if not rungs:
         grown = add_effect(ladder, name, study.records, study.validation, seed=study.seed, progress=report)
-        added = grown.steps[-1].added
-        return replace(grown, steps=(*_kept(grown.steps[:-1], added), grown.steps[-1]))
+        return replace(grown, steps=grown.steps[:-1]).with_step(grown.steps[-1])
     for number, rung in enumerate(rungs):
         report(number / len(rungs), f"errors with {rung.added.name}")
-        ladder = _with(study, ladder, rung)
-    return replace(
-        ladder, verdict="missing", candidates=(), unknown=None, passed_over={}, limits={},
-        response=CommandResponse.FOLLOWS,
-    )  # fmt: skip
+        ladder = ladder.with_rung(rung, study.records, study.validation)
+    return ladder.undecided()
 
 
 def suggest(study: Study, found: Diagnosis, report: Report) -> Next:
@@ -162,23 +146,7 @@ def _rungs(found: Diagnosis, name: str) -> tuple[Rung, ...]:
     return () if one is None else (Rung(one, found.set),)
 
 
-def _with(study: Study, ladder: Ladder, rung: Rung) -> Ladder:
-    added = rung.added
-    if added.model is None:
-        return ladder
-    step = replace(_step(study, added.model, added), set=rung.set, p_value=added.p_value)
-    return replace(ladder, steps=(*_kept(ladder.steps, added), step))
-
-
-def _kept(steps: Sequence[Step], added: Candidate | None) -> list[Step]:
-    """Steps without that whose effect the added one takes the place of: it is none of its own any more."""
-    gone = None if added is None else added.replaces
-    return [s for s in steps if s.added is None or s.added.name != gone or s.chosen_by == "user"]
-
-
-def _step(study: Study, model: Model, added: Candidate | None = None) -> Step:
+def _step(study: Study, model: Model) -> Step:
     from idloop.diagnosis import Step
-    from idloop.diagnosis.model_errors import model_errors
 
-    train, unseen = (model_errors(model, records) for records in (study.records, study.validation))
-    return Step(added, model, train=train, validation=unseen)
+    return Step(None, model).measured(model, study.records, study.validation)

@@ -38,15 +38,7 @@ class LadderState:
             self.ladder = Ladder((_step(found.model, order),), criterion=found.criterion, level=order.level)
         else:
             self.ladder = _measured_anew(self.ladder, order)
-        self.ladder = replace(
-            self.ladder,
-            verdict=found.verdict,
-            candidates=tuple(replace(one, model=None) for one in found.candidates),
-            untestable=found.untestable,
-            findings=found.gate.findings,
-            unknown=found.unknown,
-            passed_over=found.passed_over,
-        )
+        self.ladder = self.ladder.with_findings(found)
         where = compare(self.ladder.model, order.validation[-1]).where.lines() if order.validation else []
         return self._answer(order, missing=missing_to_statuses(order.node, found, where, order.windows))
 
@@ -55,16 +47,10 @@ class LadderState:
         best = None if self.diagnosis is None else self.diagnosis.best
         if self.ladder is None or self.diagnosis is None or best is None:
             raise InputError("no effect is known to be missing: diagnose first")
-        ladder = self.ladder
+        ladder = self.ladder.undecided()
         if self.diagnosis.pair is not None:
             for rung in self.diagnosis.rungs:
-                if rung.added.model is not None:
-                    step = _step(rung.added.model, order, rung.added)
-                    gone = rung.added.replaces
-                    steps = [
-                        s for s in ladder.steps if s.added is None or s.added.name != gone or s.chosen_by == "user"
-                    ]
-                    ladder = replace(ladder, steps=(*steps, replace(step, set=rung.set, p_value=rung.added.p_value)))
+                ladder = ladder.with_rung(rung, order.records, order.validation)
             return self._climb(order, ladder)
         if ladder.added:
             # Earlier effects may be needless now: that takes a refit of its own.
