@@ -20,7 +20,7 @@ from std_msgs.msg import Float64MultiArray
 
 from idloop.physics import Plant, load_model
 from idloop_nodes import qos
-from idloop_nodes.codec import JointSample, decode_floats, encode_joint_state
+from idloop_nodes.codec import JointSample, encode_joint_state
 from idloop_nodes.middleware import use_sockets_only
 from idloop_nodes.runtime import make_executor
 from idloop_nodes.timing import become_urgent
@@ -40,14 +40,14 @@ class Robot:
         self.plant.measure()  # compiles before the clock runs
         self.node = rclpy.create_node("robot")
         self.states = self.node.create_publisher(JointState, "/robot/joint_states", qos.stream(10))
-        self.node.create_subscription(Float64MultiArray, "/robot/commands", self.take, qos.stream(10), raw=True)
+        self.node.create_subscription(Float64MultiArray, "/robot/commands", self.take, qos.stream(10))
 
     def write(self, *words):
         self.log.write(" ".join(map(str, (time.monotonic_ns(), *words))) + "\n")
         self.log.flush()
 
-    def take(self, data):
-        values = decode_floats(data)
+    def take(self, message):
+        values = message.data
         self.commanded = values[1]
         self.write("command", values[1], float(self.plant.position[0]))
 

@@ -31,7 +31,6 @@ from idloop_nodes.codec import (
     decode_diagnostics,
     decode_header,
     decode_joint_state,
-    decode_time,
     encode_diagnostics,
     encode_header,
     encode_joint_state,
@@ -98,7 +97,7 @@ def test_diagnostics_round_trip_through_ros(items, stamp):
 
 @given(stamps, texts)
 def test_time_and_header_round_trip(stamp, frame):
-    assert decode_time(encode_time(stamp)) == stamp == peek_stamp(encode_time(stamp))
+    assert peek_stamp(encode_time(stamp)) == stamp
     assert decode_header(encode_header(stamp, frame)) == (stamp, frame)
 
 

@@ -64,11 +64,11 @@ def draw_bode(axes: Any, model: Any, frequency: Any, response: Any, title: str, 
     magnitude.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2, ncols=2, columnspacing=1.2)
 
 
-def new_axes(axes: Any, rows: int = 1, height: float = 4.0, *, columns: int = 1, width: float = 8.0) -> Any:
+def new_axes(axes: Any, rows: int = 1, height: float = 4.0) -> Any:
     """Return the given matplotlib axes, or new ones; those below each other share the horizontal axis [inch]."""
     if axes is not None:
         return axes
     import matplotlib.pyplot as plt
 
-    _, made = plt.subplots(rows, columns, sharex="col", figsize=(width, height), layout="constrained")
+    _, made = plt.subplots(rows, sharex=True, figsize=(8.0, height), layout="constrained")
     return made

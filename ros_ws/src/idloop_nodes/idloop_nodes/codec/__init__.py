@@ -2,8 +2,6 @@
 
 from idloop.records.bags.cdr import CdrError as CdrError
 from idloop_nodes.codec.commands import TrajectoryPoint as TrajectoryPoint
-from idloop_nodes.codec.commands import decode_float as decode_float
-from idloop_nodes.codec.commands import decode_floats as decode_floats
 from idloop_nodes.codec.commands import decode_trajectory as decode_trajectory
 from idloop_nodes.codec.commands import encode_float as encode_float
 from idloop_nodes.codec.commands import encode_floats as encode_floats
@@ -28,7 +26,6 @@ from idloop_nodes.codec.joints import JointSample as JointSample
 from idloop_nodes.codec.joints import JointWriter as JointWriter
 from idloop_nodes.codec.joints import decode_header as decode_header
 from idloop_nodes.codec.joints import decode_joint_state as decode_joint_state
-from idloop_nodes.codec.joints import decode_time as decode_time
 from idloop_nodes.codec.joints import encode_header as encode_header
 from idloop_nodes.codec.joints import encode_joint_state as encode_joint_state
 from idloop_nodes.codec.joints import encode_time as encode_time

@@ -29,11 +29,11 @@ class Status:
     hardware_id: str = ""  # what the status is about
 
 
-def encode_diagnostics(stamp_ns: int, statuses: Sequence[Status], frame_id: str = "") -> bytes:
+def encode_diagnostics(stamp_ns: int, statuses: Sequence[Status]) -> bytes:
     """Return a DiagnosticArray as bytes."""
     writer = CdrWriter()
     writer.stamp(stamp_ns)
-    writer.string(frame_id)
+    writer.string("")  # frame
     writer.uint32(len(statuses))
     for status in statuses:
         writer.uint8(int(status.level))

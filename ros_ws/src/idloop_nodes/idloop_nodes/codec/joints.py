@@ -45,11 +45,6 @@ def encode_time(stamp_ns: int) -> bytes:
     return HEADER + _STAMP.pack(stamp_ns // SECOND, stamp_ns % SECOND)
 
 
-def decode_time(data: bytes) -> int:
-    """Return the nanoseconds of a rosgraph_msgs/Clock."""
-    return CdrReader(data).stamp()
-
-
 def encode_header(stamp_ns: int, frame_id: str) -> bytes:
     """Return std_msgs/Header as bytes."""
     writer = CdrWriter()
