@@ -512,6 +512,18 @@ def test_of_a_torque_and_a_current_that_makes_it_the_current_is_the_command(torq
     assert named["command"][0] == f"{torque} cmd"
 
 
+@pytest.mark.parametrize("letter", ["q", "x"])
+def test_a_state_is_the_velocity_of_the_one_whose_slope_it_is(letter):
+    swing = 0.3 * np.cumsum(np.sin(7.0 * T)) * 0.005 * ANGLE
+    rates = np.gradient(ANGLE, T), np.gradient(swing, T)
+    names = [f"{letter}{k}" for k in range(1, 5)]
+    roles, found = _roles(dict(zip(["u", *names], [U, ANGLE, swing, *rates], strict=True)), period=0.005)
+    assert (roles["position"][0], roles["velocity"][0]) == (names[0], names[2])
+    assert "2 joints (1, 2)" in " ".join(found.doubts)
+    positions = {f"{letter}{k}": ANGLE * k for k in range(1, 4)}
+    assert "velocity" not in _roles({"t": T, "u": U, **positions})[0]
+
+
 def test_the_hand_of_an_arm_is_no_joint():
     roles, found = _roles({"time": T, "tau_command": U, "q": ANGLE, "qd": SPEED, "ee_pos": 0.3 * np.sin(0.1 * ANGLE)})
     assert roles["position"][0] == "q"

@@ -7,7 +7,7 @@ import shlex
 from collections.abc import Iterable, Sequence
 from collections.abc import Mapping as Map
 from dataclasses import replace
-from itertools import chain
+from itertools import chain, combinations
 from math import pi
 
 import numpy as np
@@ -17,13 +17,15 @@ from idloop.records.inspection.motion import white_noise
 from idloop.records.recognition.column_name import parse_column_name, with_brackets
 from idloop.records.recognition.driven_motion import driven_most
 from idloop.records.recognition.guess import MOTION
-from idloop.records.recognition.roles import RoleByName, Signal, is_called_command, role_by_name
+from idloop.records.recognition.roles import RoleByName, Signal, is_called_command, is_coordinate, role_by_name
+from idloop.records.recognition.signal_units import slope_of
 from idloop.records.recognition.table_column import TableColumn
 from idloop.records.tables.base_units import COUNTS, base_unit
 from idloop.spelling import listed
 
 _BLOCKS = 200  # means along which the slope of a motion is taken
 _RUNS_WITH = 0.9  # correlation of a velocity with the slope of its position
+_IN_ONE_UNIT = (0.7, 1.4)  # of a velocity to the slope of its position in the same unit, by which a filter is no other
 _AT_REST = 0.05  # travel of a joint beside that of the farthest, which shows nothing of its velocity
 _SAME = 0.1  # of the spread of a column, by which one that runs with it differs
 _FEWEST_JOINTS, _MOST_COLUMNS = 2, 64
@@ -135,6 +137,27 @@ def run_together(one: Array, other: Array) -> bool:
         return False
     known = np.isfinite(one) & np.isfinite(other)
     return bool(known.any()) and float(np.std((one - other)[known])) < _SAME * float(np.std(one[known]))
+
+
+def rates_among_states(columns: Map[str, TableColumn], seconds: Array) -> dict[str, TableColumn]:
+    """Return the columns that are velocities where the numbers of a letter are those of states: q1, q2, q3 and q4.
+
+    A state is the velocity of one before it where it is its slope, in radians and seconds or in metres and seconds.
+    None are where another column is called a velocity.
+    """
+    if any(one.by_name.role == "velocity" for one in columns.values()):
+        return {}
+    states = [one for one in columns.values() if one.by_name.role == "position" and is_coordinate(one.parsed)]
+    states = [one for one in states if one.moves and one.value.size == seconds.size]
+    rates: dict[str, TableColumn] = {}
+    for place, rate in combinations(states, 2):
+        if place.parsed.words != rate.parsed.words or {place.name, rate.name} & rates.keys():
+            continue
+        slope = slope_of(seconds, place.value, rate.value, place.runs)
+        if slope is not None and slope.correlation > _RUNS_WITH and _IN_ONE_UNIT[0] < slope.value < _IN_ONE_UNIT[1]:
+            role = RoleByName("velocity", rate.by_name.rank, f"it is the slope of {place.name!r}")
+            rates[rate.name] = replace(rate, by_name=role, parsed=replace(rate.parsed, index=place.parsed.index))
+    return rates
 
 
 def joints_by_name(names: Iterable[str]) -> dict[str, str] | None:

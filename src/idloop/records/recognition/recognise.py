@@ -36,7 +36,14 @@ from idloop.records.recognition.guess import (
     quoted,
     with_unit,
 )
-from idloop.records.recognition.joints import in_blocks, joints_by_name, joints_by_side, joints_with_command, one_joint
+from idloop.records.recognition.joints import (
+    in_blocks,
+    joints_by_name,
+    joints_by_side,
+    joints_with_command,
+    one_joint,
+    rates_among_states,
+)
 from idloop.records.recognition.role_units import doubt_of_left_out, is_linear, set_units, set_wraps, unit_by_words
 from idloop.records.recognition.roles import (
     AT_LOAD,
@@ -47,6 +54,7 @@ from idloop.records.recognition.roles import (
     RoleByName,
     is_computed,
     is_force_sensor,
+    is_of_hand,
     is_sensor_in_volts,
     is_torque,
     may_be_measured,
@@ -237,10 +245,11 @@ def _by_names(
             parsed = replace(parsed, index=joints.get(name, ""))
         one = TableColumn(name, parsed, role_by_name(parsed), value, runs_of(value, base))
         columns[name] = one.as_other() if one.is_further_clock(base.seconds) else one
-    for refine in (_input_and_output, _currents, _prefer_current, _computed):
+    for refine in (_input_and_output, _currents, _prefer_current, _computed, _hand):
         refine(columns)
     _of_known_drive(columns, sources)
     columns = {name: one.with_sign() for name, one in columns.items()}
+    columns |= rates_among_states(columns, base.seconds)
     _supplies(columns)
     blocks, doubt = in_blocks(columns)
     every = columns | blocks
@@ -401,6 +410,13 @@ def _computed(columns: dict[str, TableColumn]) -> None:
         if any(one.moves and not is_computed(one.parsed) for one in alike):
             computed = (one for one in alike if is_computed(one.parsed))
             columns |= {one.name: one.as_other() for one in computed}
+
+
+def _hand(columns: dict[str, TableColumn]) -> None:
+    """Take the place of the hand of an arm for no signal of the axis where a joint was measured as well."""
+    motions = [one for one in columns.values() if one.by_name.role in MOTION]
+    if any(one.moves and not is_of_hand(one.parsed) for one in motions):
+        columns |= {one.name: one.as_other() for one in motions if is_of_hand(one.parsed)}
 
 
 def _supplies(columns: dict[str, TableColumn]) -> None:

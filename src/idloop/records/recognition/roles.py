@@ -151,7 +151,7 @@ def role_by_name(name: ColumnName) -> RoleByName:
         role: Role = "reference" if wanted else "position"
         said = words & _POSITIONS
         # A letter may be any coordinate, or a state of a model.
-        rank = 2.0 + bool(measured) + bool(unit) - 0.5 * bool(said and said <= _COORDINATES) - bool(words & _HAND)
+        rank = 2.0 + bool(measured) + bool(unit) - 0.5 * bool(said and said <= _COORDINATES)
         return RoleByName(role, rank, _because(wanted | said, unit))
     if kind == "velocity":
         role = "reference velocity" if wanted else "velocity"
@@ -205,6 +205,16 @@ def is_force_sensor(name: ColumnName) -> set[str]:
 def is_sensor_in_volts(name: ColumnName) -> bool:
     """Whether a name says that a sensor shows a motion as a voltage, of a scale that is not known: ``encoder_V``."""
     return name.unit in ("V", "mV") and bool(set(name.words) & _MOTION_SENSORS) and not set(name.words) & WANTED
+
+
+def is_of_hand(name: ColumnName) -> bool:
+    """Whether a name says that a column is of the hand of an arm, and so of no joint: ``ee_pos``, ``tcp_pose``."""
+    return bool(set(name.words) & _HAND)
+
+
+def is_coordinate(name: ColumnName) -> bool:
+    """Whether a name is one letter of a coordinate with a number, which may be that of a state: ``q3``, ``x[2]``."""
+    return len(name.words) == 1 and set(name.words) <= _COORDINATES and bool(name.index) and not name.unit
 
 
 def is_computed(name: ColumnName) -> bool:
