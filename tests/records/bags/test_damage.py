@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 
 from idloop.errors import IdloopError, InputError
 from idloop.records import read_streams, write_bag
-from idloop.records.bags.fields import bag_fields
 from idloop.records.bags.publishers import find_publishers
 from idloop.records.bags.recover import recover_bag
 from idloop.records.bags.storage.storage_files import storage_files
 from idloop.records.bags.write import make_stream
+from idloop.records.recognition.bag_table import bag_table
 
 FORMS = ["mcap", "sqlite3", "mcap.zstd", "sqlite3.zstd", "bag", "metadata"]
 
@@ -95,7 +95,7 @@ def test_a_result_or_one_line(seed: tuple[Path, Path], tmp_path_factory: pytest.
     else:
         place = folder / file.name
         place.write_bytes(content)
-    attempt(lambda: bag_fields(place))
+    attempt(lambda: bag_table(place))
     for stream in (attempt(lambda: read_streams(place)) or {}).values():
         find_publishers(stream)
     saved = folder / "saved"

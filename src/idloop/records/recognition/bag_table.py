@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from idloop.errors import InputError
 from idloop.records.bags.bag import Bag
-from idloop.records.bags.fields import BagField, bag_fields
-from idloop.records.bags.read import read_streams
-from idloop.records.bags.stream import JOINT_STATE
+from idloop.records.bags.metadata import signal_units
+from idloop.records.bags.read import read_streams, readable_topics
+from idloop.records.bags.stream import JOINT_STATE, JointStream
 from idloop.records.inspection.clocks import share_no_clock
 from idloop.records.tables.mapping import ready_definitions
 from idloop.records.tables.table import Table
@@ -24,6 +25,18 @@ _STATES = {JOINT_STATE, "control_msgs/msg/DynamicJointState"}
 # Words of topics on which a JointState was sent and not measured.
 _SENT = {"command", "commands", "cmd", "reference", "goal", "target", "desired", "excitation"}
 _MOST = 200
+
+
+@dataclass(frozen=True)
+class BagField:
+    """One number that the messages of a topic carry."""
+
+    topic: str
+    type: str  # of the messages
+    # `source_joint` and `field` of a mapping file; the joint is "" where the type has none
+    joint: str
+    field: str
+    unit: str  # "" where the bag does not state it
 
 
 @dataclass(frozen=True)
@@ -57,26 +70,25 @@ class BagTable:
         return {name: one.joint for name, one in self.fields.items()}
 
 
-def bag_table(path: Path, readable: Callable[[BagField], bool] = lambda one: one.count > 1) -> BagTable:
-    """Read the numbers of a bag, of those fields that are `readable`.
+def bag_table(path: Path) -> BagTable:
+    """Read the numbers of a bag.
 
     Raises InputError: the bag is missing, damaged, or holds no numbers.
     """
-    definitions = ready_definitions()
-    fields = [one for one in bag_fields(path, definitions=definitions) if readable(one)][:_MOST]
+    with Bag(path, definitions=ready_definitions()) as bag:
+        streams, notes = _readable_streams(bag)
+        units = signal_units(bag.custom)
+    fields = [(stream, one) for stream in streams.values() for one in fields_of(stream, units)][:_MOST]
     if not fields:
         raise InputError(f"{path}: no topic carries numbers that change; check that this is the recording")
-    with Bag(path, definitions=definitions) as bag:
-        streams = read_streams(bag, {one.topic for one in fields})
     pairs = itertools.combinations(streams.values(), 2)
     received = any(share_no_clock(one, other) for one, other in pairs)
     stamps = {name: stream.receive_ns if received else stream.stamp_ns for name, stream in streams.items()}
-    begin = min(int(one.min()) for one in stamps.values() if one.size)
+    begin = min(int(one.min()) for one in stamps.values())
     # What is found of the messages shows in no table of their numbers.
-    notes = [one.text for stream in streams.values() for one in stream.findings if one.level == "warning"]
+    notes += [one.text for stream in streams.values() for one in stream.findings if one.level == "warning"]
     table, found = Table(path, {}, notes=notes), {}
-    for one in fields:
-        stream = streams[one.topic]
+    for stream, one in fields:
         # States of joints beside commands were measured.
         measured = one.type in _STATES and not _SENT & set(re.split(r"[/_]", one.topic))
         name = " ".join(filter(None, (one.topic, one.joint, one.field, "measured" if measured else "")))
@@ -89,3 +101,43 @@ def bag_table(path: Path, readable: Callable[[BagField], bool] = lambda one: one
             table.units[name] = unit
         found[name] = one
     return BagTable(table, found, received)
+
+
+def _readable_streams(bag: Bag) -> tuple[dict[str, JointStream], list[str]]:
+    """Topics with several messages, and why others whose messages are damaged are left out."""
+    names, notes = sorted(readable_topics(bag)), list[str]()
+    try:
+        found = read_streams(bag, names)
+    except InputError:
+        found = {}
+        for name in names:
+            try:
+                found |= read_streams(bag, [name])
+            except InputError as error:
+                notes.append(str(error))
+    return {name: stream for name, stream in found.items() if len(stream) > 1}, notes
+
+
+def fields_of(stream: JointStream, units: dict[str, str]) -> list[BagField]:
+    """Return the numbers of a topic with the names by which a mapping file asks for them; those without a value not.
+
+    `units`: by column, where the bag states them.
+    """
+    columns = {name: value for name, value in stream.columns().items() if np.isfinite(value).any()}
+    return [BagField(stream.topic, stream.type, *_address(stream, name), units.get(name, "")) for name in columns]
+
+
+def _address(stream: JointStream, name: str) -> tuple[str, str]:
+    """Joint and field under which `JointStream.number` finds a column."""
+    if stream.is_joint_state:
+        joint, _, own = name.rpartition(".")
+        return joint, own
+    place = next((path for path, column in stream.paths.items() if column == name), "")
+    if place:
+        # Of an array the field is its path; of named values, such as those of one joint, the name of the value.
+        path = place.rpartition("[")[0]
+        own = path if name.endswith(f".{path}") else name.rpartition(".")[2]
+        return name.removesuffix(f".{own}"), own
+    if name.isdigit():
+        return "", "" if len(stream.names) == 1 else f"data[{name}]"
+    return "", name
