@@ -44,8 +44,8 @@ def verb(monkeypatch: pytest.MonkeyPatch) -> dict[str, object]:
 
     module = type(sys)("try_verb")
     module.command = command  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "try_verb", module)
-    monkeypatch.setitem(main.VERBS, "try", main.Verb("try_verb", "Try."))
+    monkeypatch.setitem(sys.modules, "idloop.cli.verbs.try_", module)
+    monkeypatch.setitem(main.VERBS, "try", "Try.")
     return behaviour
 
 
@@ -70,7 +70,7 @@ def test_help_and_version_import_nothing_heavy(arguments):
 
 def test_every_verb_of_the_table_is_a_file_and_every_file_is_in_the_table():
     verbs = {path.stem for path in (VERB_FOLDER / "verbs").glob("[a-z]*.py")}
-    assert verbs == {verb.module.rpartition(".")[2] for verb in main.VERBS.values()}
+    assert {verb.removesuffix("_") for verb in verbs} == main.VERBS.keys()
 
 
 @pytest.mark.parametrize("name", main.VERBS)
@@ -145,7 +145,7 @@ def test_an_interrupt_inside_a_callback_of_c_code_is_not_lost():
         "callback = ctypes.CFUNCTYPE(None)(lambda: signal.raise_signal(signal.SIGINT))\n"
         "def do(): callback(); threading.Event().wait(100.0)\n"
         "module = type(sys)('try_verb'); module.command = click.Command('try', callback=do)\n"
-        "sys.modules['try_verb'] = module; main.VERBS['try'] = main.Verb('try_verb', '')\n"
+        "sys.modules['idloop.cli.verbs.try_'] = module; main.VERBS['try'] = ''\n"
         "main.main()"
     )
     done = idloop_process("try", code=f"import sys; {code}")
@@ -157,7 +157,7 @@ def test_a_closed_pipe_is_quiet():
         "import os, sys, click; from idloop.cli import main\n"
         "def do(): [click.echo('x' * 1000) for _ in range(1000)]\n"
         "module = type(sys)('try_verb'); module.command = click.Command('try', callback=do)\n"
-        "sys.modules['try_verb'] = module; main.VERBS['try'] = main.Verb('try_verb', '')\n"
+        "sys.modules['idloop.cli.verbs.try_'] = module; main.VERBS['try'] = ''\n"
         "sys.exit(main.run(['try']))"
     )
     process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE)

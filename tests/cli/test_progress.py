@@ -139,7 +139,7 @@ def test_an_interrupted_verb_says_that_nothing_is_kept_unless_it_leaves_files(wr
 
 @pytest.mark.parametrize("verb", main.VERBS)
 def test_every_verb_with_progress_has_quiet(verb):
-    module = importlib.import_module(main.VERBS[verb].module)
+    module = importlib.import_module(main.group.get_command(None, verb).callback.__module__)
     options = {name for parameter in module.command.params for name in parameter.opts}
     # `narrated` shows the progress of both demonstrations.
     source = inspect.getsource(module)

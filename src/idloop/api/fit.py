@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from idloop.api.result import Progress, Result, as_records, ignore_progress, part
@@ -12,6 +13,7 @@ from idloop.api.single_thread import single_threaded
 from idloop.diagnosis.screening.command_response import command_response
 from idloop.diagnosis.search.non_local_search import from_trial_values
 from idloop.estimation import fit as fit_model
+from idloop.output_files import write_text
 from idloop.reporting.panel import make_panel
 from idloop.reporting.plots.comparison import plot_panels
 from idloop.reporting.terms import FITTED, UNSEEN
@@ -96,6 +98,11 @@ class Fit(Result):
             "train": [one.to_dict() for one in self.train],
             "validation": [one.to_dict() for one in self.validation],
         }
+
+    def save(self, path: str | Path) -> Path:
+        """Write the fitted model file."""
+        write_text(Path(path), self.model.to_yaml())
+        return Path(path)
 
 
 @single_threaded

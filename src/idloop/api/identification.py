@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -110,18 +110,13 @@ class Identification(Result):
 
     def save(self, path: str | Path) -> Path:
         """Write the model of the first method: ``.json``, a linear one also ``.npz``."""
-        save_model(self.model, Path(path))
+        from idloop.estimation import linear, networks
+
+        if isinstance(self.model, networks.NarxModel):
+            networks.save(self.model, Path(path))
+        else:
+            linear.save(self.model, Path(path))
         return Path(path)
-
-
-def save_model(model: Any, path: Path) -> None:
-    """Write a linear model or a network."""
-    from idloop.estimation import linear, networks
-
-    if isinstance(model, networks.NarxModel):
-        networks.save(model, path)
-    else:
-        linear.save(model, path)
 
 
 def even_grids(
@@ -168,10 +163,7 @@ def identify_one(name: str, data: Grids, choices: Choices, steps: int, progress:
     train, judged = data
     own = {degree: number for degree, number in choices.structure.items() if degree in find_method(name).polynomials}
 
-    def tell(fraction: float, note: str) -> None:
-        progress(fraction, note)
-
-    found = identify_by(train, name, replace(choices, structure=own), tell)
+    found = identify_by(train, name, replace(choices, structure=own), progress)
     if not found.predicts:
         return Outcome(name, found)
     model: Any = found.model
@@ -199,40 +191,40 @@ def identify_all(names: Sequence[str], data: Grids, choices: Choices, steps: int
     return on_the_same_samples(outcomes)
 
 
-def loop_document(names: Iterable[str], data: Sequence[SampledData], choices: Choices) -> dict[str, Any]:
-    """Whether the records come from a closed loop, and which of the methods are biased by it."""
+def describe(
+    names: Iterable[str],
+    train: Sequence[Record],
+    unseen: Sequence[Record],
+    data: Sequence[SampledData],
+    choices: Choices,
+    **settings: Any,
+) -> dict[str, Any]:
+    """What an identification was made from, for `Identification.to_dict`; and which methods a closed loop biases.
+
+    `data`: `train` on an even grid.
+    `settings`: how it was made.
+    """
     from idloop.estimation.black_box.methods import find_method
     from idloop.estimation.feedback import closed_loop_methods, detect_feedback, handles_feedback
 
     loop = detect_feedback(data)
     biased = [name for name in names if loop.closed and not handles_feedback(find_method(name), choices)]
-    return loop.to_dict() | {
-        "biased_methods": biased,
-        "suitable_methods": list(closed_loop_methods(loop)) if loop.closed else [],
-        "note": loop_text(loop, biased),
-    }
-
-
-def judged_title(records: Sequence[Record], *, seen: bool) -> str:
-    """What the models are judged on."""
-    return f"{'fitted' if seen else 'unseen'}: {', '.join(record.name for record in records)}"
-
-
-def record_document(
-    train: Sequence[Record], unseen: Sequence[Record], detrend: str, steps: int, loop: Mapping[str, Any]
-) -> dict[str, Any]:
-    """What an identification was made from, for `Identification.to_dict`."""
+    judged = ", ".join(record.name for record in unseen or train)
     return {
         "schema": "idloop/identify/1",
-        "title": judged_title(unseen or train, seen=not unseen),
+        "title": f"{'unseen' if unseen else 'fitted'}: {judged}",
         "records": [record.name for record in train],
         "validation": [record.name for record in unseen],
         "judged_on": "validation" if unseen else "train",
         "input": train[0].input_name,
         "outputs": list(train[0].output_names),
-        "detrend": detrend,
-        "steps": steps,
-        "loop": loop,
+        **settings,
+        "loop": loop.to_dict()
+        | {
+            "biased_methods": biased,
+            "suitable_methods": list(closed_loop_methods(loop)) if loop.closed else [],
+            "note": loop_text(loop, biased),
+        },
     }
 
 
@@ -318,6 +310,5 @@ def identify(
     train, unseen = as_records(records), as_records(validate)
     # Stamps are whole nanoseconds: 20 ms is to be 0.02 s, for a controller of that period to fit.
     data = grids_of(train, unseen, detrend, drop)(sample_time or round(train[0].sample_time, 9))
-    loop = loop_document(names, data[0], chosen)
-    outcomes = identify_all(names, data, chosen, steps, progress)
-    return Identification(tuple(outcomes), tuple(data[1]), steps, record_document(train, unseen, detrend, steps, loop))
+    document = describe(names, train, unseen, data[0], chosen, detrend=detrend, steps=steps)
+    return Identification(tuple(identify_all(names, data, chosen, steps, progress)), tuple(data[1]), steps, document)

@@ -135,12 +135,26 @@ def print_json(document: Any) -> None:
     click.echo(json.dumps(to_json(document), indent=2, ensure_ascii=False, allow_nan=False))
 
 
-def print_found(found: Any, *, as_json: bool, **more: Any) -> None:
-    """Print a result: its document with `more` beside it, or its text."""
-    if as_json:
-        print_json({**found.to_dict(), **more})
+def deliver(found: Any, *, as_json: bool, plot: Path | None, output: Path | None = None, **more: Any) -> None:
+    """Save a result and its figure where files are asked for, and print its document with `more`, or its text."""
+    if output is not None:
+        found.save(output)
+    print_either(found.blocks, {**found.to_dict(), "output": output, "plot": plot, **more} if as_json else None)
+    log_written(output)
+    save_plot(found.plot, plot)
+
+
+def print_rows(header: Sequence[str], rows: Iterable[Sequence[str]], document: Any, *, as_json: bool) -> None:
+    """Print a table, or the document that says the same."""
+    print_either(lambda: [Table.of(header, rows)], document if as_json else None)
+
+
+def print_either(blocks: Callable[[], Iterable[Block]], document: Any) -> None:
+    """Print a document, or the text where there is none."""
+    if document is None:
+        print_blocks(blocks())
     else:
-        print_blocks(found.blocks())
+        print_json(document)
 
 
 def save_plot(draw: Callable[[], Any], path: Path | None) -> None:

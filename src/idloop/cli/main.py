@@ -5,6 +5,7 @@ from __future__ import annotations
 import _thread
 import difflib
 import importlib
+import keyword
 import os
 import sys
 import tempfile
@@ -12,7 +13,7 @@ import threading
 import traceback
 import warnings
 from collections.abc import Sequence
-from typing import NamedTuple, NoReturn
+from typing import NoReturn
 
 import click
 
@@ -23,37 +24,31 @@ DONE, COULD_NOT, WRONG_USE, INTERRUPTED, BROKEN_PIPE = 0, 1, 2, 130, 141
 COMPLETE = "_IDLOOP_COMPLETE"  # click's name for the variable by which a shell asks for completions
 
 
-class Verb(NamedTuple):
-    """Where a verb lives and what it does, in one line; its module has a click command `command`."""
-
-    module: str
-    summary: str
-
-
-VERBS: dict[str, Verb] = {
-    "demo": Verb("idloop.cli.verbs.demo", "Run the loop from end to end on this machine and check it."),
-    "start": Verb("idloop.cli.verbs.start", "From a log of any form to bags, a model file and a first fit."),
-    "launch": Verb("idloop.cli.verbs.launch", "Start a node graph without ros2 launch."),
-    "model": Verb("idloop.cli.verbs.model", "Print a preset model, or check a model file and print it whole."),
-    "import": Verb("idloop.cli.verbs.import_", "Turn a log or a foreign bag into a bag of our topics, by a mapping."),
-    "inspect": Verb("idloop.cli.verbs.inspect", "Say what is in a recording and what it can and cannot show."),
-    "fit": Verb("idloop.cli.verbs.fit", "Estimate a model's free parameters from bags, with intervals."),
-    "identify": Verb("idloop.cli.verbs.identify", "Identify black-box models by any method and compare them."),
-    "compare": Verb("idloop.cli.verbs.compare", "Compare what was measured with what models say."),
-    "diagnose": Verb("idloop.cli.verbs.diagnose", "Name the physical effects that a model lacks."),
-    "refine": Verb("idloop.cli.verbs.refine", "Add what is missing, step by step: the ladder."),
-    "robot": Verb("idloop.cli.verbs.robot", "Identify a whole robot: its links, and every joint of a bag."),
-    "fleet": Verb("idloop.cli.verbs.fleet", "Identify the joints of many robots over time: who wears, what changed."),
-    "workbench": Verb("idloop.cli.verbs.workbench", "Look, find what is missing and add it, in a browser."),
-    "suggest": Verb("idloop.cli.verbs.suggest", "Choose the next experiment, within limits."),
-    "report": Verb("idloop.cli.verbs.report", "Write a ladder as one HTML page that can be mailed."),
-    "compensate": Verb("idloop.cli.verbs.compensate", "Cancel in the controller what was found, and measure the gain."),
-    "monitor": Verb("idloop.cli.verbs.monitor", "Watch wear: alarm when friction, play or another effect grows."),
-    "export": Verb("idloop.cli.verbs.export", "Write a model for URDF, MuJoCo, python-control or ros2_control."),
-    "trust": Verb("idloop.cli.verbs.trust", "Let the effect files beside a model run, once for each folder."),
-    "replay": Verb("idloop.cli.verbs.replay", "Play a recording into a live estimator."),
-    "papers": Verb("idloop.cli.verbs.papers", "Redo a row of the source papers and put ours beside theirs."),
-    "recover": Verb("idloop.cli.verbs.recover", "Save what can be read of a recording cut off by a crash."),
+# What each verb does, in one line; the module of its name has a click command `command`.
+VERBS = {
+    "demo": "Run the loop from end to end on this machine and check it.",
+    "start": "From a log of any form to bags, a model file and a first fit.",
+    "launch": "Start a node graph without ros2 launch.",
+    "model": "Print a preset model, or check a model file and print it whole.",
+    "import": "Turn a log or a foreign bag into a bag of our topics, by a mapping.",
+    "inspect": "Say what is in a recording and what it can and cannot show.",
+    "fit": "Estimate a model's free parameters from bags, with intervals.",
+    "identify": "Identify black-box models by any method and compare them.",
+    "compare": "Compare what was measured with what models say.",
+    "diagnose": "Name the physical effects that a model lacks.",
+    "refine": "Add what is missing, step by step: the ladder.",
+    "robot": "Identify a whole robot: its links, and every joint of a bag.",
+    "fleet": "Identify the joints of many robots over time: who wears, what changed.",
+    "workbench": "Look, find what is missing and add it, in a browser.",
+    "suggest": "Choose the next experiment, within limits.",
+    "report": "Write a ladder as one HTML page that can be mailed.",
+    "compensate": "Cancel in the controller what was found, and measure the gain.",
+    "monitor": "Watch wear: alarm when friction, play or another effect grows.",
+    "export": "Write a model for URDF, MuJoCo, python-control or ros2_control.",
+    "trust": "Let the effect files beside a model run, once for each folder.",
+    "replay": "Play a recording into a live estimator.",
+    "papers": "Redo a row of the source papers and put ours beside theirs.",
+    "recover": "Save what can be read of a recording cut off by a crash.",
 }
 
 
@@ -68,13 +63,15 @@ class LazyGroup(click.Group):
         """Import the verb; None when there is none of that name."""
         if cmd_name not in VERBS:
             return None
-        command: click.Command = importlib.import_module(VERBS[cmd_name].module).command
+        # A keyword of Python has an underscore behind it.
+        module = f"{cmd_name}_" if keyword.iskeyword(cmd_name) else cmd_name
+        command: click.Command = importlib.import_module(f"idloop.cli.verbs.{module}").command
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the table of verbs from their summaries alone."""
         with formatter.section("Verbs"):
-            formatter.write_dl([(name, verb.summary) for name, verb in VERBS.items()])
+            formatter.write_dl(list(VERBS.items()))
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]

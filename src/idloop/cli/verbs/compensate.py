@@ -99,12 +99,8 @@ def command(
     else:
         with progress("following the reference") as update:
             found = compensate(chosen, progress=update, **options)
-    if output is not None:
-        found.save(output)
-    _outputs.log_written(output)
-    _outputs.save_plot(found.plot, plot)
     more = {"plant": plant, "plant_effects": plant_effect, "run": "graph" if graph else "simulation", "bags": bags}
-    _outputs.print_found(found, as_json=as_json, **more, output=output, plot=plot)
+    _outputs.deliver(found, as_json=as_json, output=output, plot=plot, **more)
 
 
 def run_graph_twice(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -53,7 +54,4 @@ def command(
 
     with progress(f"diagnosing {model.name}") as update:
         found = diagnose(model, records, validate=unseen, **_inputs.search_options(options), progress=update)
-    if as_json:
-        _outputs.print_json(found.to_dict())
-    else:
-        _outputs.print_blocks(found.blocks(everything=everything))
+    _outputs.print_either(partial(found.blocks, everything=everything), found.to_dict() if as_json else None)

@@ -10,7 +10,6 @@ import click
 
 from idloop.cli import _inputs, _outputs
 from idloop.cli._progress import progress, quiet_option
-from idloop.output_files import write_text
 
 if TYPE_CHECKING:
     from idloop.physics import Model
@@ -61,9 +60,5 @@ def command(
     with progress(f"fitting {model.name}") as update:
         found = fit(model, train, validation, criterion=criterion, progress=update)
     found = replace(found, unusable=any(one.useless for one in grades[: len(bags)]))
-    if output is not None:
-        write_text(output, found.model.to_yaml())
     inspected = [one.to_dict() for one in grades]
-    _outputs.print_found(found, as_json=as_json, inspections=inspected, output=output, plot=plot)
-    _outputs.log_written(output)
-    _outputs.save_plot(found.plot, plot)
+    _outputs.deliver(found, as_json=as_json, output=output, plot=plot, inspections=inspected)

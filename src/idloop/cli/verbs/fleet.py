@@ -97,9 +97,8 @@ def command(
 
     def show(fleet: Fleet) -> None:
         fleet.save(plot)
-        _outputs.print_found(fleet, as_json=as_json, plot=plot)
+        _outputs.deliver(fleet, as_json=as_json, plot=plot)
         _outputs.log_written(output / "fleet.html")
-        _outputs.save_plot(fleet.plot, plot)
 
     try:
         if watch:

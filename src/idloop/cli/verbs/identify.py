@@ -4,21 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from idloop.api.identification import (
-    Grids,
-    Identification,
-    even_grids,
-    grids_of,
-    identify_all,
-    identify_one,
-    loop_document,
-    record_document,
-)
+from idloop.api.identification import Grids, describe, even_grids, grids_of, identify, identify_one
 from idloop.api.result import ignore_progress
 from idloop.cli import _inputs, _outputs
 from idloop.cli._identification_arguments import (
@@ -221,39 +213,42 @@ def command(
     notes = left_out_notes(bags, signals)
     for note in notes:
         _outputs.log(note)
-
-    grids = grids_of(train, unseen, detrend, drop)
-    # Stamps are whole nanoseconds: 20 ms is to be 0.02 s, for a controller of that period to fit.
-    own = sample_time or round(train[0].sample_time, 9)
     with progress("identifying") as update:
-        data = grids(own)
-        loop = loop_document(chosen, data[0], choices)
-        document = {**record_document(train, unseen, detrend, steps, loop), "plot": plot, "save": save, "notes": notes}
         if over is None:
-            outcomes = identify_all(list(chosen), data, choices, steps, update)
-        elif over.name in MEASURED:
-            each = [even_grids([record], own, detrend, drop) for record in train]
-            cases = record_cases(over, each, data[1] if unseen else None, choices)
-            rows = run_cases(list(chosen), cases, grids, steps, update, apart=True)
+            found = identify(
+                train, list(chosen), unseen, sample_time=sample_time, detrend=detrend, drop=drop, steps=steps,
+                progress=update, structure=choices.structure, controller=law, **options,
+            )  # fmt: skip
         else:
-            cases = setting_cases(over, data, choices)
-            rows = run_cases(list(chosen), cases, grids, steps, update, apart=over.name == "sample-time")
+            grids = grids_of(train, unseen, detrend, drop)
+            data = grids(sample_time or round(train[0].sample_time, 9))
+            if over.name in MEASURED:
+                each = [even_grids([record], data[0][0].sample_time, detrend, drop) for record in train]
+                cases = record_cases(over, each, data[1] if unseen else None, choices)
+            else:
+                cases = setting_cases(over, data, choices)
+            apart = over.name in (*MEASURED, "sample-time")
+            rows = run_cases(list(chosen), cases, grids, steps, update, apart=apart)
     if over is not None:
-        unit = over.unit(data[0][0].input_units[0])
-        return finish_sweep(over, unit, rows, data[1], document, steps, plot, as_json=as_json)
-    return finish(Identification(tuple(outcomes), tuple(data[1]), steps, document), plot, save, as_json=as_json)
+        document = describe(chosen, train, unseen, data[0], choices, detrend=detrend, steps=steps)
+        more = {"plot": plot, "save": save, "notes": notes}
+        print_sweep(over, over.unit(data[0][0].input_units[0]), rows, data[1], document | more, as_json=as_json)
+        return DONE
+    drawn = plot if any(one.found is not None for one in found.outcomes) else None
+    _outputs.deliver(found, as_json=as_json, output=save, plot=drawn, save=save, notes=notes)
+    failed = [one for one in found.outcomes if one.error]
+    if failed:
+        raise IdloopError(f"{len(failed)} of {len(found.outcomes)} models failed: {failed[0].label}: {failed[0].error}")
+    return DONE
 
 
 def list_methods(*, as_json: bool) -> None:
     """Print every method with what it is for."""
-    if not as_json:
-        _outputs.print_blocks(methods_blocks())
-        return
     from idloop.estimation.black_box.methods import METHODS
 
     fields = ("name", "kind", "summary", "loop", "source", "needs", "polynomials")
     listed = [{field: getattr(method, field) for field in fields} for method in METHODS.values()]
-    _outputs.print_json({"schema": SCHEMA, "methods": listed})
+    _outputs.print_either(methods_blocks, {"schema": SCHEMA, "methods": listed} if as_json else None)
 
 
 def note_unused(names: Sequence[str], choices: Choices) -> None:
@@ -366,53 +361,36 @@ def run_cases(
     return [(value, one) for (value, _), one in zip(rows, compared, strict=True)]
 
 
-def finish(found: Identification, plot: Path | None, save: Path | None, *, as_json: bool) -> int:
-    """Write files and print the comparison; exit code 1 where a method failed."""
-    if save is not None and found.outcomes[0].found is not None:
-        found.save(save)
-    if any(one.found is not None for one in found.outcomes):
-        _outputs.save_plot(found.plot, plot)
-    _outputs.print_found(found, as_json=as_json)
-    _outputs.log_written(save)
-    failed = [one for one in found.outcomes if one.error]
-    if failed:
-        raise IdloopError(f"{len(failed)} of {len(found.outcomes)} models failed: {failed[0].label}: {failed[0].error}")
-    return DONE
-
-
-def finish_sweep(
+def print_sweep(
     sweep: Sweep,
     unit: str | None,
     rows: list[tuple[float, Outcome]],
     judged: list[SampledData],
     document: dict[str, Any],
-    steps: int,
-    plot: Path | None,
     *,
     as_json: bool,
-) -> int:
+) -> None:
     """Write the figure and print the sweep."""
-    title = document.pop("title")
+    title, steps, note = document.pop("title"), document["steps"], document["loop"]["note"]
     # At another sample time the free runs are not judged on the same samples, and only fewer states are simpler.
     smallest = smallest_orders(rows, judged) if sweep.name == "order" else {}
-    if plot is not None:
+    if document["plot"] is not None:
         from idloop.reporting.plots.identification import plot_sweep
 
-        _outputs.save_plot(lambda: plot_sweep(sweep.name, unit, _sweep_lines(rows), steps, title), plot)
-    if as_json:
-        table = []
-        for value, one in rows:
-            score = {} if one.score is None else one.score.to_dict()
-            row = {"value": value, "record": one.record or None, "method": one.label, "error": one.error or None}
-            table.append({**row, **score, **one.measures()})
-        found = {"over": sweep.name, "unit": unit, "rows": table, "best": best_values(rows), "smallest": smallest}
-        _outputs.print_json({**document, "sweep": found})
-    else:
-        note = document["loop"]["note"]
-        _outputs.print_blocks(
-            [title, "", *sweep_blocks(sweep.name, unit, rows, steps, smallest), *([note] if note else [])]
-        )
-    return DONE
+        draw = partial(plot_sweep, sweep.name, unit, _sweep_lines(rows), steps, title)
+        _outputs.save_plot(draw, document["plot"])
+    if not as_json:
+        table = sweep_blocks(sweep.name, unit, rows, steps, smallest)
+        _outputs.print_blocks([title, "", *table, *filter(None, [note])])
+        return
+    found = {"over": sweep.name, "unit": unit, "best": best_values(rows), "smallest": smallest}
+    listed = [
+        {"value": value, "record": one.record or None, "method": one.label, "error": one.error or None}
+        | ({} if one.score is None else one.score.to_dict())
+        | one.measures()
+        for value, one in rows
+    ]
+    _outputs.print_json({**document, "sweep": {**found, "rows": listed}})
 
 
 def _sweep_lines(rows: Sequence[tuple[float, Outcome]]) -> list[SweepLine]:

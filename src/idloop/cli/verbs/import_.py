@@ -16,12 +16,10 @@ def list_sets(*, as_json: bool) -> None:
     from idloop.records.tables.mapping import load_mapping, ready_mappings
 
     sets = [load_mapping(name) for name in ready_mappings()]
-    if as_json:
-        fields = ("name", "description", "cite")
-        _outputs.print_json([{key: getattr(one, key) for key in fields} | {"parts": list(one.parts)} for one in sets])
-        return
+    fields = ("name", "description", "cite")
+    document = [{key: getattr(one, key) for key in fields} | {"parts": list(one.parts)} for one in sets]
     rows = [(one.name, one.description, ", ".join(one.parts) or "-") for one in sets]
-    _outputs.print_table(["set", "what it is", "parts"], rows)
+    _outputs.print_rows(["set", "what it is", "parts"], rows, document, as_json=as_json)
 
 
 def split_arguments(words: tuple[str, ...], mapping: str | None) -> tuple[str, Path, Path]:

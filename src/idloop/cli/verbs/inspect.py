@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import click
@@ -36,16 +37,9 @@ def command(
 
         _outputs.save_plot(lambda: plot_recording(found[0]), plot)
     if len(found) == 1:
-        if as_json:
-            _outputs.print_json(found[0].to_dict())
-        else:
-            _outputs.print_blocks(inspection_blocks(found[0]))
+        _outputs.print_either(partial(inspection_blocks, found[0]), found[0].to_dict() if as_json else None)
         return
     between, found = compare_inspections(found), list(judged_together(found))
-    if as_json:
-        records = [one.to_dict() for one in found]
-        _outputs.print_json(
-            {"schema": "idloop/inspections/1", "bags": records, "between": [one.to_dict() for one in between]}
-        )
-    else:
-        _outputs.print_blocks(comparison_blocks(found, between))
+    records = {"bags": [one.to_dict() for one in found], "between": [one.to_dict() for one in between]}
+    document = {"schema": "idloop/inspections/1", **records}
+    _outputs.print_either(partial(comparison_blocks, found, between), document if as_json else None)

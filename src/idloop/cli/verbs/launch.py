@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -12,6 +12,8 @@ from idloop.errors import InputError
 
 if TYPE_CHECKING:
     from idloop.graph import Graph
+
+SCHEMA = "idloop/launch/1"
 
 
 def parse_arguments(words: Sequence[str]) -> dict[str, str]:
@@ -52,22 +54,21 @@ def command(graph: str | None, arguments: tuple[str, ...], show_args: bool, doma
 
     if graph is None:
         names = graph_names()
-        if as_json:
-            _outputs.print_json({"schema": "idloop/launch/1", "graphs": names})
-        else:
-            _outputs.print_table(("graph", "what it runs"), [(name, graph_summary(name)) for name in names])
+        summaries = [(name, graph_summary(name)) for name in names]
+        document = {"schema": SCHEMA, "graphs": names}
+        _outputs.print_rows(("graph", "what it runs"), summaries, document, as_json=as_json)
         return
     description = load_graph(graph, parse_arguments(arguments), to_run=not show_args)
     if show_args:
         rows = describe(description)
-        if as_json:
-            declared = [{"name": name, "value": value, "description": text} for name, value, text in rows]
-            _outputs.print_json({"schema": "idloop/launch/1", "graph": description.name, "arguments": declared})
-        else:
-            shown = [(name, "(must be given)" if value is None else value, text) for name, value, text in rows]
-            _outputs.print_table(("argument", "value", "description"), shown)
+        declared: list[dict[str, Any]] = [
+            {"name": name, "value": value, "description": text} for name, value, text in rows
+        ]
+        described: dict[str, Any] = {"schema": SCHEMA, "graph": description.name, "arguments": declared}
+        shown = [(name, "(must be given)" if value is None else value, text) for name, value, text in rows]
+        _outputs.print_rows(("argument", "value", "description"), shown, described, as_json=as_json)
         return
     ended = run_graph(description, say=lambda label, line: _outputs.log(f"[{label}] {line}"), domain_id=domain)
     if as_json:
         end = {"arguments": description.values, "ended": "by itself" if ended else "stopped"}
-        _outputs.print_json({"schema": "idloop/launch/1", "graph": description.name, **end})
+        _outputs.print_json({"schema": SCHEMA, "graph": description.name, **end})

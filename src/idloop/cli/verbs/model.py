@@ -12,11 +12,9 @@ def list_presets(*, as_json: bool) -> None:
     from idloop.physics import load_model, preset_names
 
     models = {name: load_model(name) for name in preset_names()}
-    if as_json:
-        _outputs.print_json([{"name": one.name, "description": one.description} for one in models.values()])
-        return
+    document = [{"name": one.name, "description": one.description} for one in models.values()]
     rows = [(name, " ".join(one.description.split())) for name, one in models.items()]
-    _outputs.print_table(["preset", "what it is"], rows)
+    _outputs.print_rows(["preset", "what it is"], rows, document, as_json=as_json)
 
 
 def preset_text(name: str) -> str:

@@ -94,8 +94,7 @@ def command(
         for done, record in enumerate(records):
             update(0.5 + 0.5 * done / len(records), record.name)
             watching.follow(record)
-    _outputs.print_found(watching, as_json=as_json, plot=plot)
-    _outputs.save_plot(watching.plot, plot)
+    _outputs.deliver(watching, as_json=as_json, plot=plot)
 
 
 def split(record: Record, learn: float | None) -> tuple[Record, Record]:

@@ -37,16 +37,12 @@ def list_rows(*, as_json: bool) -> None:
     """Print name, title and paper of every row."""
     from papers import ROWS
 
-    if as_json:
-        rows = [
-            {"row": name, "title": row.title, "paper": row.paper, "parts": list(row.parts)}
-            for name, row in ROWS.items()
-        ]
-        _outputs.print_json({"schema": "idloop/papers/1", "rows": rows})
-        return
-    _outputs.print_table(
-        ["row", "what is redone", "paper"], [(name, row.title, row.paper) for name, row in ROWS.items()]
-    )
+    cells = [(name, row.title, row.paper) for name, row in ROWS.items()]
+    rows = [
+        {"row": name, "title": row.title, "paper": row.paper, "parts": list(row.parts)} for name, row in ROWS.items()
+    ]
+    document = {"schema": "idloop/papers/1", "rows": rows}
+    _outputs.print_rows(["row", "what is redone", "paper"], cells, document, as_json=as_json)
 
 
 def cell(value: Cell) -> str:

@@ -25,8 +25,7 @@ def command(bag: Path, target: Path | None, *, as_json: bool) -> None:
 
     place = target or probe_folder(bag.with_name(f"{bag_name(bag)}{RECOVERED}"), "NEW_BAG", new=True, parents=True)
     result = recover_bag(bag, place)
-    if as_json:
-        _outputs.print_json({"schema": "idloop/recover/1", **vars(result)})
-        return
-    _outputs.print_table(["topic", "messages"], [(topic, str(count)) for topic, count in result.topics.items()])
-    click.echo(f"{result.bag}: {result.messages} messages over {result.duration:.6g} s; {result.state}")
+    counts = [(topic, str(count)) for topic, count in result.topics.items()]
+    _outputs.print_rows(["topic", "messages"], counts, {"schema": "idloop/recover/1", **vars(result)}, as_json=as_json)
+    if not as_json:
+        click.echo(f"{result.bag}: {result.messages} messages over {result.duration:.6g} s; {result.state}")

@@ -69,11 +69,7 @@ def excite(urdf: Path, *, output: Path | None, plot: Path | None, as_json: bool,
 
     with progress(f"planning for {urdf.stem}") as update:
         found = excite_robot(urdf, **options, progress=update)
-    _outputs.save_plot(found.plot, plot)
-    if output is not None:
-        found.save(output)
-    _outputs.log_written(output)
-    _outputs.print_found(found, as_json=as_json, output=output, plot=plot)
+    _outputs.deliver(found, as_json=as_json, output=output, plot=plot)
 
 
 @click.command(cls=RobotCommand, epilog=EXAMPLE)
@@ -113,8 +109,4 @@ def command(
         raise InputError(f"--output {output}: there is a robot already, name another folder or add --force")
     with progress(f"identifying {urdf.stem}") as update:
         found = identify_robot(urdf, bags, validate, **options, progress=update)
-    _outputs.save_plot(found.plot, plot)
-    if output is not None:
-        found.save(output)
-    _outputs.print_found(found, as_json=as_json, output=output, plot=plot)
-    _outputs.log_written(output)
+    _outputs.deliver(found, as_json=as_json, output=output, plot=plot)

@@ -90,11 +90,7 @@ def command(
             if place is not None:
                 _outputs.log(f"{option} {place}: not written, there is no experiment that is worth running")
         output = plot = None
-    if output is not None:
-        found.save(output)
-    _outputs.log_written(output)
-    _outputs.save_plot(found.plot, plot)
-    _outputs.print_found(found, as_json=as_json, output=output, plot=plot)
+    _outputs.deliver(found, as_json=as_json, output=output, plot=plot)
 
 
 def _split(

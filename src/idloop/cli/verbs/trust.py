@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
 from idloop.cli import _outputs
 from idloop.errors import InputError
 from idloop.spelling import listed
+
+SCHEMA = "idloop/trust/1"
 
 
 def effects_of(place: Path) -> Path:
@@ -34,26 +37,23 @@ def command(place: Path | None, *, show_list: bool, revoke: bool, as_json: bool)
         raise InputError("name one folder or model file, as in `idloop trust effects`, or give --list alone")
     if place is None:
         folders = trust.trusted_folders()
-        if as_json:
-            _outputs.print_json({"schema": "idloop/trust/1", "folders": [vars(one) for one in folders]})
-        elif folders:
-            _outputs.print_table(["folder", "state"], [(str(one.folder), one.state) for one in folders])
+        rows = [(str(one.folder), one.state) for one in folders]
+        if as_json or rows:
+            document = {"schema": SCHEMA, "folders": list(map(vars, folders))}
+            _outputs.print_rows(["folder", "state"], rows, document, as_json=as_json)
         else:
             click.echo("no folder is trusted")
         return
     folder = effects_of(place)
     if revoke:
         trust.revoke(folder)
-        document = {"schema": "idloop/trust/1", "folder": folder.resolve(), "trusted": False}
+        state: dict[str, Any] = {"folder": folder.resolve(), "trusted": False}
         line = f"{folder.resolve()}: not trusted any more"
     else:
         files = trust.read_effect_files(folder)
         if not files.effects:
             raise InputError(f"{folder}: no folder with Python files, and none is beside it; check the path")
         trust.trust(files)
-        document = {"schema": "idloop/trust/1", "folder": files.folder, "trusted": True, "files": sorted(files.sources)}
+        state = {"folder": files.folder, "trusted": True, "files": sorted(files.sources)}
         line = f"{files.folder}: {listed(sorted(files.sources))} may run; whatever changes asks again"
-    if as_json:
-        _outputs.print_json(document)
-    else:
-        click.echo(line)
+    _outputs.print_either(lambda: [line], {"schema": SCHEMA, **state} if as_json else None)

@@ -14,7 +14,7 @@ import numpy as np
 from idloop.arrays import Array
 from idloop.documents import MOST_COLUMNS, MOST_TABLE
 from idloop.errors import InputError
-from idloop.records.formats.form import Form, Options, needs, not_readable
+from idloop.records.formats.form import Form, Options, needs
 from idloop.records.formats.isolated import read_isolated
 from idloop.records.tables.base_units import is_unit_key
 from idloop.records.tables.table import Table
@@ -64,18 +64,7 @@ def _read(path: Path, what: str, load: Callable[[], Any]) -> Table:
         import pyarrow as pa  # noqa: F401 - each process that reads a file then has it
     except ImportError:
         raise needs(path, "pyarrow") from None
-
-    def read() -> Any:
-        try:
-            return _columns(path, load())
-        except InputError:
-            raise
-        except MemoryError:
-            raise _too_large(path) from None
-        except Exception as error:  # noqa: BLE001 - the library lets those of Arrow, of codecs and of Python through
-            raise not_readable(path, what, error) from None
-
-    columns, units, skipped = read_isolated(path, what, read)
+    columns, units, skipped = read_isolated(path, what, lambda: _columns(path, load()))
     notes = [f"columns that hold neither numbers nor texts are left out: {listed(skipped)}"] if skipped else []
     return Table(path, columns, units=units, notes=notes)
 

@@ -58,12 +58,12 @@ def needs(path: Path, library: str) -> InputError:
     return InputError(f"{path}: {library} reads this form and is not installed; run: pip install 'idloop[formats]'")
 
 
-def not_readable(path: Path, what: str, error: Exception) -> InputError:
+def not_readable(path: Path, what: str, error: object) -> InputError:
     """Return the error of a file that its library cannot read, as one line."""
     return InputError(f"{path}: not a readable {what} file ({reason_of(error, 120)}); check the copy of the file")
 
 
-def reason_of(error: Exception, most: int) -> str:
+def reason_of(error: object, most: int) -> str:
     """Return what an error says as one line of at most `most` characters."""
     return " ".join(str(error).split())[:most] or type(error).__name__
 

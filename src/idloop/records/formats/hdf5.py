@@ -6,14 +6,13 @@ import io
 import mmap
 import struct
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from idloop.documents import MOST_COLUMNS, MOST_DEPTH, MOST_TABLE
-from idloop.errors import IdloopError, InputError
+from idloop.errors import InputError
 from idloop.records.formats.form import Form, Options, needs, not_readable
 from idloop.records.formats.isolated import read_isolated
 from idloop.records.formats.pickled import read_pickle
@@ -71,22 +70,15 @@ def _is_whole(data: mmap.mmap, place: int) -> bool:
     return bool(place <= end)
 
 
-@contextmanager
-def opened(path: Path) -> Iterator[h5py.File]:
-    """Open a file; what the library raises within is one line."""
+def opened(path: Path) -> h5py.File:
+    """Open a file whose heaps are valid."""
     try:
         import h5py
     except ImportError:
         raise needs(path, "h5py") from None
     if damage := heap_damage(path):
-        raise InputError(f"{path}: not a readable HDF5 file ({damage}); check the copy of the file")
-    try:
-        with h5py.File(path, "r") as file:
-            yield file
-    except IdloopError:
-        raise
-    except Exception as error:  # noqa: BLE001 - the library lets those of the format, NumPy and Python through
-        raise not_readable(path, "HDF5", error) from None
+        raise not_readable(path, "HDF5", damage)
+    return h5py.File(path, "r")
 
 
 class Hdf5Reader:

@@ -27,7 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.documents import MOST_TABLE
-from idloop.errors import InputError
+from idloop.errors import IdloopError, InputError
+from idloop.records.formats.form import not_readable
 
 # Time that a file may take [s], and bytes that are read in a second at least.
 LONGEST, _SLOWEST = 30.0, 10_000_000
@@ -42,7 +43,7 @@ def read_isolated(path: Path, what: str, read: Callable[[], Any]) -> Any:
     """Return what a function reads in a process of its own: texts, numbers and arrays in mappings and lists.
 
     `what`: form of the file, for messages.
-    Raises InputError: the function raised it; or the process ended, or did not answer, since the file is damaged.
+    Raises InputError: the function raised an error; or the process ended, or did not answer, since the file is damaged.
     """
     receive, send = os.pipe()
     with warnings.catch_warnings():
@@ -50,7 +51,7 @@ def read_isolated(path: Path, what: str, read: Callable[[], Any]) -> Any:
         warnings.simplefilter("ignore", DeprecationWarning)
         child = os.fork()
     if child == 0:
-        _answer(receive, send, read)
+        _answer(receive, send, lambda: _content_or_error(path, what, read))
     os.close(send)
     deadline = time.monotonic() + LONGEST + path.stat().st_size / _SLOWEST
     try:
@@ -58,7 +59,7 @@ def read_isolated(path: Path, what: str, read: Callable[[], Any]) -> Any:
             answer = _received(stream)
     except (EOFError, TimeoutError, ValueError, TypeError) as error:
         reason = "its reader does not come to an end" if isinstance(error, TimeoutError) else "its reader broke off"
-        raise InputError(f"{path}: not a readable {what} file ({reason}); check the copy of the file") from None
+        raise not_readable(path, what, reason) from None
     finally:
         with contextlib.suppress(ProcessLookupError):
             os.kill(child, signal.SIGKILL)
@@ -68,7 +69,18 @@ def read_isolated(path: Path, what: str, read: Callable[[], Any]) -> Any:
     return answer["content"]
 
 
-def _answer(receive: int, send: int, read: Callable[[], Any]) -> NoReturn:
+def _content_or_error(path: Path, what: str, read: Callable[[], Any]) -> dict[str, Any]:
+    try:
+        return {"content": read()}
+    except IdloopError as error:
+        return {"error": str(error)}
+    except MemoryError:
+        return {"error": f"{path}: its values take more than {MOST_TABLE >> 30} GiB; keep fewer of them"}
+    except Exception as error:  # noqa: BLE001 - a library lets those of the format, of codecs, NumPy and Python through
+        return {"error": str(not_readable(path, what, error))}
+
+
+def _answer(receive: int, send: int, read: Callable[[], dict[str, Any]]) -> NoReturn:
     """Read, send and end; what the library prints is left out."""
     try:
         os.close(receive)
@@ -78,11 +90,7 @@ def _answer(receive: int, send: int, read: Callable[[], Any]) -> NoReturn:
         faulthandler.disable()
         _limit_memory()
         with os.fdopen(send, "wb") as stream:
-            try:
-                answer = {"content": read()}
-            except InputError as error:
-                answer = {"error": str(error)}
-            _send(stream, answer)
+            _send(stream, read())
     finally:
         os._exit(0)
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from idloop.arrays import Array
-from idloop.documents import MOST_DEPTH, MOST_TABLE
+from idloop.documents import MOST_DEPTH
 from idloop.errors import InputError
 from idloop.records.formats.control_desk import series_of_capture
 from idloop.records.formats.form import Form, Options, check_size
@@ -64,21 +64,12 @@ def _load(path: Path) -> tuple[dict[str, Any], list[str]]:
     from scipy.io import loadmat
 
     data = path.read_bytes()
-    try:
-        with warnings.catch_warnings():
-            # Objects have no names where the names of variables are.
-            warnings.simplefilter("ignore")
-            content = loadmat(io.BytesIO(data), simplify_cells=True)
-            if any(type(value).__name__ == "MatlabOpaque" for value in content.values()):
-                return _with_objects(data)
-    except MemoryError:
-        raise InputError(f"{path}: its values take more than {MOST_TABLE >> 30} GiB; save fewer of them") from None
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
-    except Exception as error:  # noqa: BLE001 - any parsing error means a damaged file
-        raise InputError(
-            f"{path}: not a readable MAT file ({type(error).__name__}); check the copy of the file"
-        ) from None
+    with warnings.catch_warnings():
+        # Objects have no names where the names of variables are.
+        warnings.simplefilter("ignore")
+        content = loadmat(io.BytesIO(data), simplify_cells=True)
+        if any(type(value).__name__ == "MatlabOpaque" for value in content.values()):
+            return _with_objects(data)
     return {name: value for name, value in content.items() if not name.startswith("__")}, []
 
 
