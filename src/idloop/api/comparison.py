@@ -79,13 +79,8 @@ class Comparison(Result):
 def short_names(labels: Sequence[str]) -> list[str]:
     """Labels of a legend: of files the last parts of their paths, as many as tell them apart."""
     parts = [label.split("/") for label in labels]
-    names = list(labels)
-    for count in range(max(map(len, parts)), 0, -1):
-        shorter = ["/".join(one[-count:]) for one in parts]
-        if len(set(shorter)) < len(shorter):
-            break
-        names = shorter
-    return names
+    ends = (["/".join(one[-count:]) for one in parts] for count in range(1, max(map(len, parts)) + 1))
+    return next((names for names in ends if len(set(names)) == len(names)), list(labels))
 
 
 @single_threaded

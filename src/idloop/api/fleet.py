@@ -295,19 +295,7 @@ def watch_fleet(
 
 @contextlib.contextmanager
 def _work(
-    source: str | Path,
-    models: Model | Mapping[str, Model],
-    folder: str | Path,
-    *,
-    since: str | None = None,
-    against: str | None = None,
-    level: float = 0.05,
-    diagnose: int | str = WORST,
-    workers: int | None = None,
-    memory: str = MEMORY,
-    cluster: str | None = None,
-    seed: int = 0,
-    progress: Progress = ignore_progress,
+    source: str | Path, models: Model | Mapping[str, Model], folder: str | Path, **options: Any
 ) -> Iterator[_Work]:
     """Check what is asked for; the workers end with the block."""
     from idloop.fleet.engine import Workers
@@ -317,18 +305,42 @@ def _work(
 
     for name in NEEDED:
         library(name)  # before hours of work, not after
-    if not 0.0 < level < 1.0:
-        raise InputError(f"level is {level}: the rate of false discoveries is between 0 and 1, such as 0.05")
-    if diagnose != "all" and (not isinstance(diagnose, int) or diagnose < 0):
-        raise InputError(f"diagnose is {diagnose!r}: give a number of joints, or all")
-    if since is None and against is not None:
-        raise InputError("against is given without since, which begins the later period")
-    later, earlier = (None if one is None else _day(one) for one in (since, against))
-    if later is not None and earlier is not None and earlier >= later:
-        raise InputError(f"against {against} is not before since {since}: it begins the earlier period")
-    settings = Settings(tuple(models.items()) if isinstance(models, Mapping) else (("*", models),), seed)
-    with Workers(workers, memory, cluster) as started:
-        yield _Work(started, str(source), Store(Path(folder)), settings, since, against, level, diagnose, progress)
+    asked = _Asked(**options)
+    settings = Settings(tuple(models.items()) if isinstance(models, Mapping) else (("*", models),), asked.seed)
+    with Workers(asked.workers, asked.memory, asked.cluster) as started:
+        yield _Work(started, str(source), Store(Path(folder)), settings, asked)
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """Options of `identify_fleet`."""
+
+    since: str | None = None
+    against: str | None = None
+    level: float = 0.05
+    diagnose: int | str = WORST
+    workers: int | None = None
+    memory: str = MEMORY
+    cluster: str | None = None
+    seed: int = 0
+    progress: Progress = ignore_progress
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.level < 1.0:
+            raise InputError(f"level is {self.level}: the rate of false discoveries is between 0 and 1, such as 0.05")
+        if self.diagnose != "all" and (not isinstance(self.diagnose, int) or self.diagnose < 0):
+            raise InputError(f"diagnose is {self.diagnose!r}: give a number of joints, or all")
+        if self.since is None and self.against is not None:
+            raise InputError("against is given without since, which begins the later period")
+        later, earlier = self.days
+        if later is not None and earlier is not None and earlier >= later:
+            raise InputError(f"against {self.against} is not before since {self.since}: it begins the earlier period")
+
+    @property
+    def days(self) -> tuple[float | None, float | None]:
+        """First days of the later and the earlier period, counted from 1970."""
+        later, earlier = (None if one is None else _day(one) for one in (self.since, self.against))
+        return later, earlier
 
 
 @dataclass(frozen=True)
@@ -339,42 +351,38 @@ class _Work:
     source: str
     store: Store
     settings: Settings
-    since: str | None
-    against: str | None
-    level: float
-    diagnose: int | str
-    progress: Progress
+    asked: _Asked
 
     def check_periods(self, bags: Sequence[FleetBag]) -> None:
         """Refuse, before any work, a date that leaves one of the periods without a recording."""
         days = [one.time.date().isoformat() for one in bags if one.time is not None]
-        if self.since is None or len(days) < len(bags):
+        if self.asked.since is None or len(days) < len(bags):
             return
         dates = f"the recordings are from {min(days)} to {max(days)}"
-        if max(days) < self.since:
-            raise InputError(f"since {self.since}: there is no recording from that date on: {dates}")
-        if not any((self.against or "") <= day < self.since for day in days):
-            begin = f" from {self.against} on" if self.against else ""
-            raise InputError(f"since {self.since}: there is no recording{begin} before that date: {dates}")
+        if max(days) < self.asked.since:
+            raise InputError(f"since {self.asked.since}: there is no recording from that date on: {dates}")
+        if not any((self.asked.against or "") <= day < self.asked.since for day in days):
+            begin = f" from {self.asked.against} on" if self.asked.against else ""
+            raise InputError(f"since {self.asked.since}: there is no recording{begin} before that date: {dates}")
 
     def run(self, bags: Sequence[FleetBag]) -> Fleet:
         """Identify what is new, compare all, and diagnose the worst."""
         from idloop.fleet import statistics
 
-        new = self._identify(bags, part(self.progress, 0.0, 0.9))
-        self.progress(0.9, "comparing")
+        new = self._identify(bags, part(self.asked.progress, 0.0, 0.9))
+        self.asked.progress(0.9, "comparing")
         joint_days, failed = self.store.counts(bags, self.settings)
         components = tuple(statistics.take_apart(one) for one in self.store.series(bags, self.settings))
-        tests = statistics.Hypotheses(self.level)
+        tests = statistics.Hypotheses(self.asked.level)
         for one in components:
             tests.test(one)
         findings = tests.found()
         periods: list[Finding] = []
-        if self.since is not None:
-            days = _day(self.since), None if self.against is None else _day(self.against)
-            compared = [statistics.between_periods(one, *days) for one in components]
+        if self.asked.since is not None:
+            before = self.asked.days[1]
+            compared = [statistics.between_periods(one, _day(self.asked.since), before) for one in components]
             both = [one for kinds, units in compared for one in (*kinds, *units)]
-            changes = statistics.Hypotheses(self.level)
+            changes = statistics.Hypotheses(self.asked.level)
             changes.add(np.array([one.p_value for one in both]), both.__getitem__)
             found = changes.found()
             kinds = {(one.kind, one.parameter): one for one in found if not one.robot}
@@ -382,12 +390,13 @@ class _Work:
             kinds |= {key: one for one in both if not one.robot and (key := (one.kind, one.parameter)) not in kinds}
             periods = [*kinds.values(), *(one for one in found if one.robot)]
         alarms, unwatched = self._alarms(components)
-        diagnoses = self._diagnose(bags, self._worst(components, findings), part(self.progress, 0.92, 1.0))
-        self.progress(1.0, "")
+        diagnoses = self._diagnose(bags, self._worst(components, findings), part(self.asked.progress, 0.92, 1.0))
+        self.asked.progress(1.0, "")
+        asked = self.asked
         return Fleet(
             self.source, self.store.folder, self.settings, len(bags), new, joint_days, tuple(failed), components,
-            tests.count, tuple(findings), self.level, self.since, self.against, tuple(periods), alarms,
-            unwatched, tuple(diagnoses), tuple(bags),
+            tests.count, tuple(findings), asked.level, asked.since, asked.against, tuple(periods), alarms, unwatched,
+            tuple(diagnoses), tuple(bags),
         )  # fmt: skip
 
     def _identify(self, bags: Sequence[FleetBag], progress: Progress) -> int:
@@ -436,11 +445,11 @@ class _Work:
         """Robot and joint of what is diagnosed: the most certain findings first, then the joints that fit worst."""
         from idloop.fleet.words import misfits
 
-        if self.diagnose == "all":
+        if self.asked.diagnose == "all":
             return list(dict.fromkeys(name for one in components for name in one.series.names))
         badly = sorted((-error, name) for one in components for name, error in misfits(one).items())
         named = [(one.robot, one.joint) for one in findings if one.robot]
-        return list(dict.fromkeys([*named, *(name for _, name in badly)]))[: int(self.diagnose)]
+        return list(dict.fromkeys([*named, *(name for _, name in badly)]))[: int(self.asked.diagnose)]
 
     def _diagnose(
         self, bags: Sequence[FleetBag], worst: Sequence[tuple[str, str]], progress: Progress

@@ -7,6 +7,7 @@ import pytest
 
 from idloop.errors import InputError
 from idloop.records import read_streams
+from idloop.records.bags.bag import Bag
 from idloop.records.bags.stream import JOINT_STATE
 
 
@@ -19,7 +20,8 @@ def test_storage_and_distribution(tmp_path, write_messages, joint_state, storage
     path = write_messages(
         tmp_path / "bag", [("/joint_states", JOINT_STATE, messages)], storage, get_typestore(Stores(f"ros2_{distro}"))
     )
-    stream = read_streams(path, distro=distro)["/joint_states"]
+    with Bag(path, distro) as bag:
+        stream = read_streams(bag)["/joint_states"]
     assert stream.stamp_ns.tolist() == list(range(1, 21))
     assert stream.receive_ns.tolist() == list(range(5, 25))
     np.testing.assert_array_equal(stream.column("motor", "velocity"), 2.0 * np.arange(20))
@@ -116,7 +118,8 @@ def test_an_unknown_type_does_not_stop_the_others(tmp_path, write_messages, join
         assert set(read_streams(path)) == {"/joint_states"}
         with pytest.raises(InputError, match="unknown type my_msgs/msg/Odd"):
             read_streams(path, ["odd"])
-    told = read_streams(path, definitions={"my_msgs/msg/Odd": "float32 pos\nuint8 state"})
+    with Bag(path, definitions={"my_msgs/msg/Odd": "float32 pos\nuint8 state"}) as bag:
+        told = read_streams(bag)
     np.testing.assert_array_equal(told["/odd"].column("pos", "position"), [0, 0.5, 1, 1.5])
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,13 +14,12 @@ from idloop.records.bags.message_types import build_typestore
 from idloop.records.bags.storage.readable_messages import mcap_messages
 from idloop.records.bags.storage.storage_file import StorageFile
 from idloop.records.bags.storage.storage_files import DISTROS, read_metadata, storage_files
-from idloop.records.bags.storage.unpacking import Scratch, one_line
+from idloop.records.bags.storage.unpacking import Scratch, damaged, one_line
 from idloop.records.bags.topics import Topic
 from idloop.spelling import did_you_mean, listed
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping
-    from types import TracebackType
 
     from rosbags.typesys.store import Typestore
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _MAGIC, _SHORTEST = b"\x89MCAP0\r\n", 45  # of an mcap file: its end, and fewest bytes
 
 
-class Bag:
+class Bag(ExitStack[None]):
     """A bag open for reading: a folder of storage files, with or without its metadata, or one file, packed or not.
 
     `path`: folder or file: mcap and sqlite3 of ROS 2, ``.bag`` of ROS 1, each of them also packed by Zstandard.
@@ -45,10 +45,11 @@ class Bag:
     def __init__(
         self, path: Path | str, distro: str | None = None, definitions: Mapping[str, str] | None = None
     ) -> None:
+        super().__init__()
         self.path = Path(path)
         self._definitions = dict(definitions or {})
         self._files: list[StorageFile] = []
-        self._scratch = Scratch()
+        self._scratch = self.enter_context(Scratch())
         self._typestore: Typestore | None = None
         self.unknown_types = set()
         self.decoded = {}
@@ -69,7 +70,7 @@ class Bag:
 
     def _open(self, file: Path) -> None:
         try:
-            self._files.append(StorageFile(file, self._scratch))
+            self._files.append(self.enter_context(closing(StorageFile(file, self._scratch))))
         except InputError:
             raise
         except Exception as error:  # noqa: BLE001 - rosbags lets struct, YAML and SQLite errors of damaged files through
@@ -77,10 +78,7 @@ class Bag:
                 raise InputError(_truncation_message(self.path, file)) from None
             kind = type(error).__name__
             reason = error.args[0] if kind == "ReaderError" and error.args else f"{kind}: {error}"
-            raise InputError(
-                f"{file}: cannot be read as a bag ({one_line(reason)}); copy it again, or save what is left with"
-                f" `idloop recover {self.path}`"
-            ) from None
+            raise damaged(file, f"cannot be read as a bag ({one_line(reason)})", self.path) from None
 
     def _check_counts(self) -> None:
         """Refuse a bag without messages, or without those of a topic that its metadata announce."""
@@ -92,25 +90,7 @@ class Bag:
             )
         for topic, count in self.announced.items():
             if count and not counts.get(topic):
-                raise InputError(
-                    f"{self.path}: {topic} should have {count} messages and has none; the file is damaged, copy it"
-                    f" again, or save the rest with `idloop recover {self.path}`"
-                )
-
-    def __enter__(self) -> Bag:  # noqa: PYI034 - Self needs Python 3.11
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Close all files, and remove what was unpacked."""
-        for file in self._files:
-            file.close()
-        self._files.clear()
-        self._scratch.remove()
+                raise damaged(self.path, f"{topic} should have {count} messages and has none")
 
     @property
     def topics(self) -> dict[str, Topic]:
@@ -151,20 +131,15 @@ class Bag:
                     for connection, receive, data in file.messages(wanted):
                         yield file, connection, receive, data
         except Exception as error:  # noqa: BLE001 - any parsing error means a damaged file
-            raise InputError(
-                f"{self.path}: damaged inside ({one_line(error)}); copy it again, or save the rest with"
-                f" `idloop recover {self.path}`"
-            ) from None
+            raise damaged(self.path, f"damaged inside ({one_line(error)})") from None
 
     def _as_cdr(self, connection: Any, data: bytes) -> bytes:
         """Convert a message of ROS 1."""
         try:
             return bytes(self.typestore.ros1_to_cdr(data, connection.msgtype))
         except Exception as error:  # noqa: BLE001 - the bytes may be anything
-            raise InputError(
-                f"{self.path}: a message on {connection.topic} is no {connection.msgtype} ({one_line(error)}); the file"
-                " is damaged, copy it again"
-            ) from None
+            what = f"a message on {connection.topic} is no {connection.msgtype} ({one_line(error)})"
+            raise damaged(self.path, what) from None
 
     @property
     def typestore(self) -> Typestore:

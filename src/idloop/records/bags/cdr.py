@@ -81,7 +81,6 @@ class CdrReader:
             raise CdrError(f"not a {'little' if order == '<' else 'big'}-endian CDR message")
         self.data = data
         self.at = len(HEADER)
-        self._int32, self._uint32 = f"{order}i", f"{order}I"
         self._order = order
 
     def align(self, size: int) -> None:
@@ -99,12 +98,12 @@ class CdrReader:
     def int32(self) -> int:
         """Read a signed 32-bit integer."""
         self.align(4)
-        return int(struct.unpack(self._int32, self.take(4))[0])
+        return int(struct.unpack(f"{self._order}i", self.take(4))[0])
 
     def uint32(self) -> int:
         """Read an unsigned 32-bit integer."""
         self.align(4)
-        return int(struct.unpack(self._uint32, self.take(4))[0])
+        return int(struct.unpack(f"{self._order}I", self.take(4))[0])
 
     def uint8(self) -> int:
         """Read one byte."""

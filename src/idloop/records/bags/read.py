@@ -12,7 +12,7 @@ from idloop.errors import InputError
 from idloop.records.bags.bag import Bag
 from idloop.records.bags.joint_states import decode_joint_states
 from idloop.records.bags.message_fields import carries_signals, decode_any
-from idloop.records.bags.storage.unpacking import one_line
+from idloop.records.bags.storage.unpacking import damaged, one_line
 from idloop.records.bags.stream import JOINT_STATE, JointStream
 from idloop.records.bags.topics import Topic, resolve_topic
 from idloop.records.finding import Finding
@@ -21,21 +21,17 @@ from idloop.records.finding import Finding
 def read_streams(
     bag: Path | str | Bag,
     topics: Collection[str] | None = None,
-    *,
-    distro: str | None = None,
-    definitions: Mapping[str, str] | None = None,
 ) -> dict[str, JointStream]:
     """Read topics of a bag into arrays.
 
     `bag`: rosbag2 directory (mcap or sqlite3), a single ``.mcap`` or ``.db3`` file, or a bag already open.
     `topics`: with or without namespace. Without them every topic that holds numbers of an axis is read; images, texts
     and topics of unknown type are passed over.
-    `distro`, `definitions`: as of `Bag`.
     Returns: by topic name as recorded.
     Raises InputError: bag missing, empty or damaged; topic unknown, of unknown type or without numbers.
     """
     if not isinstance(bag, Bag):
-        with Bag(bag, distro, definitions) as opened:
+        with Bag(bag) as opened:
             return read_streams(opened, topics)
     known = bag.topics
     if topics is None:
@@ -49,10 +45,7 @@ def read_streams(
     for name, (receive, payloads) in bag.raw(new).items():
         topic = new[name]
         if not payloads:
-            raise InputError(
-                f"{bag.path}: {topic.name} should have {topic.count} messages and has none; the file is damaged, copy"
-                f" it again, or save the rest with `idloop recover {bag.path}`"
-            )
+            raise damaged(bag.path, f"{topic.name} should have {topic.count} messages and has none")
         bag.decoded[topic.name] = decode_stream(bag, topic, np.array(receive, dtype=np.int64), payloads)
     return {topic.name: bag.decoded[topic.name] for topic in wanted}
 
@@ -97,10 +90,8 @@ def decode_stream(bag: Bag, topic: Topic, receive_ns: Integers, payloads: list[b
             stamps, names, position, paths = decode_any(bag.typestore, topic.type, payloads)
             velocity = effort = position
     except Exception as error:  # noqa: BLE001 - the bytes may be anything
-        raise InputError(
-            f"{bag.path}: a message on {topic.name} does not decode as {topic.type} ({one_line(error)}); the file is"
-            f" damaged, copy it again, or save the rest with `idloop recover {bag.path}`"
-        ) from None
+        what = f"a message on {topic.name} does not decode as {topic.type} ({one_line(error)})"
+        raise damaged(bag.path, what) from None
     findings: list[Finding] = []
     announced = bag.announced.get(topic.name, 0)
     if len(payloads) < announced:

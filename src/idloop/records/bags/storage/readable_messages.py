@@ -54,7 +54,10 @@ def mcap_messages(file: Path) -> Iterator[Message | None]:
             if isinstance(record, records.Schema):
                 schemas[record.id] = record
             elif isinstance(record, records.Channel):
-                channels[record.id] = _mcap_channel(record, schemas[record.schema_id]) if record.schema_id else None
+                schema, type_hash = schemas.get(record.schema_id), record.metadata.get("topic_type_hash", "")
+                channels[record.id] = schema and Channel(
+                    record.topic, schema.name, schema.data.decode(), type_hash, record.message_encoding
+                )
             elif isinstance(record, records.Message) and (channel := channels[record.channel_id]) is not None:
                 yield Message(channel, record.log_time, record.data)
 
@@ -67,11 +70,6 @@ def mcap_messages(file: Path) -> Iterator[Message | None]:
         with suppress(Exception):
             yield from messages(cut_chunk_records(file))
         yield None
-
-
-def _mcap_channel(record: Any, schema: Any) -> Channel:
-    type_hash = record.metadata.get("topic_type_hash", "")
-    return Channel(record.topic, schema.name, schema.data.decode(), type_hash, record.message_encoding)
 
 
 def cut_chunk_records(file: Path) -> Iterator[Any]:

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from idloop.documents import read_text, read_yaml
 from idloop.errors import InputError
-from idloop.records.bags.storage.unpacking import ZSTD_MAGIC
+from idloop.records.bags.storage.unpacking import ZSTD_MAGIC, damaged
 from idloop.spelling import did_you_mean, listed
 
 Format = Literal["mcap", "sqlite3", "ros1", "zstd"]
@@ -125,7 +125,6 @@ def read_metadata(bag: Path) -> BagMetadata:
     path = bag / METADATA
     if not bag.is_dir() or not path.exists():
         return BagMetadata()
-    cure = f"copy it again, or save the messages with `idloop recover {bag}`"
     try:
         content: Any = read_yaml(read_text(path), str(path))
         found = content["rosbag2_bagfile_information"]
@@ -137,9 +136,9 @@ def read_metadata(bag: Path) -> BagMetadata:
         custom = found.get("custom_data") or {}
         texts = {str(key): str(text) for key, text in custom.items()}
     except InputError as error:
-        raise InputError(f"{bag}: cannot be read as a bag ({error}); {cure}") from None
+        raise damaged(bag, f"cannot be read as a bag ({error})") from None
     except (KeyError, TypeError, ValueError, AttributeError):
-        raise InputError(f"{bag}: cannot be read as a bag (its metadata are damaged); {cure}") from None
+        raise damaged(bag, "cannot be read as a bag (its metadata are damaged)") from None
     there = {name: one for name in names if (one := _there(bag, name)) is not None}
     missing = [name for name in names if name not in there]
     if missing and (there or not any(map(storage_suffix, bag.iterdir()))):

@@ -6,7 +6,8 @@ import bz2
 import os
 import shutil
 from collections.abc import Callable
-from functools import cache
+from contextlib import ExitStack
+from functools import cache, cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import SimpleNamespace
@@ -26,6 +27,11 @@ _LEFT_FREE = 512 << 20  # bytes of the disk that stay free for everything else
 def one_line(reason: object) -> str:
     """Return the message of another library in a form that fits into a sentence."""
     return " ".join(str(reason).split()).rstrip(".")
+
+
+def damaged(file: Path, what: str, bag: Path | None = None) -> InputError:
+    """Return the error of a recording in which something is damaged; `bag` is the whole, where it is more."""
+    return InputError(f"{file}: {what}; copy it again, or save the rest with `idloop recover {bag or file}`")
 
 
 @cache
@@ -130,30 +136,13 @@ def unpack_message(data: bytes) -> bytes:
     return bytes(vars(reader)["zstd"].decompress(data))
 
 
-class Scratch:
+class Scratch(ExitStack[None]):
     """A folder among the temporary files, made when the first file is unpacked and removed at the end."""
 
-    def __init__(self) -> None:
-        self._made: TemporaryDirectory[str] | None = None
-
-    def __enter__(self) -> Scratch:  # noqa: PYI034 - Self needs Python 3.11
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.remove()
-
-    @property
+    @cached_property
     def folder(self) -> Path:
         """The folder."""
-        if self._made is None:
-            self._made = TemporaryDirectory(prefix="idloop-")
-        return Path(self._made.name)
-
-    def remove(self) -> None:
-        """Remove it with all that it holds."""
-        if self._made is not None:
-            self._made.cleanup()
-            self._made = None
+        return Path(self.enter_context(TemporaryDirectory(prefix="idloop-")))
 
 
 def unpack_file(packed: Path, scratch: Scratch, *, keep_cut: bool = False) -> tuple[Path, bool]:
@@ -179,10 +168,7 @@ def unpack_file(packed: Path, scratch: Scratch, *, keep_cut: bool = False) -> tu
             raise
         except Exception as error:  # noqa: BLE001 - the bytes may be anything
             if not keep_cut or not out.tell():
-                raise InputError(
-                    f"{packed}: cannot be unpacked ({one_line(error)}); copy it again, or save what is left with"
-                    f" `idloop recover {packed}`"
-                ) from None
+                raise damaged(packed, f"cannot be unpacked ({one_line(error)})") from None
             whole = False
     return target, whole
 
