@@ -28,7 +28,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from paper_records import plain_numbers, simulated_by
 from simulators import SIMULATORS
 
-from idloop.cli.verbs.papers import print_reproduction
+from idloop.reporting.text.blocks import as_text
 from papers import Progress
 from papers.motor import drifting_fits
 from papers.reproduction import Reproduction
@@ -159,7 +159,7 @@ def main(given: list[str] | None = None) -> int:
             result = work(part(number))
             results.setdefault(row, []).append(result)
             print(f"\n{row}: {'holds' if result.holds else 'DOES NOT HOLD'}\n")
-            print_reproduction(result)
+            print(as_text(result.blocks()))
             if arguments.json:
                 arguments.json.parent.mkdir(parents=True, exist_ok=True)
                 arguments.json.write_text(_document(arguments, results))

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from idloop.reporting.text import blocks
 from papers.claim import Claim
 
 Cell = float | str | None
+_HOLDS = {True: "yes", False: "NO", None: ""}
 
 
 @dataclass(frozen=True)
@@ -101,6 +103,18 @@ class Reproduction(ABC):
         """What a reader should know, one sentence or two each."""
         return ()
 
+    def blocks(self) -> Iterator[blocks.Block]:
+        """Yield the table "quantity | ours | paper | claimed", the further tables and the notes."""
+        rows = []
+        for line in self.rows():
+            quantity = f"{line.quantity} [{line.unit}]" if line.unit else line.quantity
+            values = (_text(line.ours), _text(line.paper))
+            rows.append((quantity, *values, line.source, line.claimed or "", _HOLDS[line.holds]))
+        yield blocks.Table.of(["quantity", "ours", "paper", "source", "claimed", "holds"], rows)
+        for table in self.tables():
+            yield from ("", table.title, blocks.Table.of(table.header, [map(_text, row) for row in table.rows]))
+        yield from ("", *(f"- {note}" for note in self.notes())) if self.notes() else ()
+
     @property
     def holds(self) -> bool:
         """Whether no line is missed."""
@@ -114,3 +128,8 @@ class Reproduction(ABC):
             "tables": [table.to_dict() for table in self.tables()],
             "notes": list(self.notes()),
         }
+
+
+def _text(value: Cell) -> str:
+    """Text of a cell: five digits of a number, words as they are."""
+    return value if isinstance(value, str) else blocks.number(value, 5)

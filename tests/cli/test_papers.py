@@ -8,7 +8,7 @@ import pytest
 
 import papers
 from idloop.cli import main
-from idloop.cli.verbs.papers import print_reproduction
+from idloop.reporting.text.blocks import as_text
 from papers.claim import near
 from papers.reproduction import Line, Reproduction, Table
 
@@ -94,9 +94,8 @@ def test_a_row_that_does_not_hold_is_exit_code_1(capsys, monkeypatch) -> None:
     assert err == "A1: 1 of 2 lines do not hold\n"
 
 
-def test_tables_and_notes_are_printed(capsys) -> None:
-    print_reproduction(Missed())
-    out = capsys.readouterr().out
+def test_tables_and_notes_are_printed() -> None:
+    out = as_text(Missed().blocks())
     assert "More" in out
     assert "- A note." in out
     assert "large" in out

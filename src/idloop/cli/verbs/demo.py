@@ -269,8 +269,10 @@ def command(
     folder = directory or probe_folder(
         Path("bags") / time.strftime("demo_%Y%m%d_%H%M%S"), "--directory", new=True, parents=True
     )
+    from idloop.physics import load_model
+
     hidden = hide or choose_hidden(seed)
-    check_hidden(hidden)
+    load_model(MACHINE).with_effects([hidden])  # an unknown effect is refused before anything is started
     make_folder(folder, parents=True)
     if loop:
         document, failures = check_loop(graphs, folder, seconds, seed, domain, quiet=as_json)
@@ -282,13 +284,6 @@ def command(
         failures = tell_story(hidden, folder, seed, domain, as_json=as_json)
     if failures:
         raise IdloopError("; ".join(failures))
-
-
-def check_hidden(hidden: str) -> None:
-    """Raise InputError before anything is started when there is no such effect."""
-    from idloop.physics import load_model
-
-    load_model(MACHINE).with_effects([hidden])
 
 
 def tell_story(hidden: str, folder: Path, seed: int, domain: int | None, *, as_json: bool) -> list[str]:

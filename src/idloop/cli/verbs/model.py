@@ -17,13 +17,6 @@ def list_presets(*, as_json: bool) -> None:
     _outputs.print_rows(["preset", "what it is"], rows, document, as_json=as_json)
 
 
-def preset_text(name: str) -> str:
-    """Text of a preset's file."""
-    from idloop.physics.model_file import PRESETS
-
-    return (PRESETS / f"{name}.yaml").read_text(encoding="utf-8")
-
-
 @click.command()
 @click.argument("model", required=False)
 @click.option("--list", "show_list", is_flag=True, help="List the presets.")
@@ -38,7 +31,7 @@ def command(model: str | None, *, show_list: bool, as_json: bool) -> None:
         list_presets(as_json=as_json)
         return
     from idloop.physics import preset_names
-    from idloop.physics.model_file import to_mapping
+    from idloop.physics.model_file import PRESETS, to_mapping
 
     loaded = _inputs.open_model(model)
     checked = _inputs.with_options(loaded)
@@ -46,6 +39,6 @@ def command(model: str | None, *, show_list: bool, as_json: bool) -> None:
         _outputs.print_json(to_mapping(checked))
     elif model in preset_names() and checked is loaded:
         # As written, with the comments that say where its numbers come from.
-        click.echo(preset_text(model), nl=False)
+        click.echo((PRESETS / f"{model}.yaml").read_text(encoding="utf-8"), nl=False)
     else:
         click.echo(checked.to_yaml(), nl=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -13,13 +13,8 @@ from idloop.cli import _inputs, _outputs
 from idloop.cli._progress import progress, quiet_option
 from idloop.cli.main import COULD_NOT, DONE
 from idloop.errors import InputError
-from idloop.reporting.text.blocks import number
-
-if TYPE_CHECKING:
-    from papers.reproduction import Cell, Reproduction
 
 EXAMPLES = Path(idloop.__file__).resolve().parents[2] / "examples"
-HOLDS = {True: "yes", False: "NO", None: ""}
 
 
 def _find_papers() -> None:
@@ -43,28 +38,6 @@ def list_rows(*, as_json: bool) -> None:
     ]
     document = {"schema": "idloop/papers/1", "rows": rows}
     _outputs.print_rows(["row", "what is redone", "paper"], cells, document, as_json=as_json)
-
-
-def cell(value: Cell) -> str:
-    """Text of a cell: five digits of a number, words as they are."""
-    return value if isinstance(value, str) else number(value, 5)
-
-
-def print_reproduction(found: Reproduction) -> None:
-    """Print the table "quantity | ours | paper | claimed", the further tables and the notes."""
-    rows = []
-    for line in found.rows():
-        quantity = f"{line.quantity} [{line.unit}]" if line.unit else line.quantity
-        values = (cell(line.ours), cell(line.paper))
-        rows.append((quantity, *values, line.source, line.claimed or "", HOLDS[line.holds]))
-    _outputs.print_table(["quantity", "ours", "paper", "source", "claimed", "holds"], rows)
-    for table in found.tables():
-        click.echo(f"\n{table.title}")
-        _outputs.print_table(table.header, [[cell(value) for value in row] for row in table.rows])
-    if found.notes():
-        click.echo()
-    for note in found.notes():
-        click.echo(f"- {note}")
 
 
 EXAMPLE = """\b
@@ -108,12 +81,12 @@ def command(row: str | None, *, seed: int, parts: tuple[str, ...], plot: Path | 
         mpl.use("Agg")  # a file is written, so no window is needed
         axes: Any = np.ravel(found.plot())[0]
         _outputs.save_plot(lambda: axes.figure, plot)
+    title, paper = ROWS[name].title, ROWS[name].paper
     if as_json:
-        heading = {"schema": "idloop/papers/1", "row": name, "title": ROWS[name].title, "paper": ROWS[name].paper}
+        heading = {"schema": "idloop/papers/1", "row": name, "title": title, "paper": paper}
         _outputs.print_json({**heading, "seed": seed, "parts": list(chosen), **found.to_dict(), "plot": plot})
     else:
-        click.echo(f"{name}: {ROWS[name].title}\n{ROWS[name].paper}\n")
-        print_reproduction(found)
+        _outputs.print_blocks([f"{name}: {title}", paper, "", *found.blocks()])
     missed = sum(line.holds is False for line in found.rows())
     if missed:
         _outputs.log(f"{name}: {missed} of {len(found.rows())} lines do not hold")
