@@ -8,10 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from idloop.cli import main
 from idloop.cli._demo_loop import distance, windows_of
-from idloop.cli.verbs.demo import HIDDEN, check_hidden, choose_hidden, retell
+from idloop.cli.verbs.demo import HIDDEN, MACHINE, choose_hidden, retell
 from idloop.cli.verbs.refine import read_ladder
-from idloop.errors import InputError
+from idloop.physics import load_model
 
 
 def run(words: list[str], environment: dict[str, str], domain: int) -> subprocess.CompletedProcess[str]:
@@ -73,9 +74,14 @@ def test_a_seed_hides_the_same_effect_each_time_and_another_seed_another_one() -
     assert len(set(texts)) == len(texts)
     assert {text.partition("(")[0] for text in texts} == {name for name, *_ in HIDDEN}
     for text in texts:
-        check_hidden(text)
-    with pytest.raises(InputError, match="dead_zone"):
-        check_hidden("dead_zon@input")
+        assert load_model(MACHINE).with_effects([text]).effect_names
+
+
+def test_an_unknown_effect_is_refused_before_anything_is_started(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    folder = tmp_path / "demo"
+    assert main.run(["demo", "--hide", "dead_zon@input", "--directory", str(folder)]) == 2
+    assert "dead_zone" in capsys.readouterr().err
+    assert not folder.exists()
 
 
 def test_the_story_is_told_from_the_log() -> None:

@@ -7,8 +7,8 @@ import json
 import pytest
 
 from idloop.cli import main
-from idloop.cli.verbs.model import preset_text
 from idloop.physics import load_model, preset_names
+from idloop.physics.model_file import PRESETS
 
 GOOD = """\
 schema: idloop/model/1
@@ -108,7 +108,7 @@ def test_a_file_is_printed_whole_and_reads_back_equal(tmp_path, capsys):
 @pytest.mark.parametrize("name", preset_names())
 def test_a_preset_is_printed_with_its_comments(name, capsys):
     assert main.run(["model", name]) == 0
-    assert capsys.readouterr().out == preset_text(name)
+    assert capsys.readouterr().out == (PRESETS / f"{name}.yaml").read_text(encoding="utf-8")
 
 
 def test_options_change_the_model(capsys):

@@ -107,10 +107,6 @@ def compare(
     progress : callable, optional
         Called with the share done in [0, 1] and a short text.
 
-    Returns
-    -------
-    Comparison
-
     Raises
     ------
     InputError

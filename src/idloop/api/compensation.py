@@ -169,10 +169,6 @@ def compensate(
     progress : callable, optional
         Called with the share done in [0, 1] and a short text.
 
-    Returns
-    -------
-    Compensation
-
     Raises
     ------
     InputError

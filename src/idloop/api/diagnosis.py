@@ -128,10 +128,6 @@ def diagnose(
     progress : callable, optional
         Called with the share done in [0, 1] and a short text.
 
-    Returns
-    -------
-    Diagnosis
-
     Raises
     ------
     InputError

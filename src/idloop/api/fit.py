@@ -127,10 +127,6 @@ def fit(
     progress : callable, optional
         Called with the share done in [0, 1] and a short text.
 
-    Returns
-    -------
-    Fit
-
     Raises
     ------
     InputError

@@ -230,10 +230,6 @@ def identify_fleet(
     progress : callable, optional
         Called with the share done in [0, 1] and a short text.
 
-    Returns
-    -------
-    Fleet
-
     Raises
     ------
     InputError

@@ -276,10 +276,6 @@ def identify(
         ``window``, ``period``, ``units``, ``focus``, ``band``, ``stable``, ``integrates``, ``closed_loop``,
         ``controller``, ``seed``.
 
-    Returns
-    -------
-    Identification
-
     Raises
     ------
     InputError

@@ -117,10 +117,6 @@ class Ladder(Result):
         ----------
         path : str or Path
         progress : callable, optional
-
-        Returns
-        -------
-        Path
         """
         from idloop.reporting.page.contents import gather
 
@@ -189,10 +185,6 @@ def refine(
         Called with the `idloop.diagnosis.Ladder` after every step.
     progress : callable, optional
         Called with the share done in [0, 1] and a short text.
-
-    Returns
-    -------
-    Ladder
 
     Raises
     ------

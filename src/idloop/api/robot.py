@@ -160,10 +160,6 @@ def identify_robot(
     progress : callable, optional
         Called with the share done in [0, 1] and a short text.
 
-    Returns
-    -------
-    RobotIdentification
-
     Raises
     ------
     InputError

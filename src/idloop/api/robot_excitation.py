@@ -146,10 +146,6 @@ def excite_robot(
     progress : callable, optional
         Called with the share done in [0, 1] and a short text.
 
-    Returns
-    -------
-    RobotExcitation
-
     Raises
     ------
     InputError

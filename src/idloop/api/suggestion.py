@@ -129,10 +129,6 @@ def suggest(
     progress : callable, optional
         Called with the share done in [0, 1] and a short text.
 
-    Returns
-    -------
-    Suggestion
-
     Raises
     ------
     InputError

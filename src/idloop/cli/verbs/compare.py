@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from idloop.cli import _inputs, _outputs
 from idloop.cli._progress import progress, quiet_option
 from idloop.errors import InputError
+
+if TYPE_CHECKING:
+    from idloop.physics import Model
+
+
+def label_models(sources: Sequence[str], models: Sequence[Model]) -> list[str]:
+    """Name of each model, or its file where names are not unique."""
+    names = [model.name for model in models]
+    return names if len(set(names)) == len(names) else list(sources)
 
 
 @click.command()
@@ -44,10 +55,8 @@ def command(
         raise InputError(f"the models have different outputs: compare them one by one ({', '.join(models)})")
     records = [read_bag(bag, model) for model in loaded]
     _inputs.log_warnings(records)
-    names = [model.name for model in loaded]
-    labels = names if len(set(names)) == len(names) else models
     with progress("comparing") as update:
-        found = compare(loaded, records, steps=steps, labels=labels, progress=update)
+        found = compare(loaded, records, steps=steps, labels=label_models(models, loaded), progress=update)
     _outputs.save_plot(found.plot, plot)
     _outputs.save_plot(found.plot_where, plot_where)
     if as_json:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -88,12 +89,7 @@ def command(
         tuple(records), tuple(unseen), search["level"], search["criterion"], only, search["seed"], limits,
         options["duration"], search["minimum_improvement"],
     )  # fmt: skip
-
-    def keep(ladder: Ladder) -> None:
-        if output is not None:
-            write_ladder(output, Kept(ladder, bags, validate, model.folder))
-
-    source = OfflineSource(model, study, keep=keep, paths=(bags, validate))
+    source = OfflineSource(model, study, keep=_keeper(output, bags, validate, model), paths=(bags, validate))
     try:
         site = Site(source, Place(address, port))
         try:
@@ -104,6 +100,15 @@ def command(
             site.close()
     finally:
         source.close()
+
+
+def _keeper(
+    target: Path | None, bags: tuple[Path, ...], validate: tuple[Path, ...], model: Model
+) -> Callable[[Ladder], None] | None:
+    """What leaves every step on the disk; nothing without --output."""
+    if target is None:
+        return None
+    return lambda ladder: write_ladder(target, Kept(ladder, bags, validate, model.folder))
 
 
 def _tell(address: str, *, no_browser: bool, as_json: bool) -> None:
