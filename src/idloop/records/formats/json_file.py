@@ -121,21 +121,14 @@ def table_of_content(path: Path, content: Any, options: Options) -> Table:
 
     `options`: ``entries``: key of the mapping that holds them.
     """
-    attributes: dict[str, float | str] = {}
-    entries = content
-    if isinstance(content, dict):
-        attributes = {name: value for name, value in content.items() if isinstance(value, int | float | str)}
-    key = options.get("entries")
-    if key is not None:
-        if not isinstance(content, dict) or key not in content:
-            have = list(content) if isinstance(content, dict) else []
-            raise InputError(f"{path}: no key {key!r} with the samples; it has {listed(have)}{did_you_mean(key, have)}")
-        entries = content[key]
+    whole, key = content if isinstance(content, dict) else {}, options.get("entries")
+    attributes = {name: value for name, value in whole.items() if isinstance(value, int | float | str)}
+    if key is not None and key not in whole:
+        raise InputError(f"{path}: no key {key!r} with the samples; it has {listed(whole)}{did_you_mean(key, whole)}")
     if found := runs_in(content, key):
         return table_of_runs(path, *found)
-    if key is None and isinstance(content, dict):
-        lists = [name for name, value in content.items() if _holds_samples(value)]
-        entries = content[max(lists, key=lambda name: len(content[name]))] if lists else content
+    lists = [name for name, value in whole.items() if _holds_samples(value)] if key is None else [key]
+    entries = whole[max(lists, key=lambda name: len(whole[name]))] if lists else content
     if isinstance(entries, list) and entries and all(isinstance(entry, dict) for entry in entries):
         return table_of_samples(path, entries, attributes)
     if isinstance(entries, dict):

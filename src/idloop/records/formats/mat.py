@@ -156,10 +156,10 @@ def series_of_iddata(value: Any) -> tuple[dict[str, Any], Parts] | None:
             time = time - time[0] + end + _PAUSE * float(np.median(np.diff(time)))
         times.append(time)
         end = float(time[-1])
-    columns: dict[str, Any] = {"Time": np.concatenate(times)}
-    unit = value.get("TimeUnit")
     # What is empty is no text, but an array without entries.
-    units = {"Time": unit if isinstance(unit, str) and unit else "s"}
+    unit = next(iter(_texts(value.get("TimeUnit"), 1)), "")
+    columns: dict[str, Any] = {"Time": np.concatenate(times)}
+    units = {"Time": unit or "s"}
     for data, kind, letter in ((inputs, "Input", "u"), (outputs, "Output", "y")):
         whole = np.concatenate(data)
         names = _texts(value[f"{kind}Name"], whole.shape[1]) or [f"{letter}{k + 1}" for k in range(whole.shape[1])]
@@ -174,22 +174,16 @@ def series_of_iddata(value: Any) -> tuple[dict[str, Any], Parts] | None:
     return columns | {"VariableUnits": units}, parts
 
 
-def _cells(value: Any) -> list[Any]:
-    if isinstance(value, np.ndarray) and value.dtype.kind in "OU":
-        return list(value.ravel())
-    return listed_cells(value)
-
-
 def _experiments(value: Any) -> list[Array]:
     """Samples by channels, of each experiment."""
-    several = [value] if isinstance(value, np.ndarray) and value.dtype.kind in "biuf" else _cells(value)
+    several = [value] if isinstance(value, np.ndarray) and value.dtype.kind in "biuf" else listed_cells(value)
     found = [np.asarray(one, dtype=np.float64) for one in several if np.asarray(one).dtype.kind in "biuf"]
     return [one[:, None] if one.ndim == 1 else one for one in found if 0 < one.ndim < 3]
 
 
 def _of_each(value: Any, count: int) -> list[float]:
     """Return a number of each experiment; NaN where it is not said."""
-    cells = [value] if isinstance(value, int | float) else _cells(value)
+    cells = [value] if isinstance(value, int | float) else listed_cells(value)
     numbers = [float(np.asarray(one).ravel()[0]) if np.size(one) else np.nan for one in cells]
     return numbers if len(numbers) == count else numbers[:1] * count if len(numbers) == 1 else [np.nan] * count
 
@@ -204,7 +198,7 @@ def _times(instants: Array | None, period: float, start: float, count: int) -> A
 
 def _texts(value: Any, count: int) -> list[str]:
     """Return a text of each channel; nothing where there are not as many."""
-    cells = [value] if isinstance(value, str) else _cells(value)
+    cells = [value] if isinstance(value, str) else listed_cells(value)
     texts = [one if isinstance(one, str) else "" for one in cells]
     return texts if len(texts) == count else []
 

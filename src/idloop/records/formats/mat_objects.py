@@ -127,6 +127,8 @@ def listed_cells(value: Any) -> list[Any]:
     """Return the entries of a cell array; of one that was simplified to its only entry, that."""
     if isinstance(value, list):
         return value
+    if isinstance(value, np.ndarray) and value.dtype.kind in "OU":
+        return list(value.ravel())
     return [] if value is None or (isinstance(value, np.ndarray) and not value.size) else [value]
 
 

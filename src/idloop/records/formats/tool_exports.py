@@ -121,7 +121,9 @@ def _read_twincat(path: Path, options: Options) -> Table:
     check_size(path, "export fewer rows")
     head: list[str] = []
     for line in filter(_is_counted, lines_of(path)):
-        if _is_row(line) or len(head) > _MOST_ABOVE:
+        cells = next((several for one in _DELIMITERS if len(several := _cells(line, one)) > 1), [])
+        is_row = bool(cells) and all(map(is_number, filter(None, cells)))
+        if is_row or len(head) > _MOST_ABOVE:
             break
         head.append(line)
     delimiter, keys = _twincat_keys(head)
@@ -139,12 +141,6 @@ def _read_twincat(path: Path, options: Options) -> Table:
     cut_at_ends(table.columns, table.clocks)
     table.units |= {name: unit for name, unit in zip(names, keys.get("unit", []), strict=False) if unit}
     return table
-
-
-def _is_row(line: str) -> bool:
-    """Whether a line holds numbers only."""
-    cells = next((several for one in _DELIMITERS if len(several := _cells(line, one)) > 1), [])
-    return bool(cells) and all(map(is_number, filter(None, cells)))
 
 
 def _twincat_keys(head: list[str]) -> tuple[str, dict[str, list[str]]]:

@@ -13,9 +13,8 @@ import struct
 import zipfile
 from collections import OrderedDict
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,24 +38,14 @@ _MOST_PICKLE = 64 << 20
 _OTHER_ORDER = "it was written on a machine with the other order of bytes"
 
 
-@dataclass(frozen=True)
-class _Type:
-    """Class of a storage."""
-
-    name: str
-
-
-@dataclass(frozen=True)
-class _Storage:
+class _Storage(NamedTuple):
     """Bytes of one or more tensors."""
 
     key: str
     type: str
-    count: int
 
 
-@dataclass(frozen=True)
-class _Tensor:
+class _Tensor(NamedTuple):
     """A view into a storage: element (i, j, ...) is at offset + i * stride[0] + j * stride[1] + ..."""
 
     storage: _Storage
@@ -79,8 +68,7 @@ def read_torch(path: Path, options: Options) -> Table:
                 content, storages = _from_archive(stream) if zipped else _from_pickles(stream, path.stat().st_size)
                 return _Arrays(storages).resolved(content, 0)
         except Exception as error:  # noqa: BLE001 - the libraries let those of zip, zlib and Python through
-            known = isinstance(error, InputError)
-            text = str(error) if known else f"it is damaged ({reason_of(error, 80)})"
+            text = str(error) if isinstance(error, InputError) else f"it is damaged ({reason_of(error, 80)})"
             raise InputError(
                 f"{path}: {text}; save tensors with torch.save({{'t': t, 'u': u}}, file), or check the copy of the file"
             ) from None
@@ -95,7 +83,7 @@ def _rebuilt(storage: Any, offset: Any, shape: Any, stride: Any, *_: Any) -> _Te
     return _Tensor(storage, offset, tuple(shape), tuple(stride))
 
 
-_NAMES: dict[str, Any] = {f"torch.{name}": _Type(name) for name in _TYPES} | {
+_NAMES: dict[str, Any] = {f"torch.{name}": name for name in _TYPES} | {
     "collections.OrderedDict": OrderedDict,
     "torch.Size": tuple,
     "torch._utils._rebuild_tensor": _rebuilt,
@@ -105,10 +93,9 @@ _NAMES: dict[str, Any] = {f"torch.{name}": _Type(name) for name in _TYPES} | {
 
 
 def _storage(key: Any) -> _Storage:
-    if isinstance(key, tuple) and len(key) >= 5 and key[0] == "storage" and isinstance(key[1], _Type):
-        _, kind, name, _, count = key[:5]
-        if isinstance(name, str) and isinstance(count, int):
-            return _Storage(name, kind.name, count)
+    match key:
+        case ("storage", str() as kind, str() as name, _, int(), *_) if kind in _TYPES:
+            return _Storage(name, kind)
     raise InputError("it holds a storage of an unknown type")
 
 

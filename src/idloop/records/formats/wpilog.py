@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -46,12 +46,6 @@ _UNITS = {
 _STATE, _NO_TEST = "sysid-test-state", ("none", "")
 _SAME_TURN = 0.05  # share of a period within which stamps are of one turn of a loop
 _Layout = list[tuple[str, str]]  # of the numbers of a record: what their names have behind that of the entry, and types
-
-
-class _Record(NamedTuple):
-    entry: int
-    stamp: int
-    content: bytes
 
 
 @dataclass
@@ -92,8 +86,8 @@ def read_wpilog(path: Path, _: Options) -> Table:
     return log.table()
 
 
-def _records(data: bytes, place: int) -> Iterator[tuple[int, _Record]]:
-    """Yield the records of a log and where each ends; stop where one is cut off."""
+def _records(data: bytes, place: int) -> Iterator[tuple[int, int, int, bytes]]:
+    """Yield where each record of a log ends, its entry, stamp and content; stop where one is cut off."""
     while place < len(data):
         lengths = data[place]
         wide = (lengths & 3) + 1, ((lengths >> 2) & 3) + 1, ((lengths >> 4) & 7) + 1
@@ -104,7 +98,7 @@ def _records(data: bytes, place: int) -> Iterator[tuple[int, _Record]]:
         place = begin + size
         if place > len(data):
             return
-        yield place, _Record(entry, stamp, data[begin:place])
+        yield place, entry, stamp, data[begin:place]
 
 
 class _Log:
@@ -121,11 +115,11 @@ class _Log:
         self._bytes = 0
 
     def read(self, data: bytes, place: int) -> None:
-        for end, record in _records(data, place):
-            if record.stamp >= 1 << 63 or (record.entry == 0 and not self._control(record.content)):
+        for end, entry, stamp, content in _records(data, place):
+            if stamp >= 1 << 63 or (entry == 0 and not self._control(content)):
                 break
-            if record.entry in self._open:
-                self._add(self._open[record.entry], record)
+            if entry in self._open:
+                self._add(self._open[entry], stamp, content)
             place = end
         if place < len(data):
             self._notes.append(f"the last {len(data) - place:,} bytes hold no whole record and are left out")
@@ -153,8 +147,7 @@ class _Log:
             self._open[number] = self._entries.setdefault(whole, _Entry(whole, type_, metadata))
         return kind in (_START, _FINISH, _METADATA)
 
-    def _add(self, entry: _Entry, record: _Record) -> None:
-        content = record.content
+    def _add(self, entry: _Entry, stamp: int, content: bytes) -> None:
         if entry.type == "structschema":
             self._schemas[entry.name.rpartition("struct:")[2]] = content[: 1 << 16].decode("utf-8", "replace")
             self._layouts.clear()
@@ -175,7 +168,7 @@ class _Log:
             entry.layout = layout
             entry.values.extend(struct.unpack(code, content))
             self._bytes += 8 * len(layout)
-        entry.stamps.append(record.stamp)
+        entry.stamps.append(stamp)
         self._bytes += 16
         if self._bytes > MOST_TABLE:
             raise InputError(f"{self._path}: its entries take more than {MOST_TABLE >> 30} GiB; log fewer")
@@ -184,15 +177,15 @@ class _Log:
         """Numbers of a record of so many bytes; none where it holds anything else."""
         key = kind, size
         if key not in self._layouts:
-            if kind in _NUMBERS:
-                self._layouts[key] = [("", _NUMBERS[kind])]
-            elif kind.removesuffix("[]") in _NUMBERS:
-                code = _NUMBERS[kind[:-2]]
+            code = _NUMBERS.get(kind.removesuffix("[]"), "")
+            if not code:
+                found = _fields(kind.removeprefix("struct:"), self._schemas, 0) if kind.startswith("struct:") else []
+                self._layouts[key] = [(f".{name}", one) for name, one in found]
+            elif kind in _NUMBERS:
+                self._layouts[key] = [("", code)]
+            else:
                 count = min(size // struct.calcsize(code), _MOST_ARRAY + 1)
                 self._layouts[key] = [(f"[{place}]", code) for place in range(count)]
-            else:
-                found = _fields(kind.removeprefix("struct:"), self._schemas, 0) if kind.startswith("struct:") else []
-                self._layouts[key] = [(f".{name}", code) for name, code in found]
         return self._layouts[key]
 
     def table(self) -> Table:
@@ -247,11 +240,8 @@ def _fields(name: str, schemas: dict[str, str], depth: int) -> _Layout:
         kind, own, count = match[1], match[2], int(match[3] or 0)
         if count > _MOST_ARRAY:
             return []
-        if kind in _FIELDS:
-            inner = [("", _FIELDS[kind])]
-        else:
-            within = _fields(kind, schemas, depth + 1) if depth < 8 else []
-            inner = [(f".{part}", code) for part, code in within]
+        within = _fields(kind, schemas, depth + 1) if kind not in _FIELDS and depth < 8 else []
+        inner = [("", _FIELDS[kind])] if kind in _FIELDS else [(f".{part}", code) for part, code in within]
         if not inner:
             return []
         places = [f"[{place}]" for place in range(count)] if count else [""]
