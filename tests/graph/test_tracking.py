@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 
-from idloop.api.tracking_runs import with_controller
 from idloop.control.compensation import Compensation
 from idloop.errors import IdloopError
 from idloop.graph import load_graph
@@ -21,7 +21,7 @@ SIGNAL = {"name": "smooth", "points": (1, -1.0), "amplitude": 0.5, "duration": 4
 
 
 def axis():
-    return with_controller(load_model("axis").with_effects(["dead_zone@input(width=0.3)"]), LAW)
+    return replace(load_model("axis").with_effects(["dead_zone@input(width=0.3)"]), controller=LAW)
 
 
 def parameters(graph, executable):
@@ -81,9 +81,8 @@ def test_the_users_own_effects_travel_with_the_model(tmp_path):
         encoding="utf-8",
     )
     (own / "model.yaml").write_text(load_model("axis").to_yaml(), encoding="utf-8")
-    model = with_controller(
-        load_model(str(own / "model.yaml"), allow_effects=True).with_effects(["lean@axis(size=0.1)"]), LAW
-    )
+    leaning = load_model(str(own / "model.yaml"), allow_effects=True).with_effects(["lean@axis(size=0.1)"])
+    model = replace(leaning, controller=LAW)
     scratch = tmp_path / "scratch"
     scratch.mkdir()
     values = launch_values(TrackingExperiment(model, model, SIGNAL), Compensation(model), tmp_path / "bag", scratch)

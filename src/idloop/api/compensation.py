@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -185,7 +185,7 @@ def compensate(
         section: Mapping[str, Any] = runs.controller_section(model, controller)
     else:
         section = {"sample_time": 0.001, **controller}
-    model = runs.with_controller(model, section)
+    model = replace(model, controller=dict(section))
     settings = NewSettings(model, tuple(effects), limit, velocity_width, command_width, crossing_time)
     built = build_controller(section, compensation=settings)
     if not built.inputs:

@@ -16,6 +16,18 @@ if TYPE_CHECKING:
     from idloop.signals import Signal
 
 
+def paths_of(given: str | Path | Iterable[str | Path]) -> list[Path]:
+    """One path or several, as a list."""
+    return [Path(given)] if isinstance(given, str | Path) else [Path(one) for one in given]
+
+
+def existing_bag(path: str | Path) -> Path:
+    """Return the path of a bag; InputError where there is none."""
+    if not Path(path).exists():
+        raise InputError(f"no bag {path}: check the path (recordings go to bags/ by default)")
+    return Path(path)
+
+
 def read_bags(
     bags: str | Path | Iterable[str | Path], model: ModelSignals, *, fitted: bool = True, excited: bool = True
 ) -> list[Record]:
@@ -44,11 +56,9 @@ def read_bags(
     """
     from idloop import records
 
-    paths = [Path(bags)] if isinstance(bags, str | Path) else [Path(bag) for bag in bags]
+    paths = [existing_bag(bag) for bag in paths_of(bags)]
     seen: set[Path] = set()
     for path in paths:
-        if not path.exists():
-            raise InputError(f"no bag {path}: check the path (recordings go to bags/ by default)")
         if path.resolve() in seen:
             raise InputError(f"{path} is given twice: one recording counts once; leave it out, or give another")
         seen.add(path.resolve())
@@ -82,10 +92,7 @@ def read_bag(bag: str | Path, model: Model) -> Record:
     from idloop.records.align import output_scales
     from idloop.records.inspection.velocity_check import without_wrong_velocities
 
-    path = Path(bag)
-    if not path.exists():
-        raise InputError(f"no bag {path}: check the path (recordings go to bags/ by default)")
-    parts = records.cut_at_gaps(records.read_record(path, model, check=False))
+    parts = records.cut_at_gaps(records.read_record(existing_bag(bag), model, check=False))
     longest = max(parts, key=lambda part: part.time.size)
     if len(parts) > 1:
         text = f"only the longest part is shown, {longest.time[0]:.6g} to {longest.time[-1]:.6g} s"

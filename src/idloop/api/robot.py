@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from idloop.api.data import paths_of
 from idloop.api.ladder import Ladder
 from idloop.api.result import Progress, Result, ignore_progress
 from idloop.api.single_thread import single_threaded
@@ -169,7 +170,7 @@ def identify_robot(
     if rounds < 1:
         raise InputError(f"rounds is {rounds}: one at least")
     whole = RigidBody(urdf)
-    given = [_paths(one) for one in (bags, validate, payload)]
+    given = [paths_of(one) for one in (bags, validate, payload)]
     if not given[0]:
         raise InputError("no bag: give the recordings of the robot")
     progress(0.0, "reading")
@@ -192,10 +193,6 @@ def identify_robot(
         body = fit_payload(found.fit, empty, full)
     findings = tuple(dict.fromkeys(one.text for record in read for one in record.findings if one.level == "warning"))
     return RobotIdentification(found, body, findings)
-
-
-def _paths(given: str | Path | Iterable[str | Path]) -> list[Path]:
-    return [Path(given)] if isinstance(given, str | Path) else [Path(one) for one in given]
 
 
 def _cores() -> int:

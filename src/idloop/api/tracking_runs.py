@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from idloop.api.data import read_bag
+from idloop.arrays import Array
 from idloop.control import build_controller
 from idloop.control.controller_file import load_controller
 from idloop.control.tracking import track
@@ -17,14 +20,9 @@ from idloop.physics import Plant, preset_names
 from idloop.signals import build_signal
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from idloop.control.compensation import Compensation
     from idloop.control.tracking import Tracking
     from idloop.physics import Machine, Model
-
-    Array = NDArray[np.float64]
 
 MJCF = ".xml"
 # The reference when none is given: to and fro, at rest between, in the unit of the reference.
@@ -95,8 +93,6 @@ def make_reference(text: str | None, model: Model, section: Mapping[str, Any]) -
 
 def built(signal: Mapping[str, Any], section: Mapping[str, Any]) -> Reference:
     """Reference of a signal, as the excitation node publishes it."""
-    import numpy as np
-
     given = dict(signal)
     name = given.pop("name", None)
     if not isinstance(name, str):
@@ -110,8 +106,6 @@ def built(signal: Mapping[str, Any], section: Mapping[str, Any]) -> Reference:
 
 
 def _recorded(bag: Path, model: Model, period: float) -> Reference:
-    import numpy as np
-
     record = read_bag(bag, model)
     if record.reference is None or record.reference_time is None:
         raise InputError(f"{bag}: holds no reference: give a signal instead, as in {{name: sine, frequency: 0.2}}")
@@ -123,8 +117,6 @@ def _recorded(bag: Path, model: Model, period: float) -> Reference:
 
 def _within_limit(model: Model, section: Mapping[str, Any]) -> Reference:
     """Default reference, made smaller where the linear part of the model would need more than half of the limit."""
-    import numpy as np
-
     first = built(DEFAULT_REFERENCE, section)
     controller = build_controller({**section, "limit": None})
     limit = build_controller(section).limit
@@ -206,8 +198,3 @@ def _build(machine: Model | Path, model: Model, period: float, seed: int, noise:
 
         return MjcfPlant(machine, model, period, seed=seed, noise=noise)
     return Plant(machine, seed=seed, noise=noise)
-
-
-def with_controller(model: Model, section: Mapping[str, Any]) -> Model:
-    """Model that names this controller."""
-    return replace(model, controller=dict(section))

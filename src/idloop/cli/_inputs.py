@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from idloop.api.data import existing_bag
 from idloop.cli._command_line import kept, kept_option
 from idloop.cli._outputs import log
 from idloop.cli._progress import progress
@@ -265,13 +266,6 @@ def effect_text(text: str, model: Model) -> str:
 
 
 # ---------------------------------------------------------------- recordings
-
-
-def existing_bag(path: str | Path) -> Path:
-    """Return the path of a bag; InputError where there is none."""
-    if not Path(path).exists():
-        raise InputError(f"no bag {path}: check the path (recordings go to bags/ by default)")
-    return Path(path)
 
 
 def read_fitted_and_unseen(

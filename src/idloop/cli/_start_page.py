@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from idloop.cli import _outputs
+from idloop.cli.verbs.start import RATE, period_of
 from idloop.errors import InputError
 
 if TYPE_CHECKING:
@@ -18,8 +19,8 @@ if TYPE_CHECKING:
     from idloop.api.start import Start
     from idloop.records.recognition.recognise import Recognition
 
-# Said of the log beside its signals: rows per second, and files that no fit sees, a line each.
-RATE, KEPT_UNSEEN = "rate", "unseen"
+# Said of the log beside its signals and `RATE`: files that no fit sees, a line each.
+KEPT_UNSEEN = "unseen"
 # The options of the command line are of no use on the page, which has a table instead: what a doubt ends with, and what
 # answers a refusal.
 _OPTION = re.compile(r"[:;,]? ?(?:if [^;:]*, )?(?<![\w-])--(?:'[^']*'|[^;])*")
@@ -147,13 +148,10 @@ def _free_folder(name: str) -> Path:
 
 def _recognise(files: list[Path], given: Mapping[str, str]) -> Log:
     from idloop.api.log import recognise
-    from idloop.records.tables.csv_layout import is_number
 
     rate = given.get(RATE, "")
-    if rate and not (is_number(rate) and float(rate) > 0.0):
-        raise InputError(f"{rate!r} rows per second are none; give a number above zero")
     said = {role: text for role, text in given.items() if role not in (RATE, KEPT_UNSEEN)}
-    return recognise(files, said, period=1.0 / float(rate) if rate else None)
+    return recognise(files, said, period=period_of(rate) if rate else None)
 
 
 def _unseen(files: list[Path], given: Mapping[str, str]) -> set[Path]:
@@ -195,14 +193,11 @@ def _signal(role: str, said: str, columns: list[str]) -> dict[str, str]:
 def _pictures(log: Log, unseen: set[Path]) -> list[dict[str, Any]]:
     """The signals of each file as a picture that a page can show, and whether a fit may be kept from seeing it."""
     several = len(log.recognitions) > 1
-    shown = zip(log.files, log.recognitions, strict=True) if not log.joined else [(log.files[0], log.recognition)]
+    # Of joined files the first stands for all.
+    shown = zip(log.files, log.recognitions, strict=False)
+    names = {path: log.name if log.joined else path.name for path in log.files}
     return [
-        {
-            "name": log.name if log.joined else path.name,
-            "choice": several,
-            "unseen": path in unseen,
-            "picture": _picture(one),
-        }
+        {"name": names[path], "choice": several, "unseen": path in unseen, "picture": _picture(one)}
         for path, one in shown
     ]
 

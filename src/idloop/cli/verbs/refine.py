@@ -5,11 +5,13 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from idloop.api.data import existing_bag
 from idloop.api.result import Progress, part
 from idloop.cli import _inputs, _outputs
 from idloop.cli._command_line import command_line
@@ -98,14 +100,13 @@ def command(
     model, bags = _sources(sources, kept)
     unseen = validate or (kept.validate if kept is not None else ())
     records, validation = _inputs.read_fitted_and_unseen(bags, unseen, model)
-    folder = kept.folder if kept is not None else model.folder
+    folder, before = (model.folder, None) if kept is None else (kept.folder, kept.ladder)
     taken_back = kept.taken_back if kept is not None else ()
     origin = _origin(bags, unseen, kept, search["seed"]) if target is not None else {}
-
-    def as_kept(ladder: Ladder) -> Kept:
-        return Kept(ladder, tuple(bags), tuple(unseen), folder, origin, taken_back=taken_back)
-
-    undecided = search["criterion"] == _AUTO and (kept is None or kept.ladder.criterion == _AUTO)
+    as_kept = partial(
+        Kept, bags=tuple(bags), validate=tuple(unseen), folder=folder, provenance=origin, taken_back=taken_back
+    )
+    undecided = search["criterion"] == _AUTO and (before is None or before.criterion == _AUTO)
     keep = _Keeper(target, as_kept, undecided=undecided)
     only_undo = bool(undo) and add is None and kept is not None
     answer: Next | None = None
@@ -113,10 +114,9 @@ def command(
         if not undo:
             _inputs.log_grades((*bags, *unseen), model, (*records, *validation))
         with progress(f"refining {model.name}") as update:
-            if only_undo and kept is not None:
-                ladder = kept.ladder
+            if only_undo and before is not None:
+                ladder = before
             else:
-                before = kept.ladder if kept is not None else None
                 climbing = update if no_suggest else part(update, 0.0, 0.7)
                 both = records, validation
                 ladder = _climb(model, before, both, add, keep.step, most=most, progress=climbing, **search)
@@ -125,8 +125,8 @@ def command(
             keep(ladder)
             if not (no_suggest or only_undo):
                 answer = _next(ladder, records, limits, options["duration"], search["seed"], part(update, 0.7, 1.0))
-                planned = None if answer is None or answer.suggestion is None else answer.suggestion.to_dict()
-                ladder = replace(ladder, suggested_experiment=planned)
+                planned = None if answer is None else answer.suggestion
+                ladder = replace(ladder, suggested_experiment=None if planned is None else planned.to_dict())
     left: Sequence[ResidualFinding] = ()
     unjudged: IdloopError | None = None
     try:
@@ -233,12 +233,12 @@ def _sources(sources: Sequence[str], kept: Kept | None) -> tuple[Model, Sequence
             missing = "MODEL and BAG are" if not words else "BAG is"
             raise InputError(f"{missing} missing: write idloop refine MODEL BAG..., or --resume DIR")
         model = _inputs.open_model(words[0])
-        bags = [_inputs.existing_bag(word) for word in words[1:]]
+        bags = [existing_bag(word) for word in words[1:]]
         return _inputs.with_options(model), bags
     if words and (not Path(words[0]).exists() or Path(words[0]).suffix in {".yaml", ".yml"}):
         # The model of a ladder is its own; naming it again does no harm.
         _inputs.open_model(words.pop(0))
-    bags = [_inputs.existing_bag(word) for word in words or kept.bags]
+    bags = [existing_bag(word) for word in words or kept.bags]
     if not bags:
         raise InputError("BAG is missing: the ladder does not know what it was climbed on")
     return kept.ladder.model, bags

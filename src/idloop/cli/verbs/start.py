@@ -179,7 +179,7 @@ def _ask(read: Callable[..., Log], given: dict[str, str], period: float | None, 
                 return found
             role, text = answer
             if role == RATE:
-                period = 1.0 / float(text)
+                period = period_of(text)
             else:
                 given = {**given, role: text}
 
@@ -198,24 +198,25 @@ def _answer(*, accepts: bool) -> tuple[str, str] | None:
         if not equals:
             known = "" if answer.lower() in (*_ACCEPTS, *_REFUSES) else f"not understood: {answer!r}; "
             _outputs.log(f"{known}say what to change, such as position=angle=deg or command=u=V; q stops")
-        elif role == RATE:
-            if _is_positive(text):
-                return role, text
-            _outputs.log(f"{text!r} rows per second are none; give a number above zero")
-        else:
-            try:
-                check_signals([role])
-            except InputError as error:
-                _outputs.log(str(error))
+            continue
+        try:
+            if role == RATE:
+                period_of(text)
             else:
-                return role, text
+                check_signals([role])
+        except InputError as error:
+            _outputs.log(str(error))
+        else:
+            return role, text
 
 
-def _is_positive(text: str) -> bool:
-    try:
-        return float(text) > 0.0
-    except ValueError:
-        return False
+def period_of(rate: str) -> float:
+    """Seconds per row for a number of rows per second. Raises InputError: it is none."""
+    from idloop.records.tables.csv_layout import is_number
+
+    if not (is_number(rate) and float(rate) > 0.0):
+        raise InputError(f"{rate!r} rows per second are none; give a number above zero")
+    return 1.0 / float(rate)
 
 
 def _picture(found: Log, folder: Path) -> Path:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from idloop.api.data import existing_bag
 from idloop.cli import _inputs, _outputs
 from idloop.cli._progress import progress, quiet_option
 from idloop.errors import InputError
@@ -102,7 +103,7 @@ def _split(
     if ladder is not None and show is not None:
         raise InputError("--ladder asks for what it left open itself: leave --show out, or name MODEL")
     if ladder is not None:
-        return [], [_inputs.existing_bag(source) for source in sources]
+        return [], [existing_bag(source) for source in sources]
     if not sources:
         raise InputError("BAG is missing: name the recording that the models are to explain")
     names = [*(between or ()), *sources[:-1]]
@@ -110,7 +111,7 @@ def _split(
         raise InputError(f"MODEL is missing: write idloop suggest MODEL {sources[-1]}, or --between two models")
     if len(names) > 1 and show is not None:
         raise InputError("--show takes one MODEL: the rivals are that model with and without the effect")
-    return names, [_inputs.existing_bag(sources[-1])]
+    return names, [existing_bag(sources[-1])]
 
 
 def _ladder_and_records(folder: Path, bags: Sequence[Path], also: Sequence[Path]) -> tuple[Ladder, list[Record]]:
