@@ -33,6 +33,16 @@ def joined_names(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
+def counted(count: int, noun: str) -> str:
+    """Return a number with its noun, such as "1 line" and "3 lines"."""
+    return f"1 {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def is_or_are(count: int) -> str:
+    """Return the verb of so many things."""
+    return "is" if count == 1 else "are"
+
+
 def _printable(name: str) -> str:
     """Printable form of a name from a file, of limited length."""
     return name if name.isprintable() and len(name) <= _LONGEST else repr(name[:_LONGEST])

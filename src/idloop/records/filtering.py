@@ -67,6 +67,14 @@ def resample_held(time: Array, value: Array, at: Array) -> Array:
     return held
 
 
+def held_mean(time: Array, value: Array, edges: Array) -> Array:
+    """Return the mean of a held signal between consecutive edges (n + 1,) -> (n,); before its stamps the first value."""
+    area = np.concatenate([[0.0], np.cumsum(value[:-1] * np.diff(time))])
+    index = np.maximum(np.searchsorted(time, edges, side="right") - 1, 0)
+    total = area[index] + value[index] * (edges - time[index])
+    return np.asarray(np.diff(total) / np.diff(edges))
+
+
 def resample_linear(time: Array, value: Array, at: Array, longest: float) -> Array:
     """Interpolate linearly between measured samples; NaN outside them and inside gaps longer than `longest` [s]."""
     known = np.isfinite(value)

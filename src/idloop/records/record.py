@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from idloop.arrays import Array, Integers
 from idloop.errors import InputError
 from idloop.physics.conditions import Condition
-from idloop.records.filtering import resample_held, resample_linear, zero_phase
+from idloop.records.filtering import held_mean, resample_held, resample_linear, zero_phase
 from idloop.records.finding import Finding
 from idloop.records.unwrapping import unwrap
 from idloop.spelling import did_you_mean, listed
@@ -252,11 +252,7 @@ class Record:
 
     def input_mean(self, time: Array) -> Array:
         """Return the mean command between consecutive instants (k,) -> (k-1,): exact for the held signal."""
-        edges = np.append(self.input_time, np.inf)
-        area = np.concatenate([[0.0], np.cumsum(self.input[:-1] * np.diff(self.input_time))])
-        index = np.clip(np.searchsorted(edges, time, side="right") - 1, 0, self.input.size - 1)
-        total = area[index] + self.input[index] * (time - self.input_time[index])
-        return np.diff(total) / np.diff(time)
+        return held_mean(self.input_time, self.input, time)
 
     def cut(self, start: float | None = None, stop: float | None = None) -> Record:
         """Keep start <= time <= stop [s on the record's own axis]; the command held at `start` stays known."""

@@ -16,6 +16,7 @@ from idloop.errors import InputError
 from idloop.records.formats.form import Form, Options, check_size, is_row, lines_of, text_of
 from idloop.records.tables.base_units import known_unit
 from idloop.records.tables.table import Table
+from idloop.spelling import counted, is_or_are
 
 _NUMBER = r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|nan|inf(?:inity)?)"
 _PAIR = re.compile(rf"([^\W\d][^:=,;|\t]*?)\s*[:=]\s*({_NUMBER})\s*§?\s*([^\s\d:=,;|.+-]\S*)?", re.IGNORECASE)
@@ -139,8 +140,8 @@ def read_labels(path: Path, _: Options) -> Table:
         for name, label in found.items():
             table.columns[name] = np.full(row + 1, np.nan)
             table.columns[name][np.array(label.rows)] = label.values
-    left = "1 line without labelled values is" if others == 1 else f"{others} lines without labelled values are"
-    table.notes += [f"{left} left out"] if others else []
+    if others:
+        table.notes.append(f"{counted(others, 'line')} without labelled values {is_or_are(others)} left out")
     return table
 
 

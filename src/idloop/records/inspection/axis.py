@@ -11,6 +11,7 @@ import numpy as np
 from idloop.arrays import Array
 from idloop.records.bags.publishers import Publishers
 from idloop.records.bags.stream import JointStream
+from idloop.records.filtering import held_mean
 from idloop.records.inspection.motion import analyse_motion, white_noise
 from idloop.records.inspection.values import bad_readings
 from idloop.records.inspection.wraps import Wraps, find_wraps
@@ -176,12 +177,7 @@ def _held_mean(edges: Array, time: Array, value: Array) -> Array:
     time, value = time[known], value[known]
     if time.size < 2:
         return np.full(edges.size - 1, np.nan)
-    area = np.concatenate([[0.0], np.cumsum(value[:-1] * np.diff(time))])
-    index = np.searchsorted(time, edges, side="right") - 1
-    safe = np.maximum(index, 0)
-    total = area[safe] + value[safe] * (edges - time[safe])
-    total[index < 0] = np.nan
-    return np.asarray(np.diff(total) / np.diff(edges))
+    return np.where(edges[:-1] < time[0], np.nan, held_mean(time, value, edges))
 
 
 def _slope(place: Array, period: float, axis: Axis) -> Array:

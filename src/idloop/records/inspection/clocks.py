@@ -11,6 +11,7 @@ import numpy as np
 from idloop.arrays import Array, Integers
 from idloop.records.bags.stream import JointStream
 from idloop.records.finding import Finding
+from idloop.spelling import counted
 
 _OFF_GRID = 0.3  # periods that an interval may lie beside a whole number of periods
 _REGULAR = 0.9  # share of such intervals that makes a grid
@@ -138,8 +139,7 @@ def stamp_findings(
         add("lost_samples", lost, text, level=level, evidence={"lost": lost, "share": share})
     if gaps:
         start, length = max(statistics.gaps, key=lambda gap: gap[1])
-        many = "1 gap" if gaps == 1 else f"{gaps} gaps"
-        text = f"{many} longer than ten periods, the longest {length:.4g} s at {start:.4g} s"
+        text = f"{counted(gaps, 'gap')} longer than ten periods, the longest {length:.4g} s at {start:.4g} s"
         add("gap", gaps, text + ("" if lost else over), evidence={"gaps": gaps, "longest": length})
     if not statistics.regular and statistics.count > 2 and np.isfinite(statistics.period):
         within = f"95 % within {statistics.jitter['p95'] * 1e3:.3g} ms of it"

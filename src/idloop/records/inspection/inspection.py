@@ -124,27 +124,18 @@ class Inspection:
 
     def to_dict(self) -> dict[str, object]:
         """Return plain values, schema ``idloop/inspect/1``."""
+
+        def plain(found: Mapping[str, Any]) -> dict[str, Any]:
+            return {name: asdict(one) for name, one in found.items()}
+
+        own = ("verdict", "grade", "grade_reason", "left_out", "insights", "command_topic", "units", "imported")
         return {
             "schema": "idloop/inspect/1",
             "bag": str(self.path),
-            "verdict": self.verdict,
-            "grade": self.grade,
-            "grade_reason": self.grade_reason,
-            "joints": {name: asdict(joint) for name, joint in self.joints.items()},
-            "left_out": list(self.left_out),
-            "insights": list(self.insights),
-            "topics": [asdict(topic) for topic in self.topics],
-            "command_topic": self.command_topic,
-            "commands": {name: asdict(command) for name, command in self.commands.items()},
-            "signals": {
-                topic: {name: asdict(motion) for name, motion in motions.items()}
-                for topic, motions in self.signals.items()
-            },
-            "conditions": {name: asdict(condition) for name, condition in self.conditions.items()},
-            "units": self.units,
-            "faults": [finding.to_dict() for finding in self.faults],
-            "findings": [finding.to_dict() for finding in self.findings],
-            "imported": self.imported,
+            **{key: list(value) if isinstance(value := getattr(self, key), tuple) else value for key in own},
+            **{key: plain(getattr(self, key)) for key in ("joints", "commands", "conditions")},
+            "signals": {topic: plain(motions) for topic, motions in self.signals.items()},
+            **{key: [asdict(one) for one in getattr(self, key)] for key in ("topics", "faults", "findings")},
         }
 
 

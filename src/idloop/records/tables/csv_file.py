@@ -34,7 +34,7 @@ from idloop.records.tables.csv_layout import (
 )
 from idloop.records.tables.reshaping import are_alike, clocks_of, cut_at_ends, numbered
 from idloop.records.tables.table import Table, TextLines
-from idloop.spelling import listed
+from idloop.spelling import counted, is_or_are, listed
 
 # Consecutive cells of one column: numbers, or texts where one of them is no number.
 Part: TypeAlias = NDArray[np.float64] | list[str]
@@ -269,7 +269,8 @@ def _note_layout(found: Table, text: TextLines, layout: Layout, names: Sequence[
     """Say what of the file was not read as data, and keep the units below the header."""
     if text.preamble:
         where = "header" if layout.names else "rows"
-        found.notes.append(f"{_counted(text.preamble, 'line')} above the {where} {_are(text.preamble)} left out")
+        count = len(text.preamble)
+        found.notes.append(f"{counted(count, 'line')} above the {where} {is_or_are(count)} left out")
     found.units = _units_above(text.preamble, layout.delimiter, names)
     if layout.units:
         cells = [cell.strip() for row in layout.units for cell in row if cell.strip()]
@@ -281,7 +282,8 @@ def _note_layout(found: Table, text: TextLines, layout: Layout, names: Sequence[
     for rows, what, kind in ((text.text_rows, "line", _BETWEEN), (cut, "row", _CUT)):
         if rows:
             places = listed(list(map(str, dict.fromkeys(rows))), 6)
-            found.notes.append(f"{_counted(rows, what)} {kind} {_are(rows)} left out, before row {places}")
+            left = f"{counted(len(rows), what)} {kind} {is_or_are(len(rows))} left out"
+            found.notes.append(f"{left}, before row {places}")
     if text.ends_within:
         found.notes.append(f"the last row is left out: {_ENDS}")
 
@@ -297,14 +299,6 @@ def _units_above(lines: Sequence[str], delimiter: str, names: Sequence[str]) -> 
         if stated and all(units) and not set(units) & SECONDS.keys():
             return dict(zip(names[1:], cells, strict=True))
     return {}
-
-
-def _counted(some: Sequence[object], what: str) -> str:
-    return f"1 {what}" if len(some) == 1 else f"{len(some)} {what}s"
-
-
-def _are(some: Sequence[object]) -> str:
-    return "is" if len(some) == 1 else "are"
 
 
 def _data_lines(stream: Iterable[str], comment: list[str]) -> Iterator[str]:

@@ -24,7 +24,7 @@ from idloop.records.tables.mapping import Mapping, Signals, load_mapping
 from idloop.records.tables.signals import Signal, signals_from_bag, signals_from_table
 from idloop.records.tables.table import Table, joined_tables
 from idloop.records.tables.table_files import read_table
-from idloop.spelling import listed
+from idloop.spelling import counted, listed
 
 Stamps = NDArray[np.int64]
 
@@ -201,10 +201,9 @@ def _value_findings(signals: list[Signal]) -> list[Finding]:
         found += missing_values(signal.name, signal.stamp_ns, signal.value, signal.name, command=command)
         if signal.doubtful:
             start, length = signal.doubtful[0]
-            many = "1 gap" if len(signal.doubtful) == 1 else f"{len(signal.doubtful)} gaps"
             text = (
-                f"{signal.name}: the number of turns is a guess in {many} of the log (the first at {start:.6g} s,"
-                f" {length:.4g} s long); cut the record there with `rows:`"
+                f"{signal.name}: the number of turns is a guess in {counted(len(signal.doubtful), 'gap')} of the log (the"
+                f" first at {start:.6g} s, {length:.4g} s long); cut the record there with `rows:`"
             )
             found.append(Finding("turns_unknown", text, len(signal.doubtful), signal.name, "warning"))
         if command and np.nanmax(signal.value) == np.nanmin(signal.value):

@@ -21,12 +21,7 @@ from idloop.records.tables.base_units import SECONDS, base_unit, known_clock_uni
 from idloop.records.tables.csv_layout import is_number
 from idloop.records.tables.expression import Expression
 from idloop.records.tables.mapping import Channel, Mapping, Signals, SignBit, Time
-from idloop.records.tables.stamps import (
-    bad_stamps,
-    date_ns,
-    missing_stamps,
-    without_bad_stamps,
-)
+from idloop.records.tables.stamps import bad_stamps, date_ns, missing_stamps, without_bad_stamps
 from idloop.records.tables.table import Table
 from idloop.records.unwrapping import unwrap
 
@@ -37,6 +32,7 @@ _START_NS = 1_000_000_000
 _ABSOLUTE = 946_684_800.0  # 2000-01-01: larger times are dates, not seconds since the start
 _LATEST_NS = 2**62  # in the year 2116: numbers of larger size are not times
 _BITS = {"int8": 8, "int16": 16, "int32": 32}
+_OF_ONE_RECORD = "; choose columns of one record"
 
 
 @dataclass(frozen=True)
@@ -84,7 +80,7 @@ def signals_from_table(table: Table, mapping: Mapping, signals: Signals) -> list
             )
         columns = [(one, value.size) for *_, one, own, value in raw if own == time and value.ndim]
         sizes = {str(one.compute if one.column is None else one.column): size for one, size in columns}
-        _check_sizes(table, sizes, "; choose columns of one record")
+        _check_sizes(table, sizes, _OF_ONE_RECORD)
         stamps[time] = _time(table, time, max(sizes.values()), rows)
     shift = _shift([stamp for stamp, _ in stamps.values()])
     found = []
@@ -266,11 +262,8 @@ def _convert(value: Array, table: Table | None, channel: Channel, rows: slice = 
     value = value * channel.scale
     if channel.times is not None and table is not None:
         factor = table.numbers(channel.times, rows)
-        if factor.size != value.size:
-            raise InputError(
-                f"{table.path}: column {channel.times!r} has {factor.size} rows, {channel.column!r} {value.size};"
-                " choose columns of one record"
-            )
+        sizes = {str(channel.times): factor.size, str(channel.column or channel.compute): value.size}
+        _check_sizes(table, sizes, _OF_ONE_RECORD)
         value = value * factor
     return value + channel.offset
 
@@ -290,9 +283,14 @@ def _time(table: Table, time: Time, count: int, rows: slice) -> tuple[Stamps, Ma
         return stamp, np.zeros(count, dtype=bool)
     missing = np.zeros(count, dtype=bool)
     if time.unit == "iso8601":
-        cells = table.raw(name)[rows]
-        dates = np.array([_iso(table, cell, row) for row, cell in enumerate(cells, first)], dtype=object)
-        stamp = _as_stamps(table, name, dates, first)
+        dates = [(cell, date_ns(cell)) for cell in table.raw(name)[rows]]
+        none = next((row for row, (_, date) in enumerate(dates) if date is None), None)
+        if none is not None:
+            raise InputError(
+                f"{table.path}: row {first + none}: {str(dates[none][0])[:40]!r} is not an ISO 8601 time; correct"
+                " `time:` in the mapping"
+            )
+        stamp = _as_stamps(table, name, np.array([date for _, date in dates], dtype=object), first)
     else:
         seconds, missing = without_bad_stamps(time.read(table, rows), missing_stamps, first, table.notes)
         bad = np.flatnonzero(~np.isfinite(seconds))
@@ -305,11 +303,7 @@ def _time(table: Table, time: Time, count: int, rows: slice) -> tuple[Stamps, Ma
             whole = np.round(seconds if time.unit == "ns" else seconds * SECONDS[time.unit] * 1e9)
         stamp = _to_known_digits(_as_stamps(table, name, whole, first), seconds, time.unit)
     stamp = _moved(stamp, time)
-    if stamp.size != count:
-        raise InputError(
-            f"{table.path}: time column {name!r} has {stamp.size} rows, the others {count}; choose columns"
-            " of one record"
-        )
+    _check_sizes(table, {f"time {name}": stamp.size, "others": count}, _OF_ONE_RECORD)
     stamp, wrong = without_bad_stamps(stamp, bad_stamps, first, table.notes)
     back = np.flatnonzero(np.diff(stamp) < 0)
     if back.size:
@@ -349,15 +343,6 @@ def _as_stamps(table: Table, column: str | int, nanoseconds: NDArray[Any], first
             " which is not a time; correct the file or leave this row out with `rows:`"
         )
     return nanoseconds.astype(np.int64)
-
-
-def _iso(table: Table, cell: object, row: int) -> int:
-    when = date_ns(cell)
-    if when is None:
-        raise InputError(
-            f"{table.path}: row {row}: {str(cell)[:40]!r} is not an ISO 8601 time; correct `time:` in the mapping"
-        )
-    return when
 
 
 def twos_complement(raw: Array, kind: str) -> Array:

@@ -17,7 +17,7 @@ from idloop.records.formats.registry import form_of
 from idloop.records.tables.csv_layout import DECIMAL_COMMA, GROUPED, IN_BRACKETS, is_number, joined_groups
 from idloop.records.tables.reshaping import join_stamps, spread_names, turn_rows
 from idloop.records.tables.table import Table
-from idloop.spelling import did_you_mean, listed
+from idloop.spelling import counted, did_you_mean, is_or_are, listed
 
 __all__ = ["Table", "read_table"]
 _ISO = re.compile(r"\d{4}-\d\d-\d\d")
@@ -166,10 +166,9 @@ def _numbers(table: Table, name: str, cells: list[Any]) -> Array | None:
         return None
     if others:
         said = listed([repr(word[:20]) for word, _ in Counter(cells[row] for row in others).most_common()], 3)
-        many = "1 cell" if len(others) == 1 else f"{len(others)} cells"
         table.notes.append(
-            f"column {name!r}: {many} of text ({said}), the first in row {table.first_row + others[0]}, "
-            f"{'is' if len(others) == 1 else 'are'} read as not measured"
+            f"column {name!r}: {counted(len(others), 'cell')} of text ({said}), the first in row"
+            f" {table.first_row + others[0]}, {is_or_are(len(others))} read as not measured"
         )
     left_out = set(others)
     return np.array([

@@ -8,6 +8,7 @@ from idloop.arrays import Array, Integers, Mask
 from idloop.records.finding import Finding
 from idloop.records.inspection.axis import Axis
 from idloop.records.inspection.faults.fault import around, fault
+from idloop.spelling import counted
 
 # More than this share are noise of another kind.
 _MOST = 0.02
@@ -44,13 +45,12 @@ def spikes(axis: Axis) -> list[Finding]:
         if not when.size:
             continue
         largest = int(np.argmax(off))
-        many = "1 value" if when.size == 1 else f"{when.size} values"
         found.append(
             fault(
                 "spikes",
                 name,
-                f"{name}: {many} off the others, by up to {off[largest]:.3g} {unit} (at {when[largest]:.4g} s): single"
-                " bad readings",
+                f"{name}: {counted(when.size, 'value')} off the others, by up to {off[largest]:.3g} {unit} (at"
+                f" {when[largest]:.4g} s): single bad readings",
                 "look at the wiring of the sensor; fits leave them out",
                 evidence={"spikes": when.size, "largest": off[largest]},
                 places=around(time, np.searchsorted(time, np.sort(when))),
