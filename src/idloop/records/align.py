@@ -185,9 +185,9 @@ def _unit_findings(model: ModelSignals, bag_units: Mapping[str, str]) -> list[Fi
     """Compare the model's units with those that an import wrote into the bag."""
     found = []
     for signal in (model.input, *model.outputs):
-        unit = bag_units.get(f"{signal.joint}.{signal.field}", signal.unit)
+        where = f"{signal.joint}.{signal.field}"
+        unit = bag_units.get(where, signal.unit)
         if unit != signal.unit:
-            where = f"{signal.joint}.{signal.field}"
             text = (
                 f"{where} is in {unit or 'a unit that is not known'} in the bag and in {signal.unit} in the model; its"
                 " values are used without conversion: correct the unit in the model file or in the mapping"

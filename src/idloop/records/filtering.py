@@ -68,7 +68,7 @@ def resample_held(time: Array, value: Array, at: Array) -> Array:
 
 
 def held_mean(time: Array, value: Array, edges: Array) -> Array:
-    """Return the mean of a held signal between consecutive edges (n + 1,) -> (n,); before its stamps the first value."""
+    """Return the mean of a held signal between edges (n + 1,) -> (n,); before its stamps the first value holds."""
     area = np.concatenate([[0.0], np.cumsum(value[:-1] * np.diff(time))])
     index = np.maximum(np.searchsorted(time, edges, side="right") - 1, 0)
     total = area[index] + value[index] * (edges - time[index])

@@ -31,16 +31,11 @@ def cut_at_gaps(record: Record) -> list[Record]:
     itself is returned.
     """
     steps = np.diff(record.time)
-    if not steps.size:
-        return [record]
-    longest = max(LONGEST_GAP, LONGEST_GAP_SAMPLES * record.sample_time)
-    edges = np.flatnonzero(steps > longest)
-    if not edges.size:
-        return [record]
+    edges = np.flatnonzero(steps > max(LONGEST_GAP, LONGEST_GAP_SAMPLES * record.sample_time)) if steps.size else steps
     starts = np.concatenate([[0], edges + 1])
     ends = np.concatenate([edges, [record.time.size - 1]])
     long_enough = ends - starts + 1 >= FEWEST
-    if not long_enough.any():
+    if not edges.size or not long_enough.any():
         return [record]
     finding = _finding(record, edges, steps, int(long_enough.sum()))
     parts = [

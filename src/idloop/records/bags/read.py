@@ -68,15 +68,12 @@ def _check_readable(bag: Bag, topic: Topic) -> None:
     if topic.type == JOINT_STATE:
         return
     if topic.type not in bag.typestore.fielddefs:
-        raise InputError(
-            f"{bag.path}: topic {topic.name} has the unknown type {topic.type}; give its .msg text under"
-            " `definitions:` of a mapping for `idloop import`"
-        )
-    if not _readable(bag, topic):
-        raise InputError(
-            f"{bag.path}: topic {topic.name} has the wrong type {topic.type}; sensor_msgs/msg/JointState or a"
-            " type made of numbers is needed"
-        )
+        why = "unknown", "give its .msg text under `definitions:` of a mapping for `idloop import`"
+    elif not _readable(bag, topic):
+        why = "wrong", "sensor_msgs/msg/JointState or a type made of numbers is needed"
+    else:
+        return
+    raise InputError(f"{bag.path}: topic {topic.name} has the {why[0]} type {topic.type}; {why[1]}")
 
 
 def decode_stream(bag: Bag, topic: Topic, receive_ns: Integers, payloads: list[bytes]) -> JointStream:

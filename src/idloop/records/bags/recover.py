@@ -42,19 +42,14 @@ class Recovered:
     @property
     def state(self) -> str:
         """What is known of the old recording and of the new one, in a few words."""
-        parts = []
-        if self.cut:
-            parts.append(f"{len(self.cut)} file(s) cut off or damaged")
-        if self.left_out:
-            parts.append(f"{sum(self.left_out.values())} damaged message(s) left out")
-        if self.missing:
-            parts.append(f"{sum(self.missing.values())} message(s) that the metadata announce are not there")
-        if not parts:
-            parts.append("the recording was whole")
-        checked = "every saved message was read back"
-        if self.unchecked:
-            checked += f", without their content on {len(self.unchecked)} topic(s) of unknown type"
-        return "; ".join([*parts, checked])
+        found = {
+            "file(s) cut off or damaged": len(self.cut),
+            "damaged message(s) left out": sum(self.left_out.values()),
+            "message(s) that the metadata announce are not there": sum(self.missing.values()),
+        }
+        parts = [f"{count} {what}" for what, count in found.items() if count] or ["the recording was whole"]
+        unchecked = f", without their content on {len(self.unchecked)} topic(s) of unknown type"
+        return f"{'; '.join(parts)}; every saved message was read back{unchecked if self.unchecked else ''}"
 
 
 def recover_bag(bag: Path, target: Path) -> Recovered:

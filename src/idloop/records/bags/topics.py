@@ -43,15 +43,15 @@ def resolve_topic(name: str, topics: Iterable[str], where: Path | str) -> str:
     """
     known = list(topics)
     inside = topics_named(name, known)
-    if len(inside) == 1:
-        return inside[0]
-    if inside:
+    if len(inside) > 1:
         raise InputError(
             f"{where}: topic {name!r} exists in several namespaces ({listed(inside)}); write the full name in the"
             " model file"
         )
-    bare = {topic.lstrip("/"): topic for topic in known}
-    raise InputError(f"{where}: no topic {name!r}; the bag has {listed(known)}{did_you_mean(name.lstrip('/'), bare)}")
+    if not inside:
+        near = did_you_mean(name.lstrip("/"), [topic.lstrip("/") for topic in known])
+        raise InputError(f"{where}: no topic {name!r}; the bag has {listed(known)}{near}")
+    return inside[0]
 
 
 def topic_beside(command: str, other: str, topics: Collection[str]) -> str:

@@ -18,7 +18,7 @@ from idloop.records.measured_conditions import TOPIC as CONDITIONS
 from idloop.records.record import Record
 
 # At equal times causes come first: reference, measurement, command.
-_ORDER = ("reference", "excitation", CONDITIONS, "joint_states", "joint_command")
+_RANKS = {"reference": 0, "excitation": 1, CONDITIONS: 2, "joint_states": 3, "joint_command": 4}
 
 
 def write_bag(
@@ -56,7 +56,7 @@ def write_bag(
         raise InputError(f"{path}: only {JOINT_STATE} streams can be written")
     if storage not in ("mcap", "sqlite3"):
         raise InputError(f"storage {storage!r} is unknown; use mcap or sqlite3")
-    streams.sort(key=lambda stream: _rank(stream.topic))
+    streams.sort(key=lambda stream: _RANKS.get(stream.topic.rsplit("/", 1)[-1], len(_RANKS)))
     typestore = get_typestore(Stores.ROS2_JAZZY)
     when = np.concatenate([stream.receive_ns for stream in streams])
     whose = np.repeat(np.arange(len(streams)), [len(stream) for stream in streams])
@@ -78,11 +78,6 @@ def write_bag(
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror})") from None
     return path
-
-
-def _rank(topic: str) -> int:
-    name = topic.rsplit("/", 1)[-1]
-    return _ORDER.index(name) if name in _ORDER else len(_ORDER)
 
 
 def _payloads(stream: JointStream) -> list[bytes]:

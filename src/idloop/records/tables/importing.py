@@ -202,8 +202,8 @@ def _value_findings(signals: list[Signal]) -> list[Finding]:
         if signal.doubtful:
             start, length = signal.doubtful[0]
             text = (
-                f"{signal.name}: the number of turns is a guess in {counted(len(signal.doubtful), 'gap')} of the log (the"
-                f" first at {start:.6g} s, {length:.4g} s long); cut the record there with `rows:`"
+                f"{signal.name}: the number of turns is a guess in {counted(len(signal.doubtful), 'gap')} of the log"
+                f" (the first at {start:.6g} s, {length:.4g} s long); cut the record there with `rows:`"
             )
             found.append(Finding("turns_unknown", text, len(signal.doubtful), signal.name, "warning"))
         if command and np.nanmax(signal.value) == np.nanmin(signal.value):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import operator
 import re
+from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path, PurePath
 from typing import Any, Literal
@@ -129,10 +131,9 @@ def read_metadata(bag: Path) -> BagMetadata:
         content: Any = read_yaml(read_text(path), str(path))
         found = content["rosbag2_bagfile_information"]
         names = [PurePath(str(name)).name for name in found["relative_file_paths"]]
-        counts: dict[str, int] = {}
+        counts: Counter[str] = Counter()
         for topic in found["topics_with_message_count"]:
-            name = str(topic["topic_metadata"]["name"])
-            counts[name] = counts.get(name, 0) + _whole(topic["message_count"])
+            counts[str(topic["topic_metadata"]["name"])] += operator.index(topic["message_count"])
         custom = found.get("custom_data") or {}
         texts = {str(key): str(text) for key, text in custom.items()}
     except InputError as error:
@@ -148,12 +149,6 @@ def read_metadata(bag: Path) -> BagMetadata:
         )
     distro = found.get("ros_distro")
     return BagMetadata(tuple(there.values()), counts, texts, distro if distro in DISTROS else None)
-
-
-def _whole(count: object) -> int:
-    if not isinstance(count, int):
-        raise TypeError("not a number of messages")
-    return count
 
 
 def _there(bag: Path, name: str) -> Path | None:
