@@ -103,12 +103,12 @@ def test_what_takes_too_much_is_one_line(tmp_path, monkeypatch, write, name):
         read_table(tmp_path / name)
 
 
-def test_memory_that_ends_is_the_same_line(tmp_path):
+def test_memory_that_ends_is_one_line(tmp_path):
     def load():
         raise pa.ArrowMemoryError("malloc failed")
 
     (tmp_path / "a.parquet").write_bytes(b"PAR1")
-    with pytest.raises(InputError, match="its columns take more than"):
+    with pytest.raises(InputError, match="its values take more than"):
         reader._read(tmp_path / "a.parquet", "Parquet", load)
 
 

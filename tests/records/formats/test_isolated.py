@@ -75,9 +75,16 @@ def _take_memory():
     return np.ones(1 << 34)
 
 
-@pytest.mark.parametrize("read", [_end, _raise, _take_memory])
-def test_its_end_is_one_line(path, read):
-    with pytest.raises(InputError, match=r"not a readable test file .its reader broke off."):
+@pytest.mark.parametrize(
+    ("read", "said"),
+    [
+        (_end, "not a readable test file .its reader broke off."),
+        (_raise, "not a readable test file .ValueError."),
+        (_take_memory, "its values take more than"),
+    ],
+)
+def test_its_end_is_one_line(path, read, said):
+    with pytest.raises(InputError, match=said):
         read_isolated(path, "test", read)
 
 

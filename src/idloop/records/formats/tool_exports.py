@@ -113,7 +113,7 @@ def _read_tektronix(path: Path, options: Options) -> Table:
 def _is_tektronix(head: bytes) -> bool:
     row = next(csv.reader(text_of(head).splitlines()[:1], skipinitialspace=True), [""])
     behind = [cell for cell in map(str.strip, row[_BESIDE:]) if cell]
-    return row[0].strip().lower() == "record length" and len(behind) > 1 and all(map(is_number, behind))
+    return "".join(row[:1]).strip().lower() == "record length" and len(behind) > 1 and all(map(is_number, behind))
 
 
 def _read_twincat(path: Path, options: Options) -> Table:

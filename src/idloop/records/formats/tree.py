@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import accumulate, chain
 from pathlib import Path
 from typing import Any
@@ -77,16 +77,15 @@ class _Flattener:
             self.add(_named(value), full + self._separator, depth + 1)
             return []
         if (parts := _parts(value)) is not None:
-            self.add({f"{name}[{place}]": part for place, part in enumerate(parts)}, prefix, depth + 1, clocks=False)
+            self.add(_elements(name, parts), prefix, depth + 1, clocks=False)
             return []
         if isinstance(value, str):
             table.attributes[full] = value
             return []
-        if isinstance(value, list | tuple) and value and all(isinstance(one, str) for one in value):
+        texts = isinstance(value, list | tuple) and value and all(isinstance(one, str) for one in value)
+        gaps = isinstance(value, list) and all(isinstance(one, _CELL) for one in value) and None in value
+        if texts or gaps:
             table.columns[full] = list(value)
-            return [(full, name)]
-        if isinstance(value, list) and all(isinstance(one, _CELL) for one in value) and None in value:
-            table.columns[full] = value
             return [(full, name)]
         try:
             array = np.asarray(value)
@@ -98,13 +97,10 @@ class _Flattener:
         if array.ndim == 0:
             table.attributes[full] = str(array) if array.dtype.kind == "U" else float(array)
             return []
-        if array.ndim == 1:
-            table.columns[full] = array
-            return [(full, name)]
-        if (tall := _tall(array)) is None:
-            return []
-        table.columns |= {f"{full}[{index}]": tall[:, index] for index in range(tall.shape[1])}
-        return [(f"{full}[{index}]", name) for index in range(tall.shape[1])]
+        tall = _tall(array)
+        columns = {full: array} if array.ndim == 1 else {} if tall is None else _elements(full, tall.T)
+        table.columns |= columns
+        return [(column, name) for column in columns]
 
     def _set_clock(self, own: list[tuple[str, str]], inner: list[str]) -> None:
         table = self._table
@@ -152,6 +148,10 @@ class _Flattener:
             for name in self._table.columns:
                 if name == f"{prefix}Data" or name.startswith(f"{prefix}Data["):
                     self._table.units[name] = unit
+
+
+def _elements(name: str, several: Iterable[Any]) -> dict[str, Any]:
+    return {f"{name}[{place}]": one for place, one in enumerate(several)}
 
 
 def _named(tree: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -105,16 +105,9 @@ def _read(stream: TextIO, options: dict[str, Any], found: Table, selected: slice
     columns = [table.columns[place] for place in kept]
     in_cells = {name: _take_units(path, name, parts, table.start) for name, parts in zip(names, columns, strict=True)}
     if not commas and not table.has_points and _has_decimal_commas(path, columns):
-        columns = [
-            [
-                part if isinstance(part, np.ndarray) else _numbers_or_texts(list(map(_with_point, part)))
-                for part in parts
-            ]
-            for parts in columns
-        ]
+        columns = [[_with_points(part) if isinstance(part, list) else part for part in parts] for parts in columns]
         found.notes.append("its numbers are read with decimal commas")
-    else:
-        columns = [[_numbers_or_texts(part) if isinstance(part, list) else part for part in parts] for parts in columns]
+    columns = [[_numbers_or_texts(part) if isinstance(part, list) else part for part in parts] for parts in columns]
     found.columns = {name: _joined(parts) for name, parts in zip(names, columns, strict=True)}
     if nameless:
         found.columns = _named_in_rows(found.columns)
@@ -345,6 +338,10 @@ def _numbers_or_texts(cells: Sequence[str]) -> Part:
         return list(cells)
 
 
+def _with_points(cells: Sequence[str]) -> list[str]:
+    return list(map(_with_point, cells))
+
+
 def _with_point(cell: str) -> str:
     """A number of a file with decimal commas; another sign between its digits is that of thousands."""
     if DECIMAL_COMMA.fullmatch(cell):
@@ -405,7 +402,7 @@ class _Columns:
         for index, (parts, written) in enumerate(zip(self.columns, zip(*rows, strict=False), strict=False)):
             if index >= self.used_width and any(map(str.strip, written)):
                 self.used_width = index + 1
-            cells = list(map(_with_point, written)) if self._commas else written
+            cells = _with_points(written) if self._commas else written
             part = _numbers_or_texts(cells)
             pointed = [] if self.has_points or not isinstance(part, np.ndarray) else [c for c in cells if "." in c]
             if pointed and not (written_with_commas and all(map(_may_be_thousands, pointed))):

@@ -230,10 +230,8 @@ def _header_rows(lines: Sequence[str], rows: Sequence[Row], first: int, width: i
 def _names_columns(rows: Sequence[Row]) -> bool:
     """Whether the first row has a text in a column that otherwise holds numbers."""
     head, *below = rows
-    return any(
-        cell.strip() and not is_number(cell) and all(k < len(row) and is_number(row[k]) for row in below)
-        for k, cell in enumerate(head)
-    ) and bool(below)
+    texts = [k for k, cell in enumerate(head) if cell.strip() and not is_number(cell)]
+    return bool(below) and any(all(k < len(row) and is_number(row[k]) for row in below) for k in texts)
 
 
 def _data(rows: Sequence[Row], width: int) -> list[bool]:

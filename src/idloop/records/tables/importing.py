@@ -50,8 +50,8 @@ class Imported:
 
     def to_dict(self) -> dict[str, object]:
         """Return plain values, schema ``idloop/import/1``."""
-        plain = asdict(self) | {"bag": str(self.bag), "source": str(self.source), "notes": list(self.notes)}
-        return {"schema": "idloop/import/1", **plain, "findings": list(plain["findings"])}
+        plain = {name: list(value) if isinstance(value, tuple) else value for name, value in asdict(self).items()}
+        return {"schema": "idloop/import/1", **plain, "bag": str(self.bag), "source": str(self.source)}
 
 
 def import_bag(

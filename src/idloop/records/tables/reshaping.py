@@ -39,15 +39,12 @@ def turn_rows(table: Table) -> None:
     """Make each row a column where a text has few rows without a header and many columns; leave others alone."""
     count = max((len(column) for column in table.columns.values()), default=0)
     first, *others = table.columns.values()
-    if not 0 < count <= _MOST_SIGNALS or len(others) < max(_FEWEST_SAMPLES, _LONGER * count):
-        return
-    if list(table.columns) != list(map(str, range(len(table.columns)))):
-        return
-    if not all(isinstance(column, np.ndarray) and column.size == count for column in others):
-        return
+    long = 0 < count <= _MOST_SIGNALS and len(others) >= max(_FEWEST_SAMPLES, _LONGER * count)
+    has_header = list(table.columns) != list(map(str, range(len(table.columns))))
+    whole = all(isinstance(column, np.ndarray) and column.size == count for column in others)
     named = not isinstance(first, np.ndarray)
     names = [str(cell).strip() for cell in first] if named else list(map(str, range(count)))
-    if len(set(names)) < count or not all(names):
+    if not long or has_header or not whole or len(set(names)) < count or not all(names):
         return
     rows = np.column_stack(others if named else [first, *others])
     table.columns = dict(zip(names, rows, strict=True))
@@ -203,7 +200,4 @@ def cut_at_ends(columns: dict[str, Any], clocks: Mapping[str, str]) -> None:
         known = np.array([bool(str(cell).strip()) for cell in stamps]) if texts else np.isfinite(stamps)
         for name in (clock, *(name for name, own in clocks.items() if own == clock)):
             column = columns[name]
-            if isinstance(column, np.ndarray):
-                columns[name] = column[known]
-            else:
-                columns[name] = list(compress(column, known))
+            columns[name] = column[known] if isinstance(column, np.ndarray) else list(compress(column, known))

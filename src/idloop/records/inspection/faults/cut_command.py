@@ -73,7 +73,7 @@ def clipped_reading(axis: Axis) -> Finding | None:
     grid, command = axis.grid, axis.known_command
     if grid is None or not command.size:
         return None
-    limits = [one for one in (float(command.min()), float(command.max())) if one * np.sign(one) > 0.0]
+    limits = [one for one in (float(command.min()), float(command.max())) if one != 0.0]
     held = {limit: float(np.mean(command == limit)) for limit in limits}
     limits = [limit for limit in limits if held[limit] > _SHARE and np.sign(limit) == np.sign(limit - np.mean(command))]
     if not limits:
