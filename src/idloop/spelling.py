@@ -5,6 +5,8 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Sequence
 
+from idloop.errors import InputError
+
 _LONGEST = 80  # characters of a name that are shown
 
 
@@ -19,6 +21,13 @@ def did_you_mean_or_known(name: str, known: Iterable[str]) -> str:
     """Return the nearest known name, or all of them."""
     names = list(known)
     return did_you_mean(name, names) or f" (known: {listed(names, 40)})"
+
+
+def check_known(name: object, known: Iterable[str], what: str, limit: int = 12) -> None:
+    """Raise InputError where `name` is not in `known`; `what` is missing, as in "a.csv: no column"."""
+    names = list(known)
+    if name not in names:
+        raise InputError(f"{what} {name!r}; known: {listed(names, limit)}{did_you_mean(str(name), names)}")
 
 
 def listed(names: Iterable[str], limit: int = 12) -> str:

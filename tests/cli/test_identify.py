@@ -375,7 +375,7 @@ def test_the_methods_are_listed_without_a_bag(capsys):
         (["--method", "n5sid"], "did you mean 'n4sid'"),
         (["--method", "oe", "--order", "x"], "--order x: write 3, 1:8 or 1,2,4"),
         (["--method", "oe", "--order", "0"], "least value is 1"),
-        (["--method", "oe", "--output", "motor.torque"], "no measured output"),
+        (["--method", "oe", "--output", "motor.torque"], "has no measured output"),
         (["--method", "oe", "--model", "dc_motor", "--output", "motor.torque"], "no output"),
         (["--method", "oe", "--sample-time", "-1"], "must be positive"),
         (["--method", "oe", "--drop", "7"], "nothing left"),

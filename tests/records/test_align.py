@@ -59,7 +59,7 @@ def test_sensors_with_stamps_of_their_own(tmp_path, model):
 def test_a_joint_of_another_name_is_told_with_what_to_do(tmp_path, record, model):
     model.input = SimpleNamespace(**vars(model.input) | {"joint": "elbow"})
     path = write_bag(tmp_path / "bag", record)
-    with pytest.raises(InputError, match=r"no joint 'elbow' .*it has motor; give --joint elbow=NAME"):
+    with pytest.raises(InputError, match=r"no joint 'elbow'; known: motor; give --joint elbow=NAME"):
         read_record(path, model)
 
 

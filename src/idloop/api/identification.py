@@ -293,15 +293,14 @@ def identify(
     """
     from idloop.estimation.black_box.method import Choices
     from idloop.estimation.black_box.methods import find_method
-    from idloop.spelling import did_you_mean
+    from idloop.spelling import check_known
 
     names = [methods] if isinstance(methods, str) else list(methods)
     for name in names:
         find_method(name)
     known = tuple(Choices.__dataclass_fields__)
     for choice in choices:
-        if choice not in known:
-            raise InputError(f"identify: no choice '{choice}'{did_you_mean(choice, known)}")
+        check_known(choice, known, "identify: no choice", 20)
     chosen = Choices(**choices)
     train, unseen = as_records(records), as_records(validate)
     # Stamps are whole nanoseconds: 20 ms is to be 0.02 s, for a controller of that period to fit.

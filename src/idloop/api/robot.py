@@ -26,7 +26,7 @@ from idloop.robots.joint_records import read_joints
 from idloop.robots.rigid_body import RigidBody, read_urdf
 from idloop.robots.rigid_fit import fit_payload
 from idloop.robots.words import robot_blocks
-from idloop.spelling import did_you_mean, listed
+from idloop.spelling import check_known
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -77,8 +77,7 @@ class RobotIdentification(Result):
         InputError
             No such joint.
         """
-        if joint not in self.joints:
-            raise InputError(f"no joint {joint!r}; there are {listed(self.joints)}{did_you_mean(joint, self.joints)}")
+        check_known(joint, self.joints, "no joint")
         place = self.joints.index(joint)
         task = self.robot.tasks[place]
         return Ladder(self.robot.ladders[place], task.records, task.validation)

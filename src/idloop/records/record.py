@@ -15,7 +15,7 @@ from idloop.physics.conditions import Condition
 from idloop.records.filtering import held_mean, resample_held, resample_linear, zero_phase
 from idloop.records.finding import Finding
 from idloop.records.unwrapping import unwrap
-from idloop.spelling import did_you_mean, listed
+from idloop.spelling import check_known, did_you_mean
 
 if TYPE_CHECKING:
     from idloop.physics.model import Model
@@ -187,10 +187,7 @@ class Record:
         """
         known = [str(column) for column in (frame.columns if hasattr(frame, "columns") else frame)]
         for column in (time, command, *outputs.values()):
-            if column not in known:
-                raise InputError(
-                    f"{name}: no column '{column}'; there are {listed(known)}{did_you_mean(column, known)}"
-                )
+            check_known(column, known, f"{name}: no column")
         measured = {output: frame[column] for output, column in outputs.items()}
         return cls.from_arrays(frame[time], frame[command], measured, model, name=name, **options)
 
@@ -239,11 +236,7 @@ class Record:
 
     def column(self, output: str) -> int:
         """Return the column of an output by its name; InputError when there is none."""
-        if output not in self.output_names:
-            raise InputError(
-                f"{self.name}: no output {output!r}; it has"
-                f" {listed(self.output_names)}{did_you_mean(output, self.output_names)}"
-            )
+        check_known(output, self.output_names, f"{self.name}: no output")
         return self.output_names.index(output)
 
     def input_at(self, time: Array) -> Array:
@@ -355,10 +348,7 @@ class Record:
 
     def detrend(self, kind: str = "mean") -> Record:
         """Remove the mean, or with ``"linear"`` the straight line, of the command and of every output."""
-        if kind not in ("mean", "linear"):
-            raise InputError(
-                f"{self.name}: detrend {kind!r}; use mean or linear{did_you_mean(kind, ('mean', 'linear'))}"
-            )
+        check_known(kind, ("mean", "linear"), f"{self.name}: no detrend")
         degree = int(kind == "linear")
         output = np.column_stack([_without_trend(self.time, column, degree) for column in self.output.T])
         record = self._processed(f"{kind} removed", self.time, output)

@@ -44,7 +44,7 @@ def test_the_content_says_more_than_the_suffix(tmp_path):
 def test_a_form_that_is_named_is_taken(tmp_path):
     (tmp_path / "log.txt").write_text('{"t": [0, 1], "u": [1, 2]}')
     np.testing.assert_array_equal(read_table(tmp_path / "log.txt", "json").numbers("u"), [1, 2])
-    with pytest.raises(InputError, match=r"unknown format 'josn' .did you mean 'json'"):
+    with pytest.raises(InputError, match=r"unknown format 'josn'; .*did you mean 'json'"):
         read_table(tmp_path / "log.txt", "josn")
 
 

@@ -310,7 +310,7 @@ def test_columns_of_one_name_are_told_apart_by_their_places(tmp_path):
     assert table.units == {"value.1": "V", "value.2": "rad"}
     assert "columns of one name (value) have their places behind it, counted from 0" in table.notes
     np.testing.assert_array_equal(table.columns["value.2"], [2, 4])
-    with pytest.raises(InputError, match=r"no column 'value'; it has t, value.1, value.2"):
+    with pytest.raises(InputError, match=r"no column 'value'; known: t, value.1, value.2"):
         table.numbers("value")
 
 

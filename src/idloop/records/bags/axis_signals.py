@@ -15,7 +15,7 @@ from idloop.records.bags.metadata import signal_units
 from idloop.records.bags.read import read_streams
 from idloop.records.bags.stream import JointStream
 from idloop.records.bags.topics import resolve_topic
-from idloop.spelling import did_you_mean, listed
+from idloop.spelling import check_known, listed
 
 
 @dataclass(frozen=True)
@@ -46,9 +46,8 @@ def axis_signals(bag: Path | str, outputs: Sequence[str] = (), joint: str | None
         streams = read_streams(opened, {command, states})
         units = signal_units(opened.custom)
     driven = [name.rpartition(".")[0] for name in _known(streams[command]) if name.endswith(".effort")]
-    if joint is not None and joint not in driven:
-        near = did_you_mean(joint, driven)
-        raise InputError(f"{bag}: {command} has no effort of joint {joint!r}; it has {listed(driven)}{near}")
+    if joint is not None:
+        check_known(joint, driven, f"{bag}: {command} has no effort of joint")
     if joint is None and len(driven) != 1:
         advice = "name one with --joint" if driven else "name the streams with --model"
         raise InputError(f"{bag}: {command} holds the effort of {len(driven)} joints ({listed(driven)}); {advice}")
@@ -61,9 +60,7 @@ def axis_signals(bag: Path | str, outputs: Sequence[str] = (), joint: str | None
             " --output, or name the streams with --model"
         )
     for name in wanted:
-        if name not in measured:
-            near = did_you_mean(name, measured)
-            raise InputError(f"{bag}: no measured output {name!r} in {states}; it has {listed(measured)}{near}")
+        check_known(name, measured, f"{bag}: {states} has no measured output")
 
     def signal(topic: str, name: str) -> InputSignal:
         own, _, field = name.rpartition(".")
@@ -93,8 +90,7 @@ def chosen_outputs(signals: AxisSignals, outputs: Sequence[str]) -> AxisSignals:
     """
     known = {output.name: output for output in signals.outputs}
     for name in outputs:
-        if name not in known:
-            raise InputError(f"no output {name!r} in the model; it has {listed(known)}{did_you_mean(name, known)}")
+        check_known(name, known, "the model has no output")
     return replace(signals, outputs=tuple(known[name] for name in outputs)) if outputs else signals
 
 

@@ -16,7 +16,7 @@ from idloop.records.bags.storage.storage_file import StorageFile
 from idloop.records.bags.storage.storage_files import DISTROS, read_metadata, storage_files
 from idloop.records.bags.storage.unpacking import Scratch, damaged, one_line
 from idloop.records.bags.topics import Topic
-from idloop.spelling import did_you_mean, listed
+from idloop.spelling import check_known
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping
@@ -53,10 +53,8 @@ class Bag(ExitStack[None]):
         self._typestore: Typestore | None = None
         self.unknown_types = set()
         self.decoded = {}
-        if distro is not None and distro not in DISTROS:
-            raise InputError(
-                f"unknown ROS distribution {distro!r}; known are {listed(DISTROS)}{did_you_mean(distro, DISTROS)}"
-            )
+        if distro is not None:
+            check_known(distro, DISTROS, "unknown ROS distribution")
         try:
             metadata = read_metadata(self.path)
             self.custom, self.announced = metadata.custom, metadata.counts

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from idloop.errors import InputError
 from idloop.records.finding import Finding
-from idloop.spelling import did_you_mean, listed
+from idloop.spelling import check_known, listed
 
 if TYPE_CHECKING:
     from idloop.arrays import Array, Integers
@@ -85,20 +85,15 @@ class JointStream:
         if not self.is_joint_state:
             found = [name for name in (f"{joint}.{field}", joint) if name in self.names]
             if not found and len(self.names) != 1:
-                raise self._missing("value", joint)
+                self._check_has("value", joint)
             return self.position[:, self.names.index(found[0]) if found else 0]
-        if field not in FIELDS:
-            raise InputError(
-                f"{self.topic}: no field {field!r}; fields are {listed(FIELDS)}{did_you_mean(field, FIELDS)}"
-            )
-        if joint not in self.names:
-            raise self._missing("joint", joint)
+        check_known(field, FIELDS, f"{self.topic}: no field")
+        self._check_has("joint", joint)
         values: Array = getattr(self, field)
         return values[:, self.names.index(joint)]
 
-    def _missing(self, what: str, name: str) -> InputError:
-        near = did_you_mean(name, self.names)
-        return InputError(f"{self.topic}: no {what} {name!r} ({self.type}); it has {listed(self.names)}{near}")
+    def _check_has(self, what: str, name: str) -> None:
+        check_known(name, self.names, f"{self.topic} ({self.type}): no {what}")
 
     def number(self, joint: str, field: str) -> Array:
         """Return one number of each message as a mapping file names it, shape (n,).
@@ -116,11 +111,11 @@ class JointStream:
         bare = field.removeprefix("data").strip("[]")
         owners = [name for name in self.names if field and name.endswith(f".{field}")]
         only = owners[0] if len(owners) == 1 and not joint else ""
-        for name in (f"{joint}.{field}", "" if joint else field, self.paths.get(field, ""), bare, only or bare or "0"):
-            if name in self.names:
-                return self.position[:, self.names.index(name)]
-        if owners and not joint:
+        tried = f"{joint}.{field}", "" if joint else field, self.paths.get(field, ""), bare, only or bare or "0"
+        found = next((name for name in tried if name in self.names), f"{joint}.{field}" if joint else field)
+        if owners and not joint and found not in self.names:
             raise InputError(
                 f"{self.topic}: several joints have {field} ({listed(owners)}); name one as `source_joint:`"
             )
-        raise self._missing("field", f"{joint}.{field}" if joint else field)
+        self._check_has("field", found)
+        return self.position[:, self.names.index(found)]

@@ -16,7 +16,7 @@ from idloop.errors import InputError
 from idloop.records.formats.form import Form, Options, text_of
 from idloop.records.formats.tree import runs_in, table_of_runs, table_of_tree
 from idloop.records.tables.table import Table
-from idloop.spelling import did_you_mean, listed
+from idloop.spelling import check_known
 
 # The names of the program, and those that its reports and later versions use.
 _TESTS = (
@@ -123,8 +123,8 @@ def table_of_content(path: Path, content: Any, options: Options) -> Table:
     """
     whole, key = content if isinstance(content, dict) else {}, options.get("entries")
     attributes = {name: value for name, value in whole.items() if isinstance(value, int | float | str)}
-    if key is not None and key not in whole:
-        raise InputError(f"{path}: no key {key!r} with the samples; it has {listed(whole)}{did_you_mean(key, whole)}")
+    if key is not None:
+        check_known(key, whole, f"{path}: the samples have no key")
     if found := runs_in(content, key):
         return table_of_runs(path, *found)
     lists = [name for name, value in whole.items() if _holds_samples(value)] if key is None else [key]

@@ -20,7 +20,7 @@ from idloop.records.formats import (
     wpilog,
 )
 from idloop.records.formats.form import TEXT, Form, text_of
-from idloop.spelling import did_you_mean, listed
+from idloop.spelling import check_known, listed
 
 # In the order in which a file is held against them: what begins with a sign of its own first.
 FORMS: tuple[Form, ...] = (
@@ -62,10 +62,7 @@ def form_of(path: Path, kind: str | None = None) -> Form:
     """
     known = {form.kind: form for form in _ALL}
     if kind is not None:
-        if kind not in known:
-            raise InputError(
-                f"{path}: unknown format {kind!r}{did_you_mean(kind, known)}; known are {listed(known, 20)}"
-            )
+        check_known(kind, known, f"{path}: unknown format", 20)
         return known[kind]
     with path.open("rb") as stream:
         head = stream.read(HEAD)

@@ -17,7 +17,7 @@ import numpy as np
 from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.records.tables.csv_layout import is_number
-from idloop.spelling import did_you_mean, listed
+from idloop.spelling import check_known, listed
 
 _BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
@@ -135,11 +135,8 @@ class Expression:
 
         Raises InputError: a column is missing.
         """
-        missing = next((name for name in self.columns if name not in columns), None)
-        if missing is not None:
-            raise InputError(
-                f"{self.text!r}: no column {missing!r}; there are {listed(columns)}{did_you_mean(missing, columns)}"
-            )
+        for name in self.columns:
+            check_known(name, columns, f"{self.text!r}: no column")
         with np.errstate(all="ignore"):
             value = np.asarray(self._value(columns), dtype=np.float64)
         return np.where(np.isfinite(value), value, np.nan)

@@ -24,7 +24,7 @@ from idloop.documents import MOST_NAME, read_text, read_yaml
 from idloop.errors import InputError
 from idloop.records.tables.expression import Expression
 from idloop.records.tables.table import Table
-from idloop.spelling import did_you_mean, did_you_mean_or_known, listed
+from idloop.spelling import check_known, did_you_mean, did_you_mean_or_known, listed
 
 SCHEMA = "idloop/mapping/1"
 Name = Annotated[str, Field(max_length=MOST_NAME)]
@@ -279,11 +279,7 @@ class Mapping(Signals):
             raise InputError(
                 f"mapping {self.name}: the file holds several records; choose one with --part: {listed(self.parts, 20)}"
             )
-        if part not in self.parts:
-            raise InputError(
-                f"mapping {self.name}: no part {part!r}; there are"
-                f" {listed(self.parts, 20)}{did_you_mean(part, self.parts)}"
-            )
+        check_known(part, self.parts, f"mapping {self.name}: no part", 20)
         own = self.parts[part]
         sources = {name: own if name in own.model_fields_set else self for name in Signals.model_fields}
         return Signals.model_construct(**{name: getattr(source, name) for name, source in sources.items()})

@@ -11,7 +11,7 @@ import numpy as np
 
 from idloop.arrays import Array
 from idloop.errors import InputError
-from idloop.spelling import did_you_mean, listed
+from idloop.spelling import check_known
 
 
 @dataclass
@@ -55,13 +55,12 @@ class Table:
 
     def raw(self, name: str | int) -> Any:
         """Return a column as read, by name or by position from 0."""
+        if isinstance(name, str):
+            check_known(name, self.columns, f"{self.path}: no column")
+            return self.columns[name]
         if name not in self:
-            if isinstance(name, int):
-                raise InputError(f"{self.path}: no column {name}; there are {len(self.columns)}, counted from 0")
-            raise InputError(
-                f"{self.path}: no column {name!r}; it has {listed(self.columns)}{did_you_mean(name, self.columns)}"
-            )
-        return list(self.columns.values())[name] if isinstance(name, int) else self.columns[name]
+            raise InputError(f"{self.path}: no column {name}; there are {len(self.columns)}, counted from 0")
+        return list(self.columns.values())[name]
 
     def numbers(self, name: str | int, rows: slice = slice(None)) -> Array:
         """Return a column, or some rows of it, as floats (n,); an empty cell is NaN.
