@@ -12,7 +12,8 @@ import click
 import pytest
 
 from idloop.cli import _progress, main
-from idloop.cli._progress import Work, progress, quiet_option
+from idloop.cli._outputs import work_options
+from idloop.cli._progress import Work, progress
 
 DEADLINE = 60.0
 
@@ -120,8 +121,8 @@ def test_quiet_is_silent(terminal, monkeypatch):
     monkeypatch.setattr(_progress, "PERIOD", 0.001)
 
     @click.command()
-    @quiet_option
-    def verb() -> None:
+    @work_options
+    def verb(*, as_json: bool) -> None:
         with progress("fitting") as update:
             update(0.5, "half")
             assert not tellers()

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import click
 from click.core import ParameterSource
+
+Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 def keep(context: click.Context, parameter: click.Parameter, value: Any) -> None:
@@ -18,6 +20,17 @@ def keep(context: click.Context, parameter: click.Parameter, value: Any) -> None
 
 # An option that no verb sees itself, for `kept`.
 kept_option = partial(click.option, expose_value=False, callback=keep)
+
+
+def together(*options: Callable[[Function], Function]) -> Callable[[Function], Function]:
+    """Add several options, in this order."""
+
+    def add(function: Function) -> Function:
+        for option in reversed(options):
+            function = option(function)
+        return function
+
+    return add
 
 
 def kept(name: str) -> Any:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from idloop.api.data import existing_bag
-from idloop.cli._command_line import kept, kept_option
+from idloop.cli._command_line import kept, kept_option, together
 from idloop.cli._outputs import log
 from idloop.cli._progress import progress
 from idloop.errors import InputError
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from idloop.physics import Model
     from idloop.records import Record
     from idloop.records.align import ModelSignals
-
-Function = TypeVar("Function", bound=Callable[..., Any])
 
 CRITERIA = ("auto", "prediction", "simulation", "force")
 _MOST_LISTED = 6  # effects in a message
@@ -92,17 +90,6 @@ bags_argument = click.argument("bags", type=BAG, nargs=-1, required=True, metava
 # ---------------------------------------------------------------- options
 
 option = partial(click.option, show_default=True)
-
-
-def together(*options: Callable[[Function], Function]) -> Callable[[Function], Function]:
-    """Add several options, in this order."""
-
-    def add(function: Function) -> Function:
-        for option in reversed(options):
-            function = option(function)
-        return function
-
-    return add
 
 
 validate_option = click.option(

@@ -7,17 +7,15 @@ import json
 import os
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import click
 
-from idloop.cli._command_line import kept, kept_option
+from idloop.cli._command_line import Function, kept, kept_option, together
 from idloop.errors import InputError
 from idloop.json_values import to_json
 from idloop.output_files import probe_file, probe_folder
 from idloop.reporting.text.blocks import Block, Table, as_text
-
-Function = TypeVar("Function", bound=Callable[..., Any])
 
 PLOT_SUFFIXES = (".png", ".svg", ".pdf")
 _TAKEN = "idloop.places"  # of this command line, in click's notes
@@ -94,6 +92,9 @@ def _reserve(path: Path, what: str, context: click.Context | None) -> Path:
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON document on stdout, nothing else.")
 plot_option = click.option("--plot", type=PLOT, metavar="FILE", help="Write the figure (.png, .svg, .pdf).")
+# Of work that takes a while, whose progress `idloop.cli._progress` says.
+work_options = together(kept_option("--quiet", is_flag=True, help="Do not say how far the work is."), json_option)
+drawn_work_options = together(plot_option, work_options)
 
 
 def force_option(text: str) -> Callable[[Function], Function]:
@@ -109,22 +110,14 @@ def forced() -> bool:
 
 def output_option(metavar: str, text: str, kind: OutputFile = OUTPUT_FILE) -> Callable[[Function], Function]:
     """Add `--output`, a file, and `--force`."""
-
-    def add(function: Function) -> Function:
-        function = force_option("Overwrite the file of --output.")(function)
-        return click.option("--output", type=kind, metavar=metavar, help=text)(function)
-
-    return add
+    output = click.option("--output", type=kind, metavar=metavar, help=text)
+    return together(output, force_option("Overwrite the file of --output."))
 
 
 def output_folder_option(text: str) -> Callable[[Function], Function]:
     """Add `--output`, a folder, and `--force`."""
-
-    def add(function: Function) -> Function:
-        function = force_option("Overwrite the files in the folder of --output.")(function)
-        return click.option("--output", type=OUTPUT_FOLDER, metavar="DIR", help=text)(function)
-
-    return add
+    output = click.option("--output", type=OUTPUT_FOLDER, metavar="DIR", help=text)
+    return together(output, force_option("Overwrite the files in the folder of --output."))
 
 
 # ---------------------------------------------------------------- results

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from idloop.cli._command_line import kept, kept_option
+from idloop.cli._command_line import kept
 
 if TYPE_CHECKING:
     from rich.progress import Task
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
 _FALL = 0.005  # by which a share is smaller than before, and not by rounding
 PERIOD = 5.0  # seconds from one plain line to the next; what ends sooner is silent
-
-quiet_option = kept_option("--quiet", is_flag=True, help="Do not say how far the work is.")
 
 
 @dataclass

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from idloop.cli import _inputs, _outputs
-from idloop.cli._progress import progress, quiet_option
+from idloop.cli._progress import progress
 from idloop.errors import InputError
 
 if TYPE_CHECKING:
@@ -30,8 +30,7 @@ def label_models(sources: Sequence[str], models: Sequence[Model]) -> list[str]:
 @_outputs.plot_option
 @click.option("--plot-where", type=_outputs.PLOT, metavar="FILE", help="Write the figure of where the models fail.")
 @click.option("--all", "everything", is_flag=True, help="Print everything: all tests, regions, variables, stretches.")
-@quiet_option
-@_outputs.json_option
+@_outputs.work_options
 def command(
     models: tuple[str, ...],
     bag: Path,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from idloop.cli import _inputs, _outputs
-from idloop.cli._progress import progress, quiet_option
+from idloop.cli._progress import progress
 from idloop.errors import InputError
 from idloop.output_files import make_folder
 
@@ -62,9 +62,7 @@ RUNS = ("without", "with")
 @click.option("--bags", type=_outputs.NEW_FOLDER, metavar="FOLDER", help="Keep the bags of --graph in a new folder.")
 @_inputs.domain_option
 @_outputs.output_option("FILE", "Write the compensator for the controller node.")
-@_outputs.plot_option
-@quiet_option
-@_outputs.json_option
+@_outputs.drawn_work_options
 def command(
     model: Model,
     *,

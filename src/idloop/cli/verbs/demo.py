@@ -14,7 +14,6 @@ import click
 
 from idloop.cli import _inputs, _outputs
 from idloop.cli._demo_loop import GRAPHS, check_loop, narrated, run_from_away
-from idloop.cli._progress import quiet_option
 from idloop.errors import IdloopError
 from idloop.output_files import make_folder, probe_folder
 
@@ -247,8 +246,7 @@ def to_document(outcome: Outcome, failures: list[str]) -> Mapping[str, Any]:
 @_inputs.option("--seconds", type=click.FloatRange(6.0), default=60.0, help="With --loop: signal of a graph [s].")
 @click.option("--directory", type=_outputs.NEW_FOLDER, help="New folder for all results (default: in bags/).")
 @click.option("--domain", type=click.IntRange(0, 232), help="ROS domain of the graphs (ROS_DOMAIN_ID).")
-@quiet_option
-@_outputs.json_option
+@_outputs.work_options
 def command(
     hide: str | None,
     *,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from idloop.cli import _inputs, _outputs
-from idloop.cli._progress import progress, quiet_option
+from idloop.cli._progress import progress
 
 if TYPE_CHECKING:
     from idloop.physics import Model
@@ -29,8 +29,7 @@ Examples:
 @_inputs.diagnosis_options
 @_inputs.model_options
 @click.option("--all", "everything", is_flag=True, help="List every effect of the catalogue, also what shows nothing.")
-@quiet_option
-@_outputs.json_option
+@_outputs.work_options
 def command(
     model: Model,
     bags: tuple[Path, ...],

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from idloop.cli import _inputs, _outputs
-from idloop.cli._progress import progress, quiet_option
+from idloop.cli._progress import progress
 
 if TYPE_CHECKING:
     from idloop.physics import Model
@@ -33,9 +33,7 @@ Example:
 )
 @_inputs.model_options
 @_outputs.output_option("FITTED.yaml", "Write the fitted model file.")
-@_outputs.plot_option
-@quiet_option
-@_outputs.json_option
+@_outputs.drawn_work_options
 def command(
     model: Model,
     bags: tuple[Path, ...],

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from idloop.cli import _inputs, _outputs
-from idloop.cli._progress import progress, quiet_option
+from idloop.cli._progress import progress
 from idloop.errors import IdloopError, InputError
 
 if TYPE_CHECKING:
@@ -55,9 +55,7 @@ Examples:
 @click.option("--cluster", metavar="ADDRESS", help="Scheduler of Dask, in place of processes here.")
 @_inputs.option("--seed", type=int, default=0, help="Equal seeds give equal answers.")
 @_inputs.trust_option
-@_outputs.plot_option
-@quiet_option
-@_outputs.json_option
+@_outputs.drawn_work_options
 def command(
     source: str,
     models: tuple[str, ...],

@@ -23,7 +23,7 @@ from idloop.cli._identification_arguments import (
     parse_structure,
     parse_sweep,
 )
-from idloop.cli._progress import progress, quiet_option
+from idloop.cli._progress import progress
 from idloop.cli.main import DONE
 from idloop.errors import IdloopError, InputError
 from idloop.reporting.text.identification import methods_blocks, sweep_blocks
@@ -155,9 +155,7 @@ def _load_controller(_context: click.Context, _option: click.Parameter, text: st
 )
 @_outputs.force_option("Overwrite the file of --save.")
 @click.option("--list", "show_list", is_flag=True, help="List the methods with what they are for.")
-@_outputs.plot_option
-@quiet_option
-@_outputs.json_option
+@_outputs.drawn_work_options
 def command(
     bags: tuple[Path, ...],
     *,

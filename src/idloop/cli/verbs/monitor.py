@@ -9,7 +9,7 @@ import click
 
 from idloop.api.result import part
 from idloop.cli import _inputs, _outputs
-from idloop.cli._progress import progress, quiet_option
+from idloop.cli._progress import progress
 from idloop.errors import InputError
 
 if TYPE_CHECKING:
@@ -58,9 +58,7 @@ Example:
     "--block", type=_inputs.POSITIVE, default=2.0, metavar="SECONDS", help="Length of the blocks that are judged."
 )
 @_inputs.model_options
-@_outputs.plot_option
-@quiet_option
-@_outputs.json_option
+@_outputs.drawn_work_options
 def command(
     model: Model,
     bags: tuple[Path, ...],

@@ -10,7 +10,7 @@ import click
 
 import idloop
 from idloop.cli import _inputs, _outputs
-from idloop.cli._progress import progress, quiet_option
+from idloop.cli._progress import progress
 from idloop.cli.main import COULD_NOT, DONE
 from idloop.errors import InputError
 
@@ -52,9 +52,7 @@ Example:
 @click.argument("row", required=False)
 @_inputs.option("--seed", type=click.IntRange(min=0), default=0, help="Of the measurement noise.")
 @click.option("--part", "parts", multiple=True, metavar="PART", help="One case of a long row; repeat for several.")
-@_outputs.plot_option
-@quiet_option
-@_outputs.json_option
+@_outputs.drawn_work_options
 def command(row: str | None, *, seed: int, parts: tuple[str, ...], plot: Path | None, as_json: bool) -> int:
     """Redo ROW of the source papers in simulation; without ROW, list the rows.
 

@@ -15,7 +15,7 @@ from idloop.api.data import existing_bag
 from idloop.api.result import Progress, part
 from idloop.cli import _inputs, _outputs
 from idloop.cli._command_line import command_line
-from idloop.cli._progress import progress, quiet_option
+from idloop.cli._progress import progress
 from idloop.errors import IdloopError, InputError
 from idloop.reporting.ladder_folder import FILES, Kept, check_target, read_ladder, write_all, write_ladder
 
@@ -60,8 +60,7 @@ Examples:
 @_inputs.limit_options
 @click.option("--no-suggest", is_flag=True, help="Do not work out the next experiment for what stays open.")
 @_outputs.output_folder_option(f"Write {', '.join(FILES)} (default with --resume: that folder).")
-@quiet_option
-@_outputs.json_option
+@_outputs.work_options
 def command(
     sources: tuple[str, ...],
     *,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from idloop.cli import _inputs, _outputs
-from idloop.cli._progress import progress, quiet_option
+from idloop.cli._progress import progress
 from idloop.errors import InputError
 from idloop.output_files import make_folder, probe_file
 from idloop.reporting.ladder_folder import (
@@ -52,8 +52,7 @@ PICTURE = _outputs.OutputFile((".png",), replaces=True)
 @click.option(
     "--validate", type=_inputs.BAG, multiple=True, metavar="BAG...", help="The unseen ones, if they have moved."
 )
-@quiet_option
-@_outputs.json_option
+@_outputs.work_options
 def command(
     run: Path,
     *,

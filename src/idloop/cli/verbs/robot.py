@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from idloop.cli import _inputs, _outputs
-from idloop.cli._progress import progress, quiet_option
+from idloop.cli._progress import progress
 from idloop.errors import InputError
 
 EXAMPLE = """\b
@@ -55,9 +55,7 @@ class RobotCommand(_inputs.ListOptionCommand):
     "Write the points (.yaml: trajectory_msgs/msg/JointTrajectory; .csv).",
     _outputs.OutputFile((".yaml", ".yml", ".csv")),
 )
-@_outputs.plot_option
-@quiet_option
-@_outputs.json_option
+@_outputs.drawn_work_options
 def excite(urdf: Path, *, output: Path | None, plot: Path | None, as_json: bool, **options: Any) -> None:
     """Plan the trajectory that shows most of the parameters of the robot in URDF, within its limits.
 
@@ -85,9 +83,7 @@ def excite(urdf: Path, *, output: Path | None, plot: Path | None, as_json: bool,
 @_inputs.option("--seed", type=int, default=0, help="Equal seeds give equal answers.")
 @click.option("--workers", type=click.IntRange(min=0), help="Processes for the joints (default: one for each core).")
 @_outputs.output_folder_option("Write robot.json, robot.urdf, report.html, and the model of each joint.")
-@_outputs.plot_option
-@quiet_option
-@_outputs.json_option
+@_outputs.drawn_work_options
 def command(
     urdf: Path,
     bags: tuple[Path, ...],

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import click
 
 from idloop.cli import _inputs, _outputs
-from idloop.cli._progress import progress, quiet_option
+from idloop.cli._progress import progress
 from idloop.errors import InputError
 
 if TYPE_CHECKING:
@@ -69,8 +69,7 @@ _PROMPT = "Enter to go on, SIGNAL=COLUMN[=UNIT] to change one (rate=HZ where the
 @click.option("--no-header", is_flag=True, help="The first line of a text file is data.")
 @click.option("--no-fit", is_flag=True, help="Only write mapping, model and bags.")
 @click.option("--yes", is_flag=True, help="Ask nothing on a terminal.")
-@quiet_option
-@_outputs.json_option
+@_outputs.work_options
 def command(
     files: tuple[Path, ...],
     *,

@@ -10,7 +10,7 @@ import click
 
 from idloop.api.data import existing_bag
 from idloop.cli import _inputs, _outputs
-from idloop.cli._progress import progress, quiet_option
+from idloop.cli._progress import progress
 from idloop.errors import InputError
 
 if TYPE_CHECKING:
@@ -48,9 +48,7 @@ Run it: the excitation node takes the file as its parameter `experiment`, then c
 @_inputs.seed_option
 @_inputs.trust_option
 @_outputs.output_option("NEXT.yaml", "Write the experiment.")
-@_outputs.plot_option
-@quiet_option
-@_outputs.json_option
+@_outputs.drawn_work_options
 def command(
     sources: tuple[str, ...],
     *,
