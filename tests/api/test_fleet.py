@@ -231,7 +231,7 @@ def test_a_period_without_a_recording_is_refused_before_any_work(bags, tmp_path,
 def test_joints_that_fit_badly_are_diagnosed_after_the_findings(first):
     class Worst(fleet._Work):
         def __init__(self, number):
-            object.__setattr__(self, "diagnose", number)
+            object.__setattr__(self, "asked", fleet._Asked(diagnose=number))
 
     names = tuple((f"r{k}", "j") for k in range(6))
     error = np.log([[0.9], [0.1], [0.8], [0.95], [0.2], [0.3]]) + np.zeros((6, 4))

@@ -200,7 +200,7 @@ BAD = {
     "row cut off": ("a.csv", b"t,u\n0,1\n0.1", "row 1 has 1 cells instead of 2"),
     "row too long": ("a.csv", b"t,u\n0,1\n0,1,2,5\n", "row 1 has 4 cells instead of 2; save it with ; between"),
     "no rows": ("a.csv", b"", "no rows"),
-    "empty lists": ("a.csv", b"()\n()\n", "it has ()"),
+    "empty lists": ("a.csv", b"()\n()\n", "known: ()"),
     "not text": ("a.csv", b"\xff\xfe\x00,\x91\n", "not a text file"),
     "damaged MAT": ("a.mat", b"MATLAB 5.0 rubbish" * 20, "not a readable MAT file"),
     "damaged NPZ": ("a.npz", b"PK\x03\x04rubbish", "not a readable NPZ file"),
