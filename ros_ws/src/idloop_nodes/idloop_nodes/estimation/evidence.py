@@ -59,18 +59,9 @@ def summarise_evidence(evidence: LiveEvidence, stamp: int) -> EvidenceSummary:
         when = evidence.decided.get(name)
         when_decided, samples = (None, None) if when is None else (when.stamp, when.samples)
         candidates.append(EffectEvidence(name, log_e, when_decided, samples, evidence.pending(name)))
-    return EvidenceSummary(
-        evidence.model.name,
-        tuple(evidence.model.effect_names),
-        stamp,
-        evidence.level,
-        evidence.threshold,
-        evidence.looks,
-        evidence.samples,
-        evidence.seconds,
-        tuple(candidates),
-        evidence.doubtful,
-    )
+    same = {name: getattr(evidence, name) for name in ("level", "threshold", "looks", "samples", "seconds", "doubtful")}
+    model = evidence.model
+    return EvidenceSummary(model.name, tuple(model.effect_names), stamp, candidates=tuple(candidates), **same)
 
 
 class EvidenceSchedule:
