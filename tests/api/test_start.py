@@ -16,6 +16,7 @@ import idloop
 from idloop.api.first_fit import FirstFit, _is_predicted, judged
 from idloop.api.log import Log, _are_signals, recognise
 from idloop.api.start import begin, forwards_beside_position, more_than_one_axis, with_causes
+from idloop.diagnosis.screening.command_response import command_response
 from idloop.errors import InputError
 from idloop.records import Finding, make_stream, write_bag
 from idloop.records.tables.importing import import_bag
@@ -920,6 +921,31 @@ def test_an_axis_that_holds_a_weight_is_fitted_with_it(tmp_path, header, force, 
     assert begun.fit.values["axis.inertia"] == pytest.approx(0.3, rel=0.1)
     assert any(f"{effect.split('.')[0]} is in the model" in line for line in begun.done.notes)
     assert begun.model.effects
+
+
+def test_the_command_is_tested_once_where_no_weight_describes_the_motion(tmp_path, monkeypatch):
+    """A friction damper that a test machine moves: its force is no cause of the motion, and no weight is one."""
+    from idloop.api import fit
+
+    asked = []
+
+    def answer(*given):
+        asked.append(given)
+        return command_response(*given)
+
+    monkeypatch.setattr(fit, "command_response", answer)
+    time = 0.005 * np.arange(1200)
+    place = np.sin(6.0 * time) * np.minimum(0.3 * time, 1.0)
+    force, friction = np.empty(time.size), 0.0
+    for k, moved in enumerate(np.diff(place, prepend=place[0])):
+        friction = min(max(friction + moved / 0.2, -1.0), 1.0)
+        force[k] = 3.0 * friction
+    noise = 0.02 * np.random.default_rng(2).normal(size=time.size)
+    begun = idloop.start(
+        _write(tmp_path / "log.csv", "t,force [N],x [m]", time, force + noise, place), tmp_path / "out"
+    )
+    assert "let a diagnosis find what the model lacks" in begun.not_fitted
+    assert len(asked) == 1
 
 
 def test_an_arm_whose_free_run_drifts_off_is_fitted_with_gravity(tmp_path):

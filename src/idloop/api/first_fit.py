@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from idloop.api.data import read_bags
-from idloop.api.fit import fit
-from idloop.api.result import Progress
+from idloop.api.fit import fit, fit_and_compare, with_command_response
+from idloop.api.result import Progress, part
 from idloop.diagnosis.screening.command_response import CommandResponse
 from idloop.errors import InputError
 from idloop.estimation.dataset import FEWEST_SAMPLES
@@ -116,17 +116,24 @@ def beside_weight(done: FirstFit, *, progress: Progress) -> FirstFit:
     rotary = any(one.field == "position" and one.unit == "rad" for one in done.model.outputs)
     found = []
     weights = [one for several in built_in().values() for one in several if one.weight]
-    for effect in (one.name for one in weights if rotary or not one.needs_angle):
+    effects = [one.name for one in weights if rotary or not one.needs_angle]
+    for place, effect in enumerate(effects):
         model = done.model.with_effects([f"{effect}@{joint}"])
+        own = part(progress, place / len(effects), (place + 1) / len(effects))
         try:
-            fitted = fit(model, read_bags(done.bags, model), progress=progress)
+            records = read_bags(done.bags, model)
+            fitted = fit_and_compare(model, records, progress=part(own, 0.0, 0.5))
         except InputError:
             continue
         if not _shows(fitted, f"{effect}@{joint}"):
             continue
         note = f"{effect}@{joint} is in the model: without a weight, inertia and viscous friction describe nothing"
         one = judged(FirstFit(model, fitted, bags=done.bags, notes=(*done.notes, note)))
-        if one.fit is not None and not one.reversed:
+        if one.fit is None or one.reversed:
+            continue
+        # What is refused anyway needs no test of the command, which takes longest.
+        responding = with_command_response(fitted, model, records, progress=part(own, 0.5, 1.0))
+        if not responding.unrelated:
             found.append(one)
     # The free run of an arm near its upper rest drifts off whatever the model is; its force balance does not.
     forces = [_force_error(one) for one in found]

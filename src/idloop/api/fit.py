@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -143,16 +143,49 @@ def fit(
     True
     """
     train, validation = as_records(records), as_records(validate)
-    if not all(map(math.isfinite, model.theta)):
+    found = fit_and_compare(model, train, validation, criterion=criterion, progress=part(progress, 0.0, 0.95))
+    return with_command_response(found, model, train, progress=part(progress, 0.95, 1.0))
+
+
+@single_threaded
+def fit_and_compare(
+    model: Model,
+    train: Sequence[Record],
+    validation: Sequence[Record] = (),
+    *,
+    criterion: str = "auto",
+    progress: Progress = ignore_progress,
+) -> Fit:
+    """As `fit`, but for the test of the command response, which may take longer than the fit."""
+    if _needs_trial_values(model):
         progress(0.0, "finding values to start from")
-        model = from_trial_values(model, train)
-    result = fit_model(model, train, criterion=criterion, progress=part(progress, 0.0, 0.9))
-    progress(0.9, "comparing")
+    result = fit_model(_started(model, train), train, criterion=criterion, progress=part(progress, 0.0, 0.95))
+    progress(0.95, "comparing")
     seen, unseen = ([compare(result.model, record) for record in part_] for part_ in (train, validation))
-    found = Fit(result, tuple(seen), tuple(unseen))
-    if misses_every_output(seen) or found.determines_nothing:
-        progress(0.95, "testing whether the motion follows the command")
-        if unrelated := command_response(model, train).text:
-            warned = replace(result, warnings=(*result.warnings, unrelated))
-            found = replace(found, result=warned, unrelated=unrelated)
-    return found
+    return Fit(result, tuple(seen), tuple(unseen))
+
+
+@single_threaded
+def with_command_response(found: Fit, model: Model, train: Sequence[Record], *, progress: Progress) -> Fit:
+    """Add to a fit that describes nothing the warning that the motion does not follow the command, where it does not.
+
+    `model`, `train`: what was fitted, and to which records.
+    """
+    if not (misses_every_output(found.train) or found.determines_nothing):
+        return found
+    progress(0.0, "testing whether the motion follows the command")
+    unrelated = command_response(_started(model, train), train).text
+    if not unrelated:
+        return found
+    warned = replace(found.result, warnings=(*found.result.warnings, unrelated))
+    return replace(found, result=warned, unrelated=unrelated)
+
+
+def _needs_trial_values(model: Model) -> bool:
+    """Whether the model file leaves a value to start from open."""
+    return not all(map(math.isfinite, model.theta))
+
+
+def _started(model: Model, train: Sequence[Record]) -> Model:
+    """The model with a value to start from for every parameter."""
+    return from_trial_values(model, train) if _needs_trial_values(model) else model
