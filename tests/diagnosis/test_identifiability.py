@@ -67,6 +67,32 @@ drive: {kind: position_loop, proportional: 500.0}
     assert not any("one size only" in text for text in found)
 
 
+@pytest.mark.parametrize(
+    ("signs", "said"), [((1.0, 1.0), "friction and backlash hardly show"), ((1.0, -1.0), ": backlash hardly shows")]
+)
+def test_records_in_opposite_directions_show_friction(signs: tuple[float, float], said: str) -> None:
+    """As stairs of the speed up one way, and then up the other way."""
+    model = load_model("dc_motor")
+    units = tuple(one.unit for one in model.outputs)
+    speed = 1.0 + np.floor(TIME)
+    records = [
+        Record(
+            "r",
+            TIME,
+            sign * speed,
+            TIME,
+            sign * np.column_stack([np.cumsum(speed) * 1e-3, speed]),
+            model.input.name,
+            "V",
+            model.output_names,
+            units,
+        )
+        for sign in signs
+    ]
+    found = excitation_findings(model, prepare_estimation(model, records, "prediction"))
+    assert any(text.startswith("the axis reverses 0 times") and text.endswith(said) for text in found), found
+
+
 @pytest.fixture(scope="module")
 def estimation() -> EstimationProblem:
     model = load_model("axis")
