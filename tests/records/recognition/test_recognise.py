@@ -137,6 +137,10 @@ LOGS = {
             "supply": ("bus_v", "V"),
         },
     ),
+    "a speed of rotation beside a force": (
+        {"t": T, "F_0": U, "N1_0": SPEED},
+        {"command": ("F_0", "N"), "velocity": ("N1_0", "rad/s")},
+    ),
     "temperature and supply": (
         {"t": T, "duty": U, "angle": ANGLE, "motor_temp": 20 + T, "vbus": 12 + 0 * T, "error": 0 * T},
         {

@@ -68,3 +68,7 @@ def test_the_inertia_is_held_where_the_command_is_no_force():
     assert "motor.inertia is held at" in text
     assert "a command in V is no force" in text
     assert "are larger by the same factor" in text
+    within = idloop.load_model("dc_motor").with_effects(["gravity@motor", "dead_zone@input", "input_delay@input"])
+    scaled = str(list(held_inertia(within))).partition("If it is larger by a factor")[2]
+    assert "gravity@motor.moment" in scaled
+    assert not any(name in scaled for name in ("gravity@motor.lowest", "dead_zone@input", "input_delay@input"))

@@ -28,6 +28,11 @@ from idloop.records.tables.base_units import COUNTS, SECONDS, base_of, base_unit
 from idloop.spelling import joined_names
 
 _LINEAR_WORDS = {"x", "stage", "slide", "carriage", "stroke", "displacement", "distance", "weg", "z", "height", "cart"}
+# What is called so turns, also under a force in newtons, as of a propeller.
+_ROTARY_WORDS = {
+    "omega", "n", "rpm", "erpm", "rps", "drehzahl", "angvel", "tacho", "tachometer", "theta", "phi", "alpha", "beta",
+    "angle", "angles", "winkel", "angulo", "angolo", "thetadot", "dtheta",
+}  # fmt: skip
 _IN_HERTZ = re.compile(r"[\[(_ ]hz[\])]?$", re.IGNORECASE)
 _ENCODERS = {"enc", "encoder", "count", "counts", "tick", "ticks", "inc"}
 _FEWEST_COUNTS = 200  # of a turn
@@ -72,10 +77,11 @@ def set_units(log: Choice) -> None:
     if "effort" in chosen and not chosen["effort"].unit:
         chosen["effort"] = _force_unit(log, chosen["effort"])
     motions = [chosen[role] for role in MOTION if role in chosen]
+    words = {word for one in motions for word in parse_column_name(one.column).words}
     linear = (
         any(is_linear(one.unit) for one in motions)
-        or (command is not None and base_of(command.unit) == "N")
-        or any(_LINEAR_WORDS.intersection(parse_column_name(one.column).words) for one in motions)
+        or (command is not None and base_of(command.unit) == "N" and not words & _ROTARY_WORDS)
+        or bool(words & _LINEAR_WORDS)
     )
     _motion_units(log, linear=linear)
     _reference_units(chosen)

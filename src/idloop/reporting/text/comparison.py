@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -174,6 +175,7 @@ def brief_map(one: ErrorMap, most: int) -> list[str]:
 
 
 _GAIN, _LOOP_GAIN = "drive.gain", "drive.proportional"
+_FORCES = re.compile("N|kg")  # in units of what is a force, or stands for one
 _FORCE = 0.1  # force error above which a model lacks something, however well its free run follows
 
 
@@ -235,14 +237,15 @@ def held_inertia(model: Model) -> Iterator[Block]:
         command = "a command without a unit" if model.input.unit == "-" else f"a command in {model.input.unit}"
     else:
         return
-    # A time does not depend on the scale of forces.
-    scaled = [name for name in model.free if model.parameter(name).unit != "s"]
+    # Times, angles, speeds and commands do not depend on the scale of forces.
+    scaled = [name for name in model.free if _FORCES.search(model.parameter(name).unit)]
     free = joined_names(scaled)
+    kind = "torque" if model.input.unit == "N" else "force"
     for name in (f"{body}.inertia" for body in model.bodies):
         one = model.parameter(name)
         if name not in model.free:
             yield (
-                f"{name} is held at {one.value:g} {one.unit}: {command} is no force, so the data show"
+                f"{name} is held at {one.value:g} {one.unit}: {command} is no {kind}, so the data show"
                 f" only ratios to the inertia. If it is larger by a factor, {free}"
                 f" {'is' if len(scaled) == 1 else 'are'} larger by the same factor"
             )
