@@ -14,6 +14,8 @@ from idloop.cli.verbs.start import SIGNALS, command
 from idloop.records.recognition.role_units import base_field
 from idloop.records.tables.base_units import base_unit
 
+DRY = "coulomb_friction@axis"
+
 
 def _start(capsys, log, folder, *more):
     words = ["start", *map(str, log.files), *log.flags, "--output", str(folder), "--json", *more]
@@ -62,16 +64,9 @@ def test_one_command_leads_from_the_file_to_a_fit(name, tmp_path, capsys):
     log = FORMS[name](tmp_path)
     found = _start(capsys, log, tmp_path / "begun")
     # The motor has dry friction, which a first model lacks: with it the fit finds the motor's own values.
-    model = idloop.load_model(found["model"]).with_effects(["coulomb_friction@axis"])
+    model = idloop.load_model(found["model"]).with_effects([DRY])
     values = idloop.fit(model, idloop.read_bags(found["bags"], model)).values
     true = log.parameters
-    if "axis.inertia" in values:
-        ratios = {"inertia": values["axis.inertia"], "viscous_friction": values["axis.viscous_friction"],
-                  "coulomb": values["coulomb_friction@axis.level"]}  # fmt: skip
-    else:
-        # Without the unit of a force only ratios to the drive's gain show.
-        gain = values["drive.gain"]
-        ratios = {"inertia": 1.0 / gain, "viscous_friction": values["axis.viscous_friction"] / gain,
-                  "coulomb": values["coulomb_friction@axis.level"] / gain}  # fmt: skip
-    for parameter, value in ratios.items():
-        assert value == pytest.approx(true[parameter], rel=0.1), parameter
+    own = {"inertia": "axis.inertia", "viscous_friction": "axis.viscous_friction", "coulomb": f"{DRY}.level"}
+    for parameter, key in own.items():
+        assert values[key] == pytest.approx(true[parameter], rel=0.1), parameter

@@ -184,13 +184,13 @@ def test_runs_in_one_file_become_records_and_text_between_is_left_out(record, tm
     assert any("of text between the rows" in note for note in begun.log.recognition.table.notes)
 
 
-def test_only_ratios_are_estimated_where_the_command_is_no_force(record, tmp_path):
+def test_forces_are_in_units_of_a_command_that_is_no_force(record, tmp_path):
     c = _columns(record)
     begun = idloop.start(_write(tmp_path / "log.csv", "t,voltage,q", c["t"], 4.0 * c["u"], c["q"]), tmp_path / "begun")
     values = begun.fit.values
-    assert set(values) == {"axis.viscous_friction", "drive.gain"}
-    assert values["drive.gain"] == pytest.approx(25.0, rel=0.05)
-    assert values["axis.viscous_friction"] == pytest.approx(5.0, rel=0.05)
+    assert set(values) == {"axis.inertia", "axis.viscous_friction"}
+    assert values["axis.inertia"] == pytest.approx(4.0 * 0.01, rel=0.05)
+    assert values["axis.viscous_friction"] == pytest.approx(4.0 * 0.05, rel=0.05)
 
 
 def test_a_record_that_cannot_be_fitted_says_why_and_is_written_all_the_same(tmp_path):
@@ -382,11 +382,14 @@ def test_a_record_too_short_for_a_fit_does_not_spoil_the_others(record, tmp_path
     assert not any("log_run2" in command for command in begun.commands)
 
 
-def test_the_held_inertia_and_the_verdict_stand_beside_the_fit(record, tmp_path):
+def test_the_held_gain_and_the_verdict_stand_beside_the_fit(record, tmp_path):
     begun = idloop.start(_fitted(tmp_path / "log.csv", "t,voltage,q", record), tmp_path / "begun")
     text = begun.summary()
     assert begun.to_dict()["verdict"] in text
-    assert "axis.inertia is held at 1 kg·m²: a command in V is no force" in text
+    assert (
+        "drive.gain is held at 1 N·m/V: a command in V is no force, so every N·m of this model is the force of 1 V"
+        in text
+    )
     assert "verdict: the model describes what was recorded" in text
     assert "MODEL BAG" not in text
     force = idloop.start(_fitted(tmp_path / "force.csv", "t,torque,q", record), tmp_path / "force")
@@ -684,7 +687,7 @@ def test_a_command_without_its_sign_in_a_loop_has_that_of_the_control_error(tmp_
     assert flag == "MotorPWM * sign(Target - `angle [rad]`)=-"
     again = idloop.start(log, tmp_path / "again", {"reference": "Target=rad", "command": flag})
     assert again.inspections[0].faults == ()
-    assert again.fit.values["drive.gain"] == pytest.approx(20.0, rel=0.1)
+    assert again.fit.values["axis.inertia"] == pytest.approx(0.05, rel=0.1)
 
 
 def test_a_doubt_that_is_answered_in_the_mapping_names_it(record, tmp_path):
@@ -958,8 +961,7 @@ def test_an_arm_whose_free_run_drifts_off_is_fitted_with_gravity(tmp_path):
     log = _write(tmp_path / "log.csv", "t,current [A],q [rad],dq [rad/s]", time, current, *np.round([place, speed], 4))
     begun = idloop.start(log, tmp_path / "begun")
     assert begun.fit is not None, begun.not_fitted
-    gain = begun.fit.values["drive.gain"]
-    assert begun.fit.values["gravity@axis.moment"] / gain == pytest.approx(10.5, rel=0.05)
+    assert begun.fit.values["gravity@axis.moment"] == pytest.approx(10.5, rel=0.05)
     assert begun.fit.values["gravity@axis.lowest"] == pytest.approx(0.5 * math.pi, abs=0.05)
 
 

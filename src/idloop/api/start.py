@@ -37,7 +37,7 @@ from idloop.records.recognition.role_units import base_unit_of
 from idloop.records.tables.importing import import_bag
 from idloop.reporting.plots.recording import plot_recognition
 from idloop.reporting.text.blocks import Block
-from idloop.reporting.text.comparison import held_inertia, lowest_fits, measures_of, referred_load, verdict
+from idloop.reporting.text.comparison import held_scale, lowest_fits, measures_of, referred_load, verdict
 from idloop.reporting.text.inspection import between_lines, recording_lines
 from idloop.spelling import listed
 
@@ -153,7 +153,7 @@ class Start(Result):
         if self.fit is not None:
             yield self.fit.result.summary()
             yield from referred_load(self.fit.model)
-            yield from held_inertia(self.fit.model)
+            yield from held_scale(self.fit.model)
             yield ""
             rows, others = lowest_fits(self.fit.rows, _MOST_ROWS)
             yield from measures_of(rows)

@@ -283,7 +283,7 @@ class _Refinement:
         options = self.options
         return Climb(
             view, self.records, self.validation, criterion, options.level, self.most, options.report, self.on_step,
-            worse=self._worse if criterion == PREDICTION else None,
+            worse=None if criterion == SIMULATION else self._worse,
         )  # fmt: skip
 
     def _as_predicted(self, ladder: Ladder, place: int, fit: Refit | None) -> Ladder:

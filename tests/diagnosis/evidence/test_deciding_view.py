@@ -73,6 +73,15 @@ def test_predictions_do_not_contradict_a_friction_that_is_there():
     assert found.best.parameters["level"]["value"] == pytest.approx(0.05, rel=0.1)
 
 
+def test_effects_too_fast_for_the_samples_do_not_keep_predictions_from_contradicting_the_others():
+    model, record = in_a_loop(0, torque=0.03, level=0.0)
+    estimation = prepare_estimation(model, [record], "prediction")
+    found = model.with_effects(["dead_zone@input(width=0.005)", "presliding_friction@axis(level=1e-3, stiffness=1e9)"])
+    assert estimation.evaluates(found.without_effect("presliding_friction@axis"))
+    assert not estimation.evaluates(found)
+    assert DecidingView(model, estimation, {}).prediction_contradicts(found, 0.01)
+
+
 def slowly_moved(coulomb: float) -> tuple[Model, Record]:
     """An axis that a stiff loop moves so slowly that dry friction hides its inertia."""
     rng, rate, count, substeps = np.random.default_rng(0), 200.0, 12_000, 10

@@ -37,7 +37,14 @@ def test_a_motor_and_its_load_have_a_spring_and_a_ratio(ratio):
     assert {"axis.inertia", "load.inertia", "axis-load.stiffness", "axis-load.damping"} <= set(model.free)
 
 
-def test_of_a_command_that_is_no_force_one_inertia_is_held():
+def test_of_a_command_that_is_no_force_the_gain_is_held():
     model = start_model("gear", "axis", "V", {"position": "rad"}, load=("load", "rad"))
+    assert "drive.gain" not in model.free
+    assert model.values["drive.gain"] == 1.0
+    assert {"axis.inertia", "load.inertia"} <= set(model.free)
+
+
+def test_of_a_set_point_the_inertia_is_held():
+    model = start_model("joint", "axis", "rad", {"position": "rad"})
     assert "axis.inertia" not in model.free
-    assert "load.inertia" in model.free
+    assert {"drive.proportional", "drive.derivative"} <= set(model.free)

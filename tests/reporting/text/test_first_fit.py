@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import idloop
 from idloop.records.finding import Finding
-from idloop.reporting.text.comparison import held_inertia, verdict
+from idloop.reporting.text.comparison import held_scale, verdict
 
 
 def _rows(force=None, **fits):
@@ -63,12 +64,19 @@ def test_a_free_run_that_misses():
 
 
 def test_the_inertia_is_held_where_the_command_is_no_force():
-    assert "axis.inertia" not in str(list(held_inertia(idloop.load_model("axis"))))
-    text = str(list(held_inertia(idloop.load_model("dc_motor"))))
+    assert "axis.inertia" not in str(list(held_scale(idloop.load_model("axis"))))
+    text = str(list(held_scale(idloop.load_model("dc_motor"))))
     assert "motor.inertia is held at" in text
     assert "a command in V is no force" in text
     assert "are larger by the same factor" in text
     within = idloop.load_model("dc_motor").with_effects(["gravity@motor", "dead_zone@input", "input_delay@input"])
-    scaled = str(list(held_inertia(within))).partition("If it is larger by a factor")[2]
+    scaled = str(list(held_scale(within))).partition("If it is larger by a factor")[2]
     assert "gravity@motor.moment" in scaled
     assert not any(name in scaled for name in ("gravity@motor.lowest", "dead_zone@input", "input_delay@input"))
+
+
+def test_a_gain_of_one_makes_forces_those_of_the_command():
+    model = replace(idloop.load_model("axis"), input=replace(idloop.load_model("axis").input, unit="A"))
+    (text,) = held_scale(model)
+    assert "a command in A is no force, so every N·m of this model is the force of 1 A" in text
+    assert list(held_scale(model.with_values({"drive.gain": 0.5}))) == []

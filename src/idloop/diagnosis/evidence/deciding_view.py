@@ -125,12 +125,15 @@ def _no_better(plain: Refit | None, found: Model, estimation: EstimationProblem,
     # Predictions whose noise has a long memory take model error for noise, and contradict nothing.
     if plain is None or plain.many_lags:
         return False
+    # What the last effects make faster than the samples is compared without these.
+    while not estimation.evaluates(found) and len(found.effects) > len(plain.model.effects):
+        found = found.without_effect(found.effects[-1].name)
     # One search from the values of the balance is mostly enough.
     for near in (True, False):
         after = refit_or_none(estimation, found, near=near)
         if after is not None and after.log_likelihood - plain.log_likelihood >= math.log(1.0 / level):
             return False
-    return after is not None
+    return after is not None and len(found.effects) > len(plain.model.effects)
 
 
 def _command_is_reversed(fit: WeakFit) -> bool:

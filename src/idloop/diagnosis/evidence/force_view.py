@@ -81,12 +81,12 @@ class ForceStep(SearchStep[WeakFit]):
         """Whether the held-out records have smaller errors as well, or errors like those of the fitted ones.
 
         One record whose errors happened to be small says little beside many that an effect explains. Without held-out
-        records, and of an effect that they do not reach, the fitted ones must show enough.
+        records, of an effect that they do not reach, and where they do not show it, the fitted ones must show enough.
         """
-        if one.held_out is None:
-            return self._part(one) >= _LEAST_PART
         least = max(CARRIES_OVER * self.improvement(one), self.minimum_improvement)
-        return one.as_fitted or one.held_out >= least
+        if one.held_out is not None and one.held_out >= least:
+            return True
+        return (one.held_out is None or one.as_fitted) and self._part(one) >= _LEAST_PART
 
     def _nearly_degenerates_to(self, rich: EvaluatedModel[WeakFit], plain: EvaluatedModel[WeakFit]) -> bool:
         """As in `SearchStep`, or what it explains beyond the other one does not carry over to the held-out records."""

@@ -148,6 +148,14 @@ class EstimationProblem:
         engine = self.engine(model)
         return chain_rate(CachingEngine(model).layout()) <= engine.most
 
+    def evaluates(self, model: Model) -> bool:
+        """Whether the samples resolve all rates of a model, with those of its effects."""
+        try:
+            self.engine(model).layout()
+        except IdloopError:
+            return False
+        return True
+
     def resolvable(self, model: Model) -> Model:
         """The model as a start of a search: with free inertias raised until the samples resolve the rate of its chain.
 

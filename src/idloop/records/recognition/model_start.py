@@ -48,17 +48,17 @@ def start_model(
     `records`: from which inertia or gain, and viscous friction are estimated roughly; left out, they are 1.
     """
     place = next(iter(outputs.values())).removesuffix("/s")
-    force = _FORCES.get(place) == (command_unit or _FORCES.get(place))
     loop = {place: "position_loop", f"{place}/s": "velocity_loop"}.get(command_unit, "")
     gain, friction = _rough_values(records, loop) if records else (1.0, 1.0)
     body: dict[str, Any] = {"name": joint}
-    if force:
-        body["inertia"] = {"value": _rounded(1.0 / gain), "min": 0.0}
-        body["viscous_friction"] = {"value": _rounded(friction / gain), "min": 0.0}
-    else:
-        # Only ratios of inertia, friction and gain show in the motion.
+    if loop:
+        # Only ratios of inertia, friction and gains show in the motion.
         body["inertia"] = 1.0
         body["viscous_friction"] = 0.0 if loop == "position_loop" else {"value": _rounded(friction), "min": 0.0}
+    else:
+        # Of a command that is no force a gain of one makes all forces those in units of the command.
+        body["inertia"] = {"value": _rounded(1.0 / gain), "min": 0.0}
+        body["viscous_friction"] = {"value": _rounded(friction / gain), "min": 0.0}
     bodies, sensor = [body], []
     couplings: list[dict[str, Any]] = []
     if load is not None:
@@ -75,15 +75,15 @@ def start_model(
         "outputs": [_output(joint, field, unit, records) for field, unit in outputs.items()] + sensor,
         "bodies": bodies,
         "couplings": couplings,
-        "drive": _drive(loop, gain, friction, force=force),
+        "drive": _drive(loop, gain, friction),
         "effects": [delay] if loop else [],
     }
     return build_model(ModelFile.model_validate(content), name)
 
 
-def _drive(loop: str, gain: float, friction: float, *, force: bool) -> dict[str, Any]:
+def _drive(loop: str, gain: float, friction: float) -> dict[str, Any]:
     if not loop:
-        return {"gain": 1.0 if force else {"value": _rounded(gain)}}
+        return {"gain": 1.0}
     gains = {"proportional": gain} | ({"derivative": friction} if loop == "position_loop" else {})
     return {"kind": loop, "unit": "-"} | {name: {"value": _rounded(one), "min": 0.0} for name, one in gains.items()}
 

@@ -229,11 +229,14 @@ def referred_load(model: Model) -> Iterator[Block]:
             )
 
 
-def held_inertia(model: Model) -> Iterator[Block]:
-    """Yield that the inertia is not known, where the command is no force and only ratios to it show."""
+def held_scale(model: Model) -> Iterator[Block]:
+    """Yield which gain or inertia is held, where the command is no force and only ratios to it show."""
+    if model.loop is None and _GAIN not in model.free:
+        yield from _forces_in_units_of_the_command(model)
+        return
     if model.loop is not None and _LOOP_GAIN in model.free:
         command = "the gain of the loop in the drive is not known, and a set-point"
-    elif _GAIN in model.free:
+    elif model.loop is None:
         command = "a command without a unit" if model.input.unit == "-" else f"a command in {model.input.unit}"
     else:
         return
@@ -254,3 +257,16 @@ def held_inertia(model: Model) -> Iterator[Block]:
             "gains of the drive that are known tell friction, delay and lag apart: write them into model.yaml"
             " (`drive: {proportional: ..., derivative: ...}`), and let the inertia be estimated"
         )
+
+
+def _forces_in_units_of_the_command(model: Model) -> Iterator[Block]:
+    """Yield that forces are those of a gain of one, where the command is no force."""
+    gain, force, unit = model.parameter(_GAIN), model.units.force, model.input.unit
+    if gain.value != 1.0 or unit == force:
+        return
+    command, one = ("a command without a unit", "one") if unit == "-" else (f"a command in {unit}", f"1 {unit}")
+    kind = "torque" if unit == "N" else "force"
+    yield (
+        f"{_GAIN} is held at 1 {gain.unit}: {command} is no {kind}, so every {force} of this model is the {kind} of"
+        f" {one}. If the drive's gain is known, write it into model.yaml (`drive: {{gain: ...}}`) and fit again"
+    )
