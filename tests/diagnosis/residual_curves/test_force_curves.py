@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from tests.diagnosis.conftest import record_of
 
+from idloop.diagnosis import diagnose
 from idloop.diagnosis.evidence.deciding_view import requested_force_fit
 from idloop.diagnosis.evidence.predictive import scores_of
 from idloop.diagnosis.residual_curves.force_curves import force_curves
@@ -40,3 +41,31 @@ def test_what_changes_with_the_time_may_be_the_frequency_of_a_sweep(over: str):
     curve = Curve("drive", "-", over, "s" if over == "time" else "rad", np.linspace(0.0, 9.0, 4), closed=False)
     found = curve.structure("the errors of the force", 1e-4, np.array([0.0, 0.1, 0.2, 0.3]), np.full(4, 0.01), 0.5)
     assert ("the frequency of a sweep" in found.text) is (over == "time")
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "criterion", "of", "words"),
+    [
+        # By predictions a constant force is a disturbance.
+        ("load_torque@axis(torque=0.05)", "load_torque@axis(torque=-0.05)", "force", "force", "a constant force is"),
+        ("load_torque@axis(torque=0.0)", None, "force", "drive", "the drive is another one in each record"),
+        ("load_torque@axis(torque=0.0)", None, "prediction", "drive", "the drive is another one in each record"),
+        ("load_torque@axis(torque=0.02)", "load_torque@axis(torque=0.02)", "force", None, ""),
+        ("load_torque@axis(torque=0.02)", "load_torque@axis(torque=0.02)", "prediction", None, ""),
+    ],
+)
+def test_what_differs_between_records_is_said(
+    first: str, second: str | None, criterion: str, of: str | None, words: str
+) -> None:
+    axis = load_model("axis")
+    other = axis.with_values({"drive.gain": 0.8}) if second is None else axis.with_effects([second])
+    records = [record_of(axis.with_effects([first]), 5), record_of(other, 6)]
+    found = diagnose(axis, records, effects=["load_torque", "coulomb_friction"], criterion=criterion)
+    if of is None:
+        assert found.verdict != "unknown_structure"
+        return
+    assert found.unknown is not None
+    assert (found.unknown.variable, found.unknown.of) == ("record", of)
+    assert words in found.unknown.text
+    size = 0.1 if of == "force" else 0.22
+    assert np.ptp(found.unknown.force) == pytest.approx(size, rel=0.15)

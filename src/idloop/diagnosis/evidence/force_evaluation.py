@@ -16,7 +16,7 @@ from idloop.diagnosis.screening.proposals import Proposal, proposals
 from idloop.diagnosis.search.step import LEAST_GAIN, EvaluatedModel
 from idloop.errors import IdloopError
 from idloop.estimation.dataset import Data, common_conditions
-from idloop.estimation.force_balance.weak_fit import RANKING_TOLERANCE, WeakFit, with_rest_speed
+from idloop.estimation.force_balance.weak_fit import RANKING_TOLERANCE, WeakFit, relative_errors, with_rest_speed
 from idloop.estimation.force_balance.weak_form import WeakForm, weak_form
 from idloop.estimation.force_balance.weak_likelihood import cost_at
 from idloop.estimation.likelihood.estimation_problem import ENOUGH, EstimationProblem
@@ -77,6 +77,11 @@ def fit_pair(parent: WeakFit, pair: tuple[EvaluatedModel[WeakFit], EvaluatedMode
     return None
 
 
+def log_mean(relatives: Array) -> float:
+    """Mean logarithm of the relative force error of the bodies."""
+    return float(np.mean(np.log(np.maximum(relatives, 1e-300))))
+
+
 def along_fit(form: WeakForm, fit: WeakFit) -> WeakForm:
     """Windows with the model and the rest speed of a fit."""
     return form.with_engine(fit.form.engine).with_rest_speed(fit.form.rest_speed)
@@ -101,7 +106,7 @@ class Evaluator:
         self.coarse = coarse
         form = weak_form(parent.form.engine, held_out, parent.form.width) if held_out else None
         self._held_out = None if form is None else form.subsampled(ENOUGH)
-        self._before = self._typical_error(parent)
+        self._before, self._relative = self._typical_error(parent), self._relative_error(parent)
         self._resolved = estimation.resolves(parent.model)
 
     def _typical_error(self, fit: WeakFit) -> float:
@@ -109,6 +114,12 @@ class Evaluator:
         if self._held_out is None:
             return 0.0
         return -float(np.mean(fit.along(along_fit(self._held_out, fit)).log_densities()))
+
+    def _relative_error(self, fit: WeakFit) -> float:
+        """Mean logarithm of the relative force error of the bodies on the held-out records."""
+        if self._held_out is None:
+            return 0.0
+        return log_mean(relative_errors(along_fit(self._held_out, fit), fit.theta, fit.shift))
 
     def __call__(self, fits: Iterable[FittedEffects | None], level: float) -> list[EvaluatedModel[WeakFit]]:
         """Those of models fitted in few windows that explain anything, with their evidence."""
@@ -152,8 +163,9 @@ class Evaluator:
             return None
         evidence = scores.against(self.base)
         if self._can_improve(chosen, fit) >= CARRIES_OVER * evidence.improvement:
+            grown = max(after - self._before, self._relative_error(fit) - self._relative)
             # An error that has grown by a factor of e⁵⁰ has diverged.
-            held_out = 1.0 - math.exp(min(after - self._before, 50.0))
+            held_out = 1.0 - math.exp(min(grown, 50.0))
             as_fitted = self._as_fitted(fit, after)
         return EvaluatedModel(chosen, fit, scores, evidence, gain, held_out, as_fitted)
 

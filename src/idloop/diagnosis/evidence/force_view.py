@@ -10,7 +10,14 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from idloop.diagnosis.evidence.force_evaluation import CARRIES_OVER, Evaluator, fit_again, fit_pair, fit_promising
+from idloop.diagnosis.evidence.force_evaluation import (
+    CARRIES_OVER,
+    Evaluator,
+    fit_again,
+    fit_pair,
+    fit_promising,
+    log_mean,
+)
 from idloop.diagnosis.evidence.predictive import Evidence, scores_of
 from idloop.diagnosis.evidence.quantisation import READINGS_OFF, readings_half_a_quantum_off
 from idloop.diagnosis.evidence.undetermined_strength import undetermined_with
@@ -270,7 +277,7 @@ def _improvement(evidence: Evidence, before: WeakFit, after: WeakFit) -> float:
 
 def _fall(before: WeakFit, after: WeakFit) -> float:
     """Mean logarithm by which the relative force errors of the bodies fall."""
-    return _log_mean(before.relative_by_body) - _log_mean(after.relative_by_body)
+    return log_mean(before.relative_by_body) - log_mean(after.relative_by_body)
 
 
 def _surest(evaluated: Iterable[EvaluatedModel[WeakFit]]) -> list[EvaluatedModel[WeakFit]]:
@@ -356,8 +363,3 @@ def unbalanced(model: Model, effects: Sequence[str] | None, conditions: Mapping[
         # A force balance estimates the time at which commands act, and shows little of their quick changes.
         or (one.effect.site == INPUT and one.effect.lags)
     ]
-
-
-def _log_mean(relatives: Array) -> float:
-    """Mean logarithm of the relative force error of the bodies."""
-    return float(np.mean(np.log(np.maximum(relatives, 1e-300))))

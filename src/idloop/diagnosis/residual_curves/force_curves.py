@@ -1,8 +1,9 @@
 """Residual curves of the force balance: curves that the unexplained force follows and no effect explains.
 
 A force over velocity or position is piecewise linear between knots; a coefficient (inertia, friction, drive) over the
-position or time is a cubic spline. Both are linear in their heights. A curve is evaluated like an effect, on samples
-that its fit has not seen. A force over the command is excluded: it is what the balance explains.
+position or time is a cubic spline; over the records both have a value in each. All are linear in their heights. A curve
+is evaluated like an effect, on samples that its fit has not seen. A force over the command is excluded: it is what the
+balance explains.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from idloop.diagnosis.residual_curves.periods import unexplained_period
 from idloop.diagnosis.residual_curves.unknown_structure import (
     COEFFICIENT_KNOTS,
     KNOTS,
+    MOST_RECORDS,
+    RECORD,
     TIME_KNOTS,
     TURNS,
     Curve,
@@ -76,6 +79,10 @@ class ForceCurve(Curve):
         """In words."""
         if self.period is not None:
             return f"a force that repeats every {self.period:.4g} {self.unit}"
+        if self.over == RECORD:
+            return (
+                f"{'a constant force' if self.of == 'force' else f'the {self.of}'} that is another one in each record"
+            )
         what = "a force" if self.of == "force" else f"a change of the {self.of}"
         return f"{what} over the {self.variable}"
 
@@ -97,7 +104,7 @@ class ForceCurve(Curve):
         left = residual - self.columns[:, -count:] @ value
         parts = zip(np.array_split(inverse, BLOCKS, axis=1), np.array_split(left, BLOCKS), strict=True)
         spread = np.sqrt(np.sum(np.array([p @ r for p, r in parts]) ** 2, axis=0))
-        if self.coefficient:
+        if self.coefficient or self.over == RECORD:
             value = value - float(np.mean(self.at_knots(value)))
         share = float(np.clip(1.0 - np.exp(-2.0 * self.evidence.difference / self.evidence.samples), 0.0, 1.0))
         return self.structure("the errors of the force", p_value, value, 1.96 * spread, share, self.period)
@@ -113,9 +120,10 @@ def force_curves(fit: WeakFit, base: Scores) -> list[ForceCurve]:
     scale = base.log_density - _scores(fit, own, 0.0).log_density
     motion = form.motion
     speed = motion.velocity[:, 0]
-    signals = {"position": motion.position[:, 0], "velocity": speed, "time": motion.time}
+    records: Array = form.record_places.astype(np.float64) + 1.0
+    signals = {"position": motion.position[:, 0], "velocity": speed, "time": motion.time, RECORD: records}
     turning = units.position == "rad" and float(np.ptp(signals["position"])) > TURNS * 2.0 * np.pi
-    unit_of = {"velocity": f"{units.position}/s", "position": units.position, "time": "s"}
+    unit_of = {"velocity": f"{units.position}/s", "position": units.position, "time": "s", RECORD: "-"}
     # The forces that a relative change of a coefficient scales.
     factors = {
         "viscous friction": -speed,
@@ -134,23 +142,30 @@ def force_curves(fit: WeakFit, base: Scores) -> list[ForceCurve]:
         period: float | None = None,
     ) -> None:
         values, closed = signals[over], turn or period is not None
-        low, high = (0.0, period or 2.0 * np.pi) if closed else np.percentile(values, (0.5, 99.5))
-        knots = np.linspace(low, max(high, low + 1e-12), count)
-        if of == "force":
-            columns = form.weak(_hats(values, knots, closed=closed))
+        if over == RECORD:
+            knots = np.arange(1.0, count + 1.0, dtype=np.float64)
+            heights = (values[:, None] == knots).astype(float)
+            slopes = np.zeros_like(heights)
         else:
-            splines = coefficient_splines(knots, closed=closed)
-            at = values if closed else np.clip(values, low, high)
-            if of == "inertia":
-                # Lagrange's equation: an inertia that changes along the way takes a force at constant speed as well.
-                momentum = splines(at) * speed[:, None]
-                columns = form.weak(0.5 * splines(at, 1) * speed[:, None] ** 2) - form.weak_derivative(momentum)
+            low, high = (0.0, period or 2.0 * np.pi) if closed else np.percentile(values, (0.5, 99.5))
+            knots = np.linspace(low, max(high, low + 1e-12), count)
+            if of == "force":
+                heights = slopes = _hats(values, knots, closed=closed)
             else:
-                columns = form.weak(splines(at) * factors[of][:, None])
-        if of in ("drive", "inertia"):
-            # Its mean is the scale of all forces, which is free.
+                splines, at = (
+                    coefficient_splines(knots, closed=closed),
+                    values if closed else np.clip(values, low, high),
+                )
+                heights, slopes = splines(at), splines(at, 1)
+        if of == "inertia":
+            # Lagrange's equation: an inertia that changes along the way takes a force at constant speed as well.
+            columns = form.weak(0.5 * slopes * speed[:, None] ** 2) - form.weak_derivative(heights * speed[:, None])
+        else:
+            columns = form.weak(heights if of == "force" else heights * factors[of][:, None])
+        if of in ("drive", "inertia") or over == RECORD:
+            # Its mean is the scale of all forces, which is free, or belongs to an effect.
             columns = columns - np.mean(columns, axis=1, keepdims=True)
-        name = over if over == "time" else f"{body}.{over}" + (" within a turn" if turn else "")
+        name = over if over in ("time", RECORD) else f"{body}.{over}" + (" within a turn" if turn else "")
         columns = np.hstack([own, columns])
         scores = _scores(fit, columns, scale)
         evidence = scores.against(base)
@@ -164,8 +179,14 @@ def force_curves(fit: WeakFit, base: Scores) -> list[ForceCurve]:
         add("force", units.force, "position", KNOTS, turn=True)
     if (repeated := unexplained_period(fit, 0)) is not None:
         add("force", units.force, "position", KNOTS, period=repeated[0])
+    count = int(np.max(records))
+    compared = 1 < count <= MOST_RECORDS
+    if compared:
+        add("force", units.force, RECORD, count)
     for of, of_unit in coefficient_units(units).items():
         add(of, of_unit, "position", COEFFICIENT_KNOTS, turn=turning)
+        if compared:
+            add(of, of_unit, RECORD, count)
         if of != "inertia":
             add(of, of_unit, "time", TIME_KNOTS)
     return sorted(found, key=lambda one: one.evidence.spread - one.evidence.difference)

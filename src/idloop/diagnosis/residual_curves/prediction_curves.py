@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from idloop.diagnosis.candidate import effect_parameters
 from idloop.diagnosis.evidence.predictive import Evidence, Scores
 from idloop.diagnosis.residual_curves.trial_curves import TrialCurve, coefficient_trials, force_trials
-from idloop.diagnosis.residual_curves.unknown_structure import UnknownStructure
+from idloop.diagnosis.residual_curves.unknown_structure import RECORD, UnknownStructure
 from idloop.diagnosis.screening.innovation_scores import InnovationScores
 from idloop.diagnosis.screening.score_test import Screen
 from idloop.diagnosis.search.step import EvaluatedModel
@@ -71,8 +71,8 @@ def _fit(screen: Screen, curve: TrialCurve) -> FittedCurve | None:
         return None
     raw = np.column_stack([column for column in columns if column is not None])
     own, errors = raw - screen.basis @ (screen.basis.T @ raw), screen.errors
-    if curve.coefficient:
-        # A constant change of the coefficient belongs to its parameter.
+    if curve.coefficient or curve.over == RECORD:
+        # A constant change of the coefficient belongs to its parameter, and a constant force to an effect.
         level = np.sum(own, axis=1)
         level /= max(float(np.linalg.norm(level)), 1e-300)
         own, errors = own - np.outer(level, level @ own), errors - level * float(level @ errors)

@@ -19,6 +19,8 @@ from idloop.diagnosis.evidence.predicted_motion import PredictedMotion, predicte
 from idloop.diagnosis.residual_curves.unknown_structure import (
     COEFFICIENT_KNOTS,
     KNOTS,
+    MOST_RECORDS,
+    RECORD,
     TIME_KNOTS,
     TURNS,
     Curve,
@@ -54,6 +56,8 @@ class TrialCurve(Curve):
     @property
     def text(self) -> str:
         """In words, such as "a force over the velocity"."""
+        if self.over == RECORD:
+            return f"{self.constant} that is another one in each record"
         return f"{'the' if self.coefficient else 'a'} {self.of} over the {self.variable}"
 
 
@@ -168,6 +172,7 @@ def _of_inertia(motion: PredictedMotion, change: Array, slope: Array) -> Array:
 
 # By their signs a positive curve is more inertia, more friction, a stronger drive.
 _FORCES: dict[str, _Force] = {
+    "force": lambda motion, change, slope: change,
     "inertia": _of_inertia,
     "viscous friction": lambda motion, change, slope: -change * motion.velocity,
     "dry friction": lambda motion, change, slope: -change * np.sign(motion.velocity),
@@ -176,7 +181,7 @@ _FORCES: dict[str, _Force] = {
 
 
 def coefficient_trials(screen: Screen) -> list[TrialCurve]:
-    """Every coefficient over the position of the driven body and, but for the inertia, over time.
+    """Every coefficient over the position of the driven body, the records and, but for the inertia, over time.
 
     Empty where nothing predicts the motion, see `predicted_motion`. None over time where the command is a sweep.
     """
@@ -192,24 +197,31 @@ def coefficient_trials(screen: Screen) -> list[TrialCurve]:
         splines = coefficient_splines(knots, closed=closed)
         slopes = splines.derivative()
         inside = [np.clip(place, knots[0], knots[-1]) for place in places]
-        along = [(motion, splines(at), slopes(at)) for motion, at in zip(motions, inside, strict=True)]
+        return along(over, unit, knots, [(splines(at), slopes(at)) for at in inside], closed=closed)
+
+    def along(
+        over: str, unit: str, knots: Array, heights_of: Sequence[tuple[Array, Array]], *, closed: bool = False
+    ) -> list[TrialCurve]:
+        known = [(motion, *several) for motion, several in zip(motions, heights_of, strict=True)]
 
         def forces(force: _Force, heights: Array) -> list[Array]:
-            return [force(motion, value @ heights, slope @ heights) for motion, value, slope in along]
+            return [force(motion, value @ heights, slope @ heights) for motion, value, slope in known]
 
         def change(force: _Force, heights: Array) -> Array | None:
             return screen.response_to_force(forces(force, heights))
 
         little, trials = 1e-6 * motions[0].inertia, []
         for of, force in _FORCES.items():
+            of_unit = units.get(of, model.units.force)
             size = (
                 float(np.sqrt(np.mean(np.concatenate(forces(force, np.full(len(knots) - closed, little))) ** 2)))
                 / little
             )
-            # An inertia does not drift.
-            if np.isfinite(size) and size > 0.0 and (of, over) != ("inertia", "time"):
+            # An inertia does not drift. A force over the position is a trial of its own.
+            excluded = (of, over) == ("inertia", "time") or (of == "force" and over != RECORD)
+            if np.isfinite(size) and size > 0.0 and not excluded:
                 step = 0.01 * screen.estimation.force / size
-                trials.append(TrialCurve(of, units[of], over, unit, knots, closed, step, partial(change, force)))
+                trials.append(TrialCurve(of, of_unit, over, unit, knots, closed, step, partial(change, force)))
         return trials
 
     _, _, middle, span = screen.sizes.bodies[0]
@@ -220,6 +232,11 @@ def coefficient_trials(screen: Screen) -> list[TrialCurve]:
     else:
         # A record has fewer samples at the ends of the travel than at any place of a turn.
         found = over_variable(over, unit, np.linspace(middle - 0.5 * span, middle + 0.5 * span, 9), places)
+    if 1 < len(motions) <= MOST_RECORDS:
+        own = np.eye(len(motions))
+        ones = [np.ones((len(motion.time), 1)) for motion in motions]
+        heights_of = [(one * row, 0.0 * one * row) for one, row in zip(ones, own, strict=True)]
+        found += along(RECORD, "-", np.arange(1.0, len(motions) + 1.0), heights_of)
     if not any(_swept(motion) for motion in motions):
         # The records one after the other, without what lay between them.
         elapsed: list[Array] = []

@@ -19,6 +19,10 @@ Array = NDArray[np.float64]
 
 # Knots of a force or a command, of a coefficient over the position, and of a slow drift over time.
 KNOTS, COEFFICIENT_KNOTS, TIME_KNOTS = 17, 13, 5
+# Name of the variable that is the place of a record among all, from 1 on.
+RECORD = "record"
+# Most records that are compared with each other.
+MOST_RECORDS = 20
 # Turns from which on a curve is periodic over the turn.
 TURNS = 1.5
 
@@ -30,7 +34,8 @@ class UnknownStructure:
     Attributes
     ----------
     variable : str
-        ``velocity``, ``position``, ``position within a turn`` with the body, ``command``, or ``time``.
+        ``velocity``, ``position``, ``position within a turn`` with the body, ``command``, ``time``, or
+        ``record`` (the first is 1).
     unit, force_unit : str
         Units of the variable and of the curve.
     at, force, band : array, shape (k,)
@@ -130,6 +135,11 @@ class Curve:
         return self.of not in ("force", "command")
 
     @property
+    def constant(self) -> str:
+        """What has one value in each record, in words."""
+        return "a constant force" if self.of == "force" else f"the {self.of}"
+
+    @property
     def variable(self) -> str:
         """The variable without its body."""
         return self.over.partition(".")[2] or self.over
@@ -148,6 +158,9 @@ class Curve:
         force, band = self.at_knots(force), self.at_knots(band)
         known = np.isfinite(force)
         at, force, band = self.knots[known], force[known], band[known]
+        if self.over == RECORD:
+            text = self._from_record_to_record(at, force, p_value)
+            return UnknownStructure(self.over, self.unit, self.of_unit, at, force, band, share, text, None, self.of)
         text = f"{errors} still follow the {self.variable} "
         if self.coefficient:
             text = f"the {self.of} changes with the {self.variable} "
@@ -155,11 +168,22 @@ class Curve:
             text = f"{errors} repeat every {period:.5g} {self.unit} of the position "
         text += f"({p_text(p_value)}) in a way that no candidate effect explains: "
         if self.coefficient:
-            apart = float(np.ptp(force))
-            size = f"{100.0 * apart:.3g} %" if self.of_unit == "-" else f"{short(apart)} {self.of_unit}"
-            text += f"by {size} from its minimum to its maximum, as fitted"
+            text += f"by {self._size(float(np.ptp(force)))} from its minimum to its maximum, as fitted"
             if self.over == "time":
                 text += "; the frequency of a sweep or the motion of another joint would look the same"
         else:
             text += f"a fitted {self.of} of up to {short(float(np.max(np.abs(force))))} {self.of_unit} remains"
         return UnknownStructure(self.over, self.unit, self.of_unit, at, force, band, share, text, period, self.of)
+
+    def _size(self, value: float) -> str:
+        return f"{100.0 * value:.3g} %" if self.of_unit == "-" else f"{short(value)} {self.of_unit}"
+
+    def _from_record_to_record(self, at: Array, heights: Array, p_value: float) -> str:
+        """What is another one in each record: a constant force, or a coefficient."""
+        low, high = (round(float(at[place])) for place in (np.argmin(heights), np.argmax(heights)))
+        apart = self._size(float(np.ptp(heights)))
+        return (
+            f"{self.constant} is another one in each record ({p_text(p_value)}): by {apart} larger in record {high}"
+            f" than in record {low}, in the order given. Fit records of one state of the machine together: a load, a"
+            " supply or a temperature that changed between them is no part of the model"
+        )

@@ -468,6 +468,13 @@ class WeakForm:
         first = test_functions(self.width, self.sample_time)[1]
         return np.asarray(windowed(np.ascontiguousarray(signals), self._along.rows, -first))
 
+    @property
+    def record_places(self) -> Integers:
+        """Place of the record of every instant of `motion`, shape (n,)."""
+        places = {id(track.held): 0 for track in self.tracks}
+        places = {held: place for place, held in enumerate(places)}
+        return np.concatenate([np.full(len(one.motion.time), places[id(one.held)]) for one in self.tracks])
+
     def along(self, what: str, body: int = 0) -> Array:
         """A signal at the middle of every window: ``time``, ``command``, or ``position`` or ``velocity`` of a body."""
         found = []
