@@ -105,20 +105,25 @@ def refine(
         criterion = kind = ladder.criterion
     found, last = None, None
     if criterion in ("auto", FORCE):
-        found, last = task.by_force(start, ladder, requested=criterion == FORCE)
+        found, last = task.within(0.0, 0.5).by_force(start, ladder, requested=criterion == FORCE)
         if criterion != FORCE:
             # Without a balance the free run is asked first.
-            found = found or (ladder if ladder is not None else task.by_free_run(start, None))
-            found = task.by_errors(start if found is None else found.model, found, PREDICTION, last)
+            found = found or (ladder if ladder is not None else task.within(0.5, 0.6).by_free_run(start, None))
+            by_errors = task.within(0.6, 0.8).by_errors
+            found = by_errors(start if found is None else found.model, found, PREDICTION, last)
             if last is not None:
-                found = task.checked_by_free_run(start, ladder, found, last)
+                found = task.within(0.8, 0.9).checked_by_free_run(start, ladder, found, last)
     if found is None:
-        found = task.by_errors(start, ladder, kind)
+        found = task.within(0.0, 0.9).by_errors(start, ladder, kind)
     if criterion == "auto" and found.verdict in NOISE_VERDICTS and not found.response.uninformative:
-        more = task.by_free_run(found.model, found)
-        found = found if more is found or more is None else task.by_errors(more.model, more, PREDICTION)
+        options.report(0.9, "comparing the free run")
+        more = task.within(0.9, 0.95).by_free_run(found.model, found)
+        if more is not found and more is not None:
+            found = task.within(0.95, 1.0).by_errors(more.model, more, PREDICTION)
     if criterion == "auto" and ladder is None and found.criterion == PREDICTION:
+        options.report(0.95, "fitting the free run")
         found = task.with_values_of_free_run(start, found)
+    options.report(1.0, "done")
     undetermined = ([] if scale is None else [scale]) + effect_scales(found.model, records)
     findings = findings_of_model(start, found.model, found.added, found.response, undetermined)
     contradicted = filter(None, (free_run_finding(found), force_finding(found)))
@@ -165,6 +170,10 @@ class _Refinement:
     options: Options
     most: int
     on_step: Callable[[Ladder], None] | None
+
+    def within(self, begin: float, end: float) -> _Refinement:
+        """The same for a part of the work, from one share of the whole to another."""
+        return replace(self, options=self.options.within(begin, end))
 
     def by_force(
         self, start: Model, ladder: Ladder | None, *, requested: bool

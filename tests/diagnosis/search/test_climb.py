@@ -63,6 +63,9 @@ class Fickle(View[Any]):
     def __init__(self, dropping: bool) -> None:
         self.dropping, self.steps = dropping, 0
 
+    def within(self, begin: float, end: float) -> View[Any]:
+        return self
+
     def evaluate(self, parent: Any) -> SearchStep[Any]:
         self.steps += 1
         wanted = [name for name in (FRICTION, DRAG) if name not in parent.model.effect_names]
@@ -92,6 +95,9 @@ def test_a_ladder_does_not_turn_in_a_circle() -> None:
 
 class Waves(View[Any]):
     """Finds three waves, of which the first has become superfluous in the end."""
+
+    def within(self, begin: float, end: float) -> View[Any]:
+        return self
 
     def evaluate(self, parent: Any) -> SearchStep[Any]:
         more = len(parent.model.effects) < 3 and "cogging#3@axis" not in parent.model.effect_names

@@ -179,6 +179,10 @@ class ForceView(View[WeakFit]):
         self.estimation, self.options = estimation, options
         self.held_out, self._forms = tuple(held_out), {} if forms is None else forms
 
+    def within(self, begin: float, end: float) -> ForceView:
+        """As in `View`."""
+        return ForceView(self.estimation, self.options.within(begin, end), self.held_out, self._forms)
+
     def evaluate(self, parent: WeakFit) -> SearchStep[WeakFit]:
         """Weigh every effect of the catalogue, and pairs of them where none shows alone."""
         whole, parent, options = parent, parent.subsampled(ENOUGH), self.options

@@ -174,6 +174,10 @@ class PredictionView(View[Refit]):
         """The same view from another model on; `balanced` as of the class."""
         return replace(self, start=model, balanced=balanced)
 
+    def within(self, begin: float, end: float) -> PredictionView:
+        """As in `View`."""
+        return replace(self, options=self.options.within(begin, end))
+
     def balances(self, model: Model) -> bool:
         """Whether a force balance has decided; once a body is split, that along its measured motion is void."""
         return self.balanced and not model.inner_couplings
@@ -187,15 +191,18 @@ class PredictionView(View[Refit]):
         """Evaluate the effects of the catalogue that a score test finds promising, and pairs of them.
 
         A few samples decide on most effects: more are used only where these do not. What would be named beside a force
-        balance must be the best of all effects: one that looks like it may act in less time than a window of that.
+        balance must be the best of all that look like it: these may act in less time than a window of that.
         """
-        step = self._evaluate_in(FEW, parent, first_look=True)
+        step = PredictionView._evaluate_in(self.within(0.0, 0.4), FEW, parent, first_look=True)
         if step.whole is not None and self._leaves_open(step):
-            step = self._evaluate_in(ENOUGH, parent)
+            step = PredictionView._evaluate_in(self.within(0.4, 0.8), ENOUGH, parent)
         if not step.tied or not self.balances(parent.model):
             return step
-        among_all = replace(self, balanced=False).evaluate(parent)
-        return among_all if among_all.tied else step
+        alike = [one for one in proposals(parent.model, self.options.effects, self.estimation.conditions)
+                 if any(_look_alike(one, tied) for best in step.tied for tied in best.proposals)]  # fmt: skip
+        options = replace(self.options.within(0.8, 1.0), effects=[one.name for one in alike])
+        among_alike = replace(self, balanced=False, options=options).evaluate(parent)
+        return among_alike if among_alike.tied else step
 
     def _leaves_open(self, step: PredictionStep) -> bool:
         """Whether more samples may name another effect."""
@@ -410,6 +417,12 @@ class PredictionView(View[Refit]):
             if evidence.log > 60.0:
                 break
         return None
+
+
+def _look_alike(one: Proposal, other: Proposal) -> bool:
+    """Whether two effects are the same or often confounded."""
+    a, b = one.effect, other.effect
+    return a.name == b.name or a.name in b.looks_like or b.name in a.looks_like
 
 
 def _within_rounding(

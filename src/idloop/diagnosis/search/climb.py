@@ -41,8 +41,9 @@ class Climb(Generic[FitT]):
         timing_refused = False
         while True:
             count = 0 if ladder is None else len(ladder.added)
-            self.report(count / (count + 2.0), f"evaluating effects beside {count}" if count else "evaluating effects")
-            step = self.view.evaluate(fit)
+            begin, end = count / (count + 2.0), (count + 1.0) / (count + 3.0)
+            self.report(begin, f"evaluating effects beside {count}" if count else "evaluating effects")
+            step = self.view.within(begin, end).evaluate(fit)
             fit = step.parent
             if ladder is None:
                 model = step.reported(fit)
@@ -75,7 +76,6 @@ class Climb(Generic[FitT]):
             ladder, fit = self._without_superfluous(ladder, fit, step, kept, earlier)
             if self.on_step is not None:
                 self.on_step(ladder)
-        self.report(1.0, "done")
         return self._concluded(ladder, step), fit
 
     def _first_that_serves(

@@ -344,6 +344,10 @@ class View(ABC, Generic[FitT]):
     """A view of the data in which models are fitted and effects evaluated."""
 
     @abstractmethod
+    def within(self, begin: float, end: float) -> View[FitT]:
+        """The view with its progress as a part of the work, from one share of the whole to another."""
+
+    @abstractmethod
     def evaluate(self, parent: FitT) -> SearchStep[FitT]:
         """Evaluate every effect of the catalogue, and pairs where none is significant alone."""
 
