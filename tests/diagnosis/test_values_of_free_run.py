@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -43,3 +44,18 @@ def test_first_and_last_model_have_the_values_of_a_fit_by_free_run(
     assert last is not None
     assert last.parameters["level"]["value"] == found.model.values["coulomb_friction@axis.level"]
     assert [text.partition(",")[0] for text in found.findings] == ["the values are those of a free run"]
+
+
+def test_values_whose_free_run_is_worse_on_held_out_records_are_not_taken(
+    start: Model, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(greybox, "choose_criterion", lambda *_: Choice("simulation", "the noise explains model error"))
+    record, held_out = (record_of(load_model("axis"), seed, seconds=2.0) for seed in (1, 2))
+    right = load_model("axis").with_effects(["coulomb_friction@axis(level=0.0)"])
+    # A record of another machine leads the free run astray.
+    other = replace(record, output=0.7 * record.output)
+    added = Candidate("coulomb_friction", "axis", "yes", "", "", model=right)
+    ladder = Ladder((Step(None, start), Step(added, right)), "adequate", criterion="prediction")
+    for validation, kept in (([held_out], True), ([], False)):
+        found = _Refinement(start, [other], validation, Options(), 8, None).with_values_of_free_run(start, ladder)
+        assert (found.model.values == right.values) is kept

@@ -307,11 +307,16 @@ class _Refinement:
         return replace(ladder, steps=tuple(steps))
 
     def with_values_of_free_run(self, start: Model, ladder: Ladder) -> Ladder:
-        """The ladder whose first and last model have the values of a free run, where a fit of them takes these."""
+        """The ladder whose first and last model have the values of a free run, where a fit of them takes these.
+
+        The last one keeps those of predictions where its free run of the held-out records is worse with the others.
+        """
         last, reason = len(ladder.steps) - 1, ""
         for place, model in {0: start, last: ladder.model if last else start}.items():
             found = fit_as_chosen(model, self.records)
             if found.criterion != SIMULATION:
+                continue
+            if place and self.validation and runs_worse(ladder.steps[place].model, found.model, self.validation):
                 continue
             step = ladder.steps[place].measured(found.model, self.records, self.validation)
             if place and step.added is not None:
