@@ -59,3 +59,20 @@ def test_values_whose_free_run_is_worse_on_held_out_records_are_not_taken(
     for validation, kept in (([held_out], True), ([], False)):
         found = _Refinement(start, [other], validation, Options(), 8, None).with_values_of_free_run(start, ladder)
         assert (found.model.values == right.values) is kept
+
+
+def test_what_explains_less_with_the_values_of_a_free_run_is_not_added(
+    start: Model, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(greybox, "choose_criterion", lambda *_: Choice("simulation", "the noise explains model error"))
+    record = record_of(load_model("axis"), 1, seconds=2.0)
+    extended = start.with_effects(["coulomb_friction@axis"])
+    added = Candidate("coulomb_friction", "axis", "yes", "", "", model=extended)
+    ladder = Ladder((Step(None, start), Step(added, extended)), "adequate", criterion="prediction")
+    task = _Refinement(start, [record], [], Options(), 8, None)
+    for worse in (True, False):
+        monkeypatch.setattr(_Refinement, "_worse", lambda *_, worse=worse: worse)
+        found = task.with_values_of_free_run(start, ladder)
+        assert found.added == (() if worse else (added.name,))
+        assert found.verdict == ("unknown_structure" if worse else "adequate")
+        assert any("nothing is added" in text for text in found.findings) is worse

@@ -32,7 +32,7 @@ from idloop.diagnosis.options import (
 )
 from idloop.diagnosis.screening.proposals import proposals
 from idloop.diagnosis.search.climb import Climb
-from idloop.diagnosis.search.step import ADEQUATE, MISSING, NOISE_VERDICTS, FitT, View
+from idloop.diagnosis.search.step import ADEQUATE, MISSING, NOISE_VERDICTS, UNKNOWN, FitT, View
 from idloop.estimation.dataset import prepare
 from idloop.estimation.force_balance.weak_fit import WeakFit
 from idloop.estimation.force_balance.weak_form import WeakForm
@@ -310,6 +310,7 @@ class _Refinement:
         """The ladder whose first and last model have the values of a free run, where a fit of them takes these.
 
         The last one keeps those of predictions where its free run of the held-out records is worse with the others.
+        What then explains less than the first is not added.
         """
         last, reason = len(ladder.steps) - 1, ""
         for place, model in {0: start, last: ladder.model if last else start}.items():
@@ -323,6 +324,14 @@ class _Refinement:
                 step = replace(step, added=step.added.with_model(found.model))
             ladder = replace(ladder, steps=(*ladder.steps[:place], step, *ladder.steps[place + 1 :]))
             reason = f"the values are those of a free run, not of one-step predictions: {found.why}"
+        if reason and ladder.added and self._worse(ladder.steps[0].model, ladder.model):
+            refused = (
+                f"one step ahead {' and '.join(ladder.added)} would help; with the values of a free run the model"
+                " explains less of the records, so that nothing is added: something else is missing"
+            )
+            return replace(
+                ladder, steps=ladder.steps[:1], verdict=UNKNOWN, findings=(*ladder.findings, reason, refused)
+            )
         return replace(ladder, findings=(*ladder.findings, *([reason] if reason else [])))
 
     def _with_delay_or_lag(self, estimation: EstimationProblem, ladder: Ladder) -> Ladder:

@@ -264,9 +264,3 @@ def _forces_in_units_of_the_command(model: Model) -> Iterator[Block]:
     gain, force, unit = model.parameter(_GAIN), model.units.force, model.input.unit
     if gain.value != 1.0 or unit == force:
         return
-    command, one = ("a command without a unit", "one") if unit == "-" else (f"a command in {unit}", f"1 {unit}")
-    kind = "torque" if unit == "N" else "force"
-    yield (
-        f"{_GAIN} is held at 1 {gain.unit}: {command} is no {kind}, so every {force} of this model is the {kind} of"
-        f" {one}. If the drive's gain is known, write it into model.yaml (`drive: {{gain: ...}}`) and fit again"
-    )
