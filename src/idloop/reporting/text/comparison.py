@@ -264,3 +264,11 @@ def _forces_in_units_of_the_command(model: Model) -> Iterator[Block]:
     gain, force, unit = model.parameter(_GAIN), model.units.force, model.input.unit
     if gain.value != 1.0 or unit == force:
         return
+    command, one = f"a command in {unit}", f"1 {unit}"
+    if unit == "-":
+        command, one = "a command without a unit", "a command of one"
+    kind = "torque" if unit == "N" else "force"
+    yield (
+        f"{_GAIN} is held at 1 {gain.unit}: {command} is no {kind}, so every {force} of this model is the {kind} of"
+        f" {one}. If the drive's gain is known, write it into model.yaml (`drive: {{gain: ...}}`) and fit again"
+    )
