@@ -68,7 +68,8 @@ def test_what_explains_less_with_the_values_of_a_free_run_is_not_added(
     record = record_of(load_model("axis"), 1, seconds=2.0)
     extended = start.with_effects(["coulomb_friction@axis"])
     added = Candidate("coulomb_friction", "axis", "yes", "", "", model=extended)
-    ladder = Ladder((Step(None, start), Step(added, extended)), "adequate", criterion="prediction")
+    said = (f"{added.name}.level is hardly determined",)
+    ladder = Ladder((Step(None, start), Step(added, extended)), "adequate", criterion="prediction", findings=said)
     task = _Refinement(start, [record], [], Options(), 8, None)
     for worse in (True, False):
         monkeypatch.setattr(_Refinement, "_worse", lambda *_, worse=worse: worse)
@@ -76,3 +77,5 @@ def test_what_explains_less_with_the_values_of_a_free_run_is_not_added(
         assert found.added == (() if worse else (added.name,))
         assert found.verdict == ("unknown_structure" if worse else "adequate")
         assert any("nothing is added" in text for text in found.findings) is worse
+        assert any("hardly determined" in text for text in found.findings) is not worse
+        assert [one.name for one in found.candidates] == ([added.name] if worse else [])

@@ -329,9 +329,14 @@ class _Refinement:
                 f"one step ahead {' and '.join(ladder.added)} would help; with the values of a free run the model"
                 " explains less of the records, so that nothing is added: something else is missing"
             )
+            # What is said of their values goes with them; that they were looked for stays.
+            findings = (text for text in ladder.findings if not any(name in text for name in ladder.added))
+            known = {one.name for one in ladder.candidates}
+            looked_for = (one.added for one in ladder.steps if one.added is not None and one.added.name not in known)
             return replace(
-                ladder, steps=ladder.steps[:1], verdict=UNKNOWN, findings=(*ladder.findings, reason, refused)
-            )
+                ladder, steps=ladder.steps[:1], verdict=UNKNOWN, findings=(*findings, reason, refused),
+                candidates=(*ladder.candidates, *looked_for),
+            )  # fmt: skip
         return replace(ladder, findings=(*ladder.findings, *([reason] if reason else [])))
 
     def _with_delay_or_lag(self, estimation: EstimationProblem, ladder: Ladder) -> Ladder:
