@@ -240,8 +240,9 @@ def held_scale(model: Model) -> Iterator[Block]:
         command = "a command without a unit" if model.input.unit == "-" else f"a command in {model.input.unit}"
     else:
         return
-    # Times, angles, speeds and commands do not depend on the scale of forces.
-    scaled = [name for name in model.free if _FORCES.search(model.parameter(name).unit)]
+    # Times, angles, speeds and commands do not depend on the scale of forces, but the gains of a drive make forces.
+    gains = {name for name in model.free if name.startswith("drive.") and model.parameter(name).unit != "s"}
+    scaled = [name for name in model.free if name in gains or _FORCES.search(model.parameter(name).unit)]
     free = joined_names(scaled)
     kind = "torque" if model.input.unit == "N" else "force"
     for name in (f"{body}.inertia" for body in model.bodies):
