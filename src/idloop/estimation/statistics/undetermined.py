@@ -107,7 +107,7 @@ class Undetermined:
 def common_scale(engine: Engine, data: list[Data]) -> Undetermined | None:
     """The forces of which only ratios are determined, at the model's starting values; None where a force is known."""
     model = engine.model
-    forces = _forces(model)
+    forces = proportional_to_force(model)
     names = tuple(name for name in model.free if name in forces)
     inertias = [f"{body}.inertia" for body in model.bodies]
     if not {_drive_scale(model), *inertias} <= set(names) or not _same_motion(engine, data, names):
@@ -231,7 +231,7 @@ def _sharing(direction: Array) -> list[int]:
     return [int(place) for place in np.flatnonzero(direction > (1.0 - _ALIKE) * float(np.max(direction)))]
 
 
-def _forces(model: Model) -> set[str]:
+def proportional_to_force(model: Model) -> set[str]:
     """Parameters that are proportional to a force."""
     found, output = {_drive_scale(model)}, _drive_scale(model) != "drive.gain"
     if model.loop is not None and output:

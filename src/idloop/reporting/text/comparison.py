@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from idloop.estimation.statistics.undetermined import proportional_to_force
 from idloop.records.inspection.grade import EVERYTHING, NOT_USABLE
 from idloop.reporting.residual_findings import residual_findings, residual_line
 from idloop.reporting.text.blocks import Block, Table, number
@@ -175,7 +175,6 @@ def brief_map(one: ErrorMap, most: int) -> list[str]:
 
 
 _GAIN, _LOOP_GAIN = "drive.gain", "drive.proportional"
-_FORCES = re.compile("N|kg")  # in units of what is a force, or stands for one
 _FORCE = 0.1  # force error above which a model lacks something, however well its free run follows
 
 
@@ -240,9 +239,9 @@ def held_scale(model: Model) -> Iterator[Block]:
         command = "a command without a unit" if model.input.unit == "-" else f"a command in {model.input.unit}"
     else:
         return
-    # Times, angles, speeds and commands do not depend on the scale of forces, but the gains of a drive make forces.
-    gains = {name for name in model.free if name.startswith("drive.") and model.parameter(name).unit != "s"}
-    scaled = [name for name in model.free if name in gains or _FORCES.search(model.parameter(name).unit)]
+    # Times, angles, speeds and commands do not depend on the scale of forces.
+    forces = proportional_to_force(model)
+    scaled = [name for name in model.free if name in forces]
     free = joined_names(scaled)
     kind = "torque" if model.input.unit == "N" else "force"
     for name in (f"{body}.inertia" for body in model.bodies):
