@@ -21,9 +21,9 @@ def test_only_a_free_run_that_followed_the_motion_gets_worse(
 ) -> None:
     errors = {"before": before, "after": after}
 
-    def measured(model: Any, _: Any) -> dict[str, Any]:
-        return {"anew": {"axis.position": errors[model.name]}}
+    def restarted(model: Any, _: Any) -> dict[str, float]:
+        return {"axis.position": errors[model.name]}
 
-    monkeypatch.setattr(model_errors, "model_errors", measured)
+    monkeypatch.setattr(model_errors, "_anew", restarted)
     plain, extended = (SimpleNamespace(name=name) for name in errors)
-    assert model_errors.runs_worse(plain, extended, ()) is worse
+    assert model_errors.runs_worse(plain, extended, (SimpleNamespace(name="run"),)) is worse

@@ -21,6 +21,8 @@ from idloop.validation.measures import fit_percent, nrmse, rmse
 
 # Other parameters compensate for an effect that was not missing: the unexplained force grows by a tenth or more.
 _WORSE, _FAR_WORSE = 1.1, 1.5
+# Of the force balance, over all outputs.
+_FORCE = ("force", "force_noise")
 # A free run with a larger error, as a part of the signal's deviation, does not follow it.
 _FOLLOWS = 0.9
 # Fifths of a record, kept for as long as the record: every model is run on them.
@@ -36,7 +38,7 @@ def model_errors(model: Model, records: Sequence[Record]) -> dict[str, Any]:
     if not records:
         return {}
     by_record = {record.name: _errors(model, record) for record in records}
-    return {**_mean(list(by_record.values())), "records": by_record}
+    return {**_mean(list(by_record.values()), ("nrmse", "fit", "rmse", "anew", *_FORCE)), "records": by_record}
 
 
 def explains_less(before: Model, after: Model, records: Sequence[Record]) -> bool:
@@ -45,13 +47,14 @@ def explains_less(before: Model, after: Model, records: Sequence[Record]) -> boo
     Where an effect splits a body, the force balance along its measured motion is void, and elsewhere noise may hide it:
     there the free run decides.
     """
-    was, now = (model_errors(one, records) for one in (before, after))
     if after.inner_couplings:
         # Where it is started anew, the motion of the part that nobody measures is not known.
+        was, now = (model_errors(one, records) for one in (before, after))
         return _grow(was, now, _WORSE) and _grow(was, now, _WORSE, of="nrmse")
+    was, now = (_mean([_force(one, record) for record in records], _FORCE) for one in (before, after))
     if was["force"] is None:
         # Without a balance a free run also gathers what a disturbance leaves.
-        return _grow(was, now, _FAR_WORSE)
+        return _grow(_restarted(before, records), _restarted(after, records), _FAR_WORSE)
     # Below its own error a force balance separates no models.
     return now["force"] is None or now["force"] > _WORSE * max(was["force"], LEAST_UNEXPLAINED)
 
@@ -62,9 +65,9 @@ def runs_worse(before: Model, after: Model, records: Sequence[Record]) -> bool:
     What did not follow the motion before shows nothing: an arm that a loop holds falls with the right model, and stands
     still with one that describes nothing.
     """
-    was, now = (model_errors(one, records) for one in (before, after))
-    followed = {name: error for name, error in was["anew"].items() if error < _FOLLOWS}
-    return _grow(was | {"anew": followed}, now, _WORSE)
+    was = _restarted(before, records)["anew"]
+    followed = {name: error for name, error in was.items() if error < _FOLLOWS}
+    return bool(followed) and _grow({"anew": followed}, _restarted(after, records), _WORSE)
 
 
 def _grow(was: dict[str, Any], now: dict[str, Any], most: float, of: str = "anew") -> bool:
@@ -80,16 +83,25 @@ def _errors(model: Model, record: Record) -> dict[str, Any]:
             simulated = free_run(CachingEngine(model), data)
     except IdloopError:
         simulated = np.full(data.output.shape, np.nan)
-    found: dict[str, Any] = {"anew": _anew(model, record)}
+    found: dict[str, Any] = {"anew": _anew(model, record), **_force(model, record)}
     for label, measure in (("nrmse", nrmse), ("fit", fit_percent), ("rmse", rmse)):
         values = measure(record.output, simulated)
         found[label] = {name: float(value) for name, value in zip(names, values, strict=True) if np.isfinite(value)}
+    return found
+
+
+def _force(model: Model, record: Record) -> dict[str, float | None]:
+    """Relative force error, and the part that sensor noise alone makes; None where they are not known."""
     try:
         force = force_error(model, record)
-        found |= {"force": force.relative if force.trusted else None, "force_noise": force.noise}
     except IdloopError:
-        found |= {"force": None, "force_noise": None}
-    return found
+        return dict.fromkeys(_FORCE)
+    return {"force": force.relative if force.trusted else None, "force_noise": force.noise}
+
+
+def _restarted(model: Model, records: Sequence[Record]) -> dict[str, Any]:
+    """Errors of the free run that is restarted at every fifth, over all records."""
+    return _mean([{"anew": _anew(model, record)} for record in records], ("anew",))
 
 
 def _anew(model: Model, record: Record) -> dict[str, float]:
@@ -113,17 +125,18 @@ def _anew(model: Model, record: Record) -> dict[str, float]:
     return {o.name: float(error) for o, error in zip(model.outputs, errors, strict=True) if np.isfinite(error)}
 
 
-def _mean(several: list[dict[str, Any]]) -> dict[str, Any]:
+def _mean(several: list[dict[str, Any]], labels: Sequence[str]) -> dict[str, Any]:
     """Root mean square over the records of all but FIT, which is averaged."""
     mean: dict[str, Any] = {}
-    for label in ("nrmse", "fit", "rmse", "anew"):
+    for label in labels:
+        if label in _FORCE:
+            known = [one[label] for one in several]
+            mean[label] = None if None in known else _rms(known)
+            continue
         mean[label] = {}
         for name in dict.fromkeys(name for one in several for name in one[label]):
             values = [one[label][name] for one in several if name in one[label]]
             mean[label][name] = float(np.mean(values)) if label == "fit" else _rms(values)
-    for label in ("force", "force_noise"):
-        values = [one[label] for one in several]
-        mean[label] = None if None in values else _rms(values)
     return mean
 
 
