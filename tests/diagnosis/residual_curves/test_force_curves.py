@@ -69,3 +69,12 @@ def test_what_differs_between_records_is_said(
     assert words in found.unknown.text
     size = 0.1 if of == "force" else 0.22
     assert np.ptp(found.unknown.force) == pytest.approx(size, rel=0.15)
+
+
+def test_an_effect_is_found_beside_a_force_that_is_another_one_in_each_record() -> None:
+    axis, friction = load_model("axis"), "coulomb_friction@axis(level=0.08)"
+    loads = (f"load_torque@axis(torque={torque})" for torque in (0.1, -0.1))
+    records = [record_of(axis.with_effects([load, friction]), seed) for seed, load in enumerate(loads, 5)]
+    found = diagnose(axis, records, effects=["asymmetric_viscous_friction", "coulomb_friction"], criterion="force")
+    assert found.set == ("coulomb_friction@axis",)
+    assert found.unknown is None or found.unknown.variable == "record"

@@ -58,11 +58,12 @@ class ForceCurve(Curve):
 
     @property
     def may_confound(self) -> bool:
-        """Whether it depends on the position and not on the motion, as waves and springs do.
+        """Whether it depends on the position or the record and not on the motion, as waves, springs and loads do.
 
         Waves are the terms of a force that repeats: they explain it.
         """
-        return "position" in self.over and (self.of == "inertia" or (self.of == "force" and not self.closed))
+        of_the_place = "position" in self.over and (self.of == "inertia" or (self.of == "force" and not self.closed))
+        return of_the_place or (self.over == RECORD and self.of == "force")
 
     def confounds(self, one: EvaluatedModel[WeakFit]) -> bool:
         """Whether nothing significant remains of an effect beside this curve."""

@@ -78,7 +78,7 @@ class ResidualCurve(Protocol):
 FitT = TypeVar("FitT", bound=Fitted)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class EvaluatedModel(Generic[FitT]):
     """A fitted model with one further effect, or with two that show only together, and its evidence."""
 
@@ -328,8 +328,9 @@ class SearchStep(ABC, Generic[FitT]):
         for name, why in {**self.rejected, **self.undetermined}.items():
             if name in shown:
                 found.setdefault(name, why)
+        members = {other.names for other in (*self.tied, *self.confounded)}
         for one in self.significant:
-            if one in self.tied or one in self.confounded or len(one.proposals) > 1:
+            if one.names in members or len(one.proposals) > 1:
                 continue
             if one.contained_part_is_zero:
                 found.setdefault(one.names[-1], "the simpler effect that it contains is zero in it")
