@@ -17,18 +17,22 @@ from idloop.physics.simulation import simulate
 from idloop.records import Record
 
 RATE = 200.0
-# Two bodies, both of which are measured.
+# Three bodies, all of which are measured.
 MACHINE = """
 schema: idloop/model/1
-name: pair
+name: chain
 input: {topic: joint_command, joint: motor, field: effort, unit: N·m}
 outputs:
   - {topic: joint_states, joint: motor, field: position, unit: rad}
   - {topic: joint_states, joint: load, field: position, unit: rad}
+  - {topic: joint_states, joint: tool, field: position, unit: rad}
 bodies:
   - {name: motor, inertia: {value: 0.01}, viscous_friction: {value: 0.02}}
   - {name: load, inertia: {value: 0.02}, viscous_friction: {value: 0.01}}
-couplings: [{from: motor, to: load, stiffness: {value: 5.0}, damping: {value: 0.01}}]
+  - {name: tool, inertia: {value: 0.01}, viscous_friction: {value: 0.01}}
+couplings:
+  - {from: motor, to: load, stiffness: {value: 5.0}, damping: {value: 0.01}}
+  - {from: load, to: tool, stiffness: {value: 8.0}, damping: {value: 0.02}}
 drive: {gain: {value: 1.0}}
 """
 SITE = {INPUT: "input", BODY: "motor", COUPLING: "motor-load"}
@@ -43,7 +47,7 @@ CONDITIONS = (
 
 @pytest.fixture(scope="module")
 def machine(tmp_path_factory: pytest.TempPathFactory) -> Model:
-    path: Path = tmp_path_factory.mktemp("pair") / "pair.yaml"
+    path: Path = tmp_path_factory.mktemp("chain") / "chain.yaml"
     path.write_text(MACHINE)
     return load_model(str(path))
 

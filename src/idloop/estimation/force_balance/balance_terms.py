@@ -621,8 +621,10 @@ class BalanceTerms:
         constants[kernel.GAIN], constants[kernel.DELAY] = gain, 0.0
         if chain is not None:
             only[chain] = 1.0
-        coupled = [(values[f"{one}.stiffness"], values[f"{one}.damping"]) for one in self.model.couplings]
-        stiffness, damping = only * np.array(coupled).reshape(-1, 2).T
+        stiffness, damping = (
+            only * np.array([values[f"{one}.{own}"] for one in self.model.couplings])
+            for own in ("stiffness", "damping")
+        )
         numbers = [number for one in kept if not one.effect.delay for number in _numbers(one, values)]
         axis = layout.axis._replace(
             constants=constants, viscous=np.zeros(layout.bodies), stiffness=stiffness, damping=damping,
