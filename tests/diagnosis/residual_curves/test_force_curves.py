@@ -47,9 +47,15 @@ def test_what_changes_with_the_time_may_be_the_frequency_of_a_sweep(over: str):
     ("first", "second", "criterion", "of", "words"),
     [
         # By predictions a constant force is a disturbance.
-        ("load_torque@axis(torque=0.05)", "load_torque@axis(torque=-0.05)", "force", "force", "a constant force is"),
-        ("load_torque@axis(torque=0.0)", None, "force", "drive", "the drive is another one in each record"),
-        ("load_torque@axis(torque=0.0)", None, "prediction", "drive", "the drive is another one in each record"),
+        (
+            "load_torque@axis(torque=0.05)",
+            "load_torque@axis(torque=-0.05)",
+            "force",
+            "force",
+            "a constant force differs",
+        ),
+        ("load_torque@axis(torque=0.0)", None, "force", "drive", "the drive differs between the records"),
+        ("load_torque@axis(torque=0.0)", None, "prediction", "drive", "the drive differs between the records"),
         ("load_torque@axis(torque=0.02)", "load_torque@axis(torque=0.02)", "force", None, ""),
         ("load_torque@axis(torque=0.02)", "load_torque@axis(torque=0.02)", "prediction", None, ""),
     ],

@@ -81,9 +81,7 @@ class ForceCurve(Curve):
         if self.period is not None:
             return f"a force that repeats every {self.period:.4g} {self.unit}"
         if self.over == RECORD:
-            return (
-                f"{'a constant force' if self.of == 'force' else f'the {self.of}'} that is another one in each record"
-            )
+            return self.between_records
         what = "a force" if self.of == "force" else f"a change of the {self.of}"
         return f"{what} over the {self.variable}"
 
@@ -153,10 +151,8 @@ def force_curves(fit: WeakFit, base: Scores) -> list[ForceCurve]:
             if of == "force":
                 heights = slopes = _hats(values, knots, closed=closed)
             else:
-                splines, at = (
-                    coefficient_splines(knots, closed=closed),
-                    values if closed else np.clip(values, low, high),
-                )
+                splines = coefficient_splines(knots, closed=closed)
+                at = values if closed else np.clip(values, low, high)
                 heights, slopes = splines(at), splines(at, 1)
         if of == "inertia":
             # Lagrange's equation: an inertia that changes along the way takes a force at constant speed as well.

@@ -57,7 +57,7 @@ class TrialCurve(Curve):
     def text(self) -> str:
         """In words, such as "a force over the velocity"."""
         if self.over == RECORD:
-            return f"{self.constant} that is another one in each record"
+            return self.between_records
         return f"{'the' if self.coefficient else 'a'} {self.of} over the {self.variable}"
 
 

@@ -140,6 +140,11 @@ class Curve:
         return "a constant force" if self.of == "force" else f"the {self.of}"
 
     @property
+    def between_records(self) -> str:
+        """That it differs between the records, in words."""
+        return f"{self.constant} that differs between the records"
+
+    @property
     def variable(self) -> str:
         """The variable without its body."""
         return self.over.partition(".")[2] or self.over
@@ -179,11 +184,11 @@ class Curve:
         return f"{100.0 * value:.3g} %" if self.of_unit == "-" else f"{short(value)} {self.of_unit}"
 
     def _from_record_to_record(self, at: Array, heights: Array, p_value: float) -> str:
-        """What is another one in each record: a constant force, or a coefficient."""
+        """That a constant force or a coefficient differs between the records."""
         low, high = (round(float(at[place])) for place in (np.argmin(heights), np.argmax(heights)))
         apart = self._size(float(np.ptp(heights)))
         return (
-            f"{self.constant} is another one in each record ({p_text(p_value)}): by {apart} larger in record {high}"
-            f" than in record {low}, in the order given. Fit records of one state of the machine together: a load, a"
-            " supply or a temperature that changed between them is no part of the model"
+            f"{self.constant} differs between the records ({p_text(p_value)}): it is {apart} larger in record {high}"
+            f" than in record {low}, in the order given. Fit records of one state of the machine together: the model"
+            " has no load, supply or temperature that changes between them"
         )

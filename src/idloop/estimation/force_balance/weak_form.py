@@ -471,8 +471,8 @@ class WeakForm:
     @property
     def record_places(self) -> Integers:
         """Place of the record of every instant of `motion`, shape (n,)."""
-        places = {id(track.held): 0 for track in self.tracks}
-        places = {held: place for place, held in enumerate(places)}
+        held = dict.fromkeys(id(track.held) for track in self.tracks)
+        places = {one: place for place, one in enumerate(held)}
         return np.concatenate([np.full(len(one.motion.time), places[id(one.held)]) for one in self.tracks])
 
     def along(self, what: str, body: int = 0) -> Array:
