@@ -170,6 +170,28 @@ def test_held_out_records_that_move_otherwise_do_not_hide_an_effect():
     assert step.tied[0].held_out > 0.0
 
 
+def test_a_standstill_in_held_out_records_speaks_for_the_friction_that_holds_the_body():
+    """Its windows count by their motion, which says less than a command where the body moves at steady speeds."""
+    light = TWO_BODIES.replace("inertia: {value: 0.01}", "inertia: {value: 0.0002}")
+    model = build_model(read_model_file(light, "light.yaml"), "light.yaml")
+    machine = model.with_effects(["coulomb_friction@motor(level=0.2)", "imbalance@motor(amplitude=0.1,phase=0.5)"])
+    time = np.arange(0.0, 12.0, 0.004)
+
+    def stepped(levels: list[float], name: str) -> Record:
+        command = np.repeat(levels, len(time) // len(levels))
+        output = simulated(machine, time, command)
+        names, units = tuple(o.name for o in machine.outputs), tuple(o.unit for o in machine.outputs)
+        return Record(name, time, command, time, output, "motor.effort", "N·m", names, units)
+
+    estimation = prepare_estimation(model, [stepped([1.0, -0.5, 0.75, 1.0, -1.0, 0.5], "fitted")], "prediction")
+    held_out = prepare(model, [stepped([0.9, -0.7, 0.0, 0.0, 0.0, 0.0], "held-out")])
+    view = ForceView(estimation, Options(effects=["coulomb_friction@motor"]), held_out)
+    step = view.evaluate(requested_force_fit(model, estimation, {}))
+    friction = next(one for one in step.evaluated if one.names == ("coulomb_friction@motor",))
+    assert friction.held_out is not None
+    assert friction.held_out > 0.5 * step.improvement(friction)
+
+
 def test_an_effect_that_held_out_records_do_not_have_is_not_named():
     machine = load_model("axis").with_effects(["load_torque@axis(torque=0.1)"])
     estimation = prepare_estimation(load_model("axis"), [turned(machine, 1)], "prediction")

@@ -7,8 +7,9 @@ import pytest
 
 from idloop.estimation import fit
 from idloop.estimation.dataset import prepare
+from idloop.estimation.force_balance import window_width
 from idloop.estimation.force_balance.weak_fit import WeakFit, fit_weak
-from idloop.estimation.force_balance.weak_form import weak_form
+from idloop.estimation.force_balance.weak_form import NARROWEST, weak_form
 from idloop.estimation.force_balance.weak_likelihood import NormalisedErrors, cost_at
 from idloop.estimation.force_balance.window_width import _off_limits, fit_by_force
 from idloop.estimation.optimisation.caching_engine import CachingEngine
@@ -62,6 +63,17 @@ def turning_often(noise: float, seed: int) -> Record:
     output = output + noise * rng.normal(size=output.shape) * [2e-4, 4e-3]
     names, units = tuple(o.name for o in model.outputs), tuple(o.unit for o in model.outputs)
     return Record("run", time, command, time, output, "axis.effort", model.input.unit, names, units)
+
+
+def test_where_every_width_shows_another_inertia_the_narrowest_windows_are_used(monkeypatch) -> None:
+    """A force that is missing, not noise, then makes the inertia of the wide ones."""
+    monkeypatch.setattr(window_width, "_underestimates_inertia", lambda *found, noisy: True)
+    plain = load_model("axis")
+    engine, data = CachingEngine(plain), prepare(plain, [recorded(MACHINE)])
+    found = fit_by_force(engine, data, plain.theta, accept_noise=True)
+    assert found is not None
+    assert found.form.width == NARROWEST
+    assert fit_by_force(engine, data, plain.theta) is None
 
 
 def test_a_search_leaves_a_limit_from_the_start() -> None:

@@ -16,7 +16,14 @@ from idloop.diagnosis.screening.proposals import Proposal, proposals
 from idloop.diagnosis.search.step import LEAST_GAIN, EvaluatedModel
 from idloop.errors import IdloopError
 from idloop.estimation.dataset import Data, common_conditions
-from idloop.estimation.force_balance.weak_fit import RANKING_TOLERANCE, WeakFit, relative_errors, with_rest_speed
+from idloop.estimation.force_balance.weak_fit import (
+    RANKING_TOLERANCE,
+    WeakFit,
+    relative_errors,
+    typical_errors,
+    typical_sizes_of,
+    with_rest_speed,
+)
 from idloop.estimation.force_balance.weak_form import WeakForm, weak_form
 from idloop.estimation.force_balance.weak_likelihood import cost_at
 from idloop.estimation.likelihood.estimation_problem import ENOUGH, EstimationProblem
@@ -82,6 +89,11 @@ def log_mean(relatives: Array) -> float:
     return float(np.mean(np.log(np.maximum(relatives, 1e-300))))
 
 
+def _typical(fit: WeakFit) -> float:
+    """Geometric mean of the bodies' typical force errors where they were fitted, relative."""
+    return math.exp(log_mean(typical_errors(fit.form, fit.theta, fit.shift)))
+
+
 def along_fit(form: WeakForm, fit: WeakFit) -> WeakForm:
     """Windows with the model and the rest speed of a fit."""
     return form.with_engine(fit.form.engine).with_rest_speed(fit.form.rest_speed)
@@ -106,20 +118,16 @@ class Evaluator:
         self.coarse = coarse
         form = weak_form(parent.form.engine, held_out, parent.form.width) if held_out else None
         self._held_out = None if form is None else form.subsampled(ENOUGH)
-        self._before, self._relative = self._typical_error(parent), self._relative_error(parent)
+        self._before, self._relative = self._errors(parent)
         self._resolved = estimation.resolves(parent.model)
 
-    def _typical_error(self, fit: WeakFit) -> float:
-        """Logarithm of the typical error on the held-out records, whose scale is their own."""
+    def _errors(self, fit: WeakFit) -> tuple[float, float]:
+        """Mean logarithms of the bodies' typical and rms force errors on the held-out records, relative."""
         if self._held_out is None:
-            return 0.0
-        return -float(np.mean(fit.along(along_fit(self._held_out, fit)).log_densities()))
-
-    def _relative_error(self, fit: WeakFit) -> float:
-        """Mean logarithm of the relative force error of the bodies on the held-out records."""
-        if self._held_out is None:
-            return 0.0
-        return log_mean(relative_errors(along_fit(self._held_out, fit), fit.theta, fit.shift))
+            return 0.0, 0.0
+        form = along_fit(self._held_out, fit)
+        typical, relative = (measure(form, fit.theta, fit.shift) for measure in (typical_errors, relative_errors))
+        return log_mean(typical), log_mean(relative)
 
     def __call__(self, fits: Iterable[FittedEffects | None], level: float) -> list[EvaluatedModel[WeakFit]]:
         """Those of models fitted in few windows that explain anything, with their evidence."""
@@ -158,28 +166,30 @@ class Evaluator:
             return None
         held_out, as_fitted = None, False
         try:
-            after = self._typical_error(fit)
+            typical, relative = self._errors(fit)
         except (IdloopError, np.linalg.LinAlgError):
             return None
         evidence = scores.against(self.base)
         if self._can_improve(chosen, fit) >= CARRIES_OVER * evidence.improvement:
-            grown = max(after - self._before, self._relative_error(fit) - self._relative)
+            grown = max(typical - self._before, relative - self._relative)
             # An error that has grown by a factor of e⁵⁰ has diverged.
             held_out = 1.0 - math.exp(min(grown, 50.0))
-            as_fitted = self._as_fitted(fit, after)
+            as_fitted = self._as_fitted(fit, typical)
         return EvaluatedModel(chosen, fit, scores, evidence, gain, held_out, as_fitted)
 
-    def _as_fitted(self, fit: WeakFit, held_out: float) -> bool:
-        """Whether errors on the held-out records are no larger than on the worst fitted one, and have hardly grown.
+    def _as_fitted(self, fit: WeakFit, after: float) -> bool:
+        """Whether errors on held-out records are no larger than on the worst fitted one, and have hardly grown.
 
-        `held_out` is the logarithm of their typical error. It may grow by a part of what the fitted records gain.
+        `after` is the logarithm of their typical error. It may grow by a part of what the fitted records gain.
         """
-        density, before = -fit.log_densities(), -self.parent.log_densities()
-        starts = fit.form.starts
-        worst = max(float(np.mean(density[first:last])) for first, last in pairwise(starts))
-        gained = math.exp(float(np.mean(before))) - math.exp(float(np.mean(density)))
-        grown = math.exp(min(held_out, 50.0)) - math.exp(self._before)
-        return held_out <= worst and grown <= _LITTLE_HARM * gained
+        if self._held_out is None:
+            return False
+        held_out = along_fit(self._held_out, fit).residual(fit.theta, fit.shift)
+        records = [fit.residual[first:last] for first, last in pairwise(fit.form.starts)]
+        worst = max(log_mean(typical_sizes_of(left)) for left in records)
+        gained = _typical(self.parent) - _typical(fit)
+        grown = math.exp(min(after, 50.0)) - math.exp(self._before)
+        return log_mean(typical_sizes_of(held_out)) <= worst and grown <= _LITTLE_HARM * gained
 
     def _can_improve(self, chosen: tuple[Proposal, ...], fit: WeakFit) -> float:
         """Part by which effects reduce the errors on the held-out records if they are true: a limit may not be reached.

@@ -24,6 +24,7 @@ from idloop.estimation.force_balance.weak_likelihood import (
 )
 from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.estimation.optimisation.levenberg import box_step, difference_jacobian, update_jacobian
+from idloop.estimation.statistics.student import scale_of
 from idloop.physics import Model
 
 Rows = NDArray[np.int64]
@@ -247,10 +248,27 @@ def relative_errors(form: WeakForm, theta: Array, shift: float) -> Array:
 
     `theta`, `shift`: as of `WeakForm.residual`.
     """
+    left, acting = _left_and_acting(form, theta, shift)
+    return np.asarray(np.linalg.norm(left, axis=0) / acting)
+
+
+def typical_errors(form: WeakForm, theta: Array, shift: float) -> Array:
+    """As `relative_errors`, by the scale of Student's t distribution in place of the rms: outliers count little."""
+    left, acting = _left_and_acting(form, theta, shift)
+    return np.asarray(typical_sizes_of(left) * np.sqrt(len(left)) / acting)
+
+
+def typical_sizes_of(left: Array) -> Array:
+    """Scale of Student's t distribution of the unexplained force (rows, bodies) of every body, shape (bodies,)."""
+    return np.array([scale_of(column) for column in left.T])
+
+
+def _left_and_acting(form: WeakForm, theta: Array, shift: float) -> tuple[Array, Array]:
+    """Unexplained force, shape (rows, bodies), and the norm of the acting force, shape (bodies,), positive."""
     left = form.residual(theta, shift)
     acting = form.inertia(theta) * form.inertial - left
     acting[:, 0] = form.drive(theta, shift)
-    return np.asarray(np.linalg.norm(left, axis=0) / np.maximum(np.linalg.norm(acting, axis=0), 1e-300))
+    return left, np.maximum(np.linalg.norm(acting, axis=0), 1e-300)
 
 
 def model_error_dominates(form: WeakForm, theta: Array, shift: float) -> bool:

@@ -50,7 +50,7 @@ def fit_by_force(
 
     `start` (k,).
     `known`: cache of windows of these data by width, for other models.
-    `accept_noise`: use the widest windows where sensor noise dominates in all.
+    `accept_noise`: where no windows qualify, use the narrowest that noise does not dominate, else the widest.
     `rest_speed`: first rest speed of the search [m/s or rad/s].
     `narrowest`: samples in the first windows.
     Returns: None where some body is not measured, or sensor noise dominates at any width.
@@ -61,13 +61,16 @@ def fit_by_force(
     found: WeakFit | None = None
     # For a body without model error only noise is unexplained, at any width.
     partly_resolved: WeakFit | None = None
+    # What all windows show otherwise than those wider by a factor is no work of noise.
+    resolved: WeakFit | None = None
     noisy, skipped = False, None
     while True:
         form = _windows(engine, data, width, forms)
         if form is None:
-            if partly_resolved is None and accept_noise and skipped is not None:
+            best = partly_resolved or (resolved if accept_noise else None)
+            if best is None and accept_noise and skipped is not None:
                 return with_rest_speed(fit_weak(skipped, point))
-            return partly_resolved or (found if accept_noise else None)
+            return best or (found if accept_noise else None)
         form = form if rest_speed is None else form.with_rest_speed(rest_speed)
         noisy = noisy or form.reliability < LEAST_RELIABLE
         if found is not None and _mostly_noise(form, found.point):
@@ -79,6 +82,7 @@ def fit_by_force(
         free = found.form.engine.free
         noisy = noisy or any(name.endswith(".inertia") for name, at in zip(free, _at_limit(found), strict=True) if at)
         if form.reliability >= LEAST_RELIABLE and found.resolved:
+            resolved = resolved or found
             attenuated = _underestimates_inertia(found, start, forms, noisy=noisy)
             noisy = noisy if attenuated is None else attenuated or _noise_hides_inertia(found, forms)
             if not noisy and np.all(found.noise_share <= MOST_NOISE):
