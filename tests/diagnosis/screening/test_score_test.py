@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from tests.diagnosis.conftest import record_of
 
+from idloop.diagnosis.evidence.prediction_view import PredictionView
+from idloop.diagnosis.options import Options
 from idloop.diagnosis.screening.proposals import proposals
 from idloop.diagnosis.screening.score_test import Screen
 from idloop.estimation.likelihood.estimation_problem import prepare_estimation
@@ -71,3 +73,15 @@ def test_where_nothing_disturbs_the_disturbances_strength_takes_no_direction(see
     assert screen.basis.shape[1] <= parent.parameters + 2 * disturbed
     if not disturbed:
         assert screen.basis.shape[1] == parent.parameters
+
+
+@pytest.mark.parametrize(("effect", "several"), [("sensor_ripple@position[axis]", True), ("coulomb_friction", False)])
+def test_every_whole_number_that_was_tried_counts_as_a_choice(screen: Screen, effect: str, several: bool) -> None:
+    """The best of twelve harmonics shows by chance more often than one effect does."""
+    (proposal,) = proposals(screen.parent.model, [effect])
+    scales = screen.sizes.at(proposal.effect.site, proposal.at)
+    tried = {trials[0].get("harmonic") for trials in proposal.alternatives(scales)}
+    assert (len(tried) > 1) is several
+    assert screen(proposal).choices == len(tried)
+    view = PredictionView(screen.estimation, screen.parent.model, Options(effects=[effect]))
+    assert view.evaluate(screen.parent).threshold() == pytest.approx(np.log(len(tried) / 0.01))

@@ -224,7 +224,8 @@ class PredictionView(View[Refit]):
         proposed = proposals(parent.model, effects, self.estimation.conditions)
         screen = Screen(self.estimation, parent, self.options.seed)
         screened = screen.all(proposed, self._part(0.15, 0.4, "screening"))
-        bar = 2.0 * math.log(max(len(proposed), 1) / options.level)
+        choices = sum(one.choices for one in screened)
+        bar = 2.0 * math.log(max(choices, 1) / options.level)
         confirmed = self._confirmed(parent, screened, bar)
         # A force balance shows that the motion follows the command, whatever the noise model has absorbed.
         responds = self.balances(parent.model) or responds_to_command(self.estimation, parent)
@@ -235,7 +236,7 @@ class PredictionView(View[Refit]):
         evaluator = _Evaluator(parent)
         singles = evaluator([((one.proposal,), one.fit) for one in confirmed if one.gain >= LEAST_GAIN])
         step = PredictionStep(
-            parent, tuple(singles), len(proposed), options.level, options.minimum_improvement, tuple(proposed),
+            parent, tuple(singles), choices, options.level, options.minimum_improvement, tuple(proposed),
             gate(parent.model, whole, screened, bar), estimation=self.estimation,
             unseen=(self.estimation if self.held_out is None else self.held_out).records,
         )  # fmt: skip

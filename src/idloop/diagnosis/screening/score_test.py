@@ -68,6 +68,7 @@ class Screened:
     proposal: Proposal
     traces: list[Trace]
     tried: bool = True  # at any values
+    choices: int = 1  # of whole numbers and periods that it was tried with
 
     @property
     def statistic(self) -> float:
@@ -118,8 +119,10 @@ class Screen:
         """Traces of all alternatives of one proposal."""
         scales = self.sizes.at(proposal.effect.site, proposal.at)
         along = proposal.effect.needs_length and proposal.at == proposal.base.bodies[0]
+        periods = 1
         if along and self.period is not None:
-            scales = replace(scales, periods=self.period[:1])
+            strongest, periods = self.period
+            scales = replace(scales, periods=(strongest,))
         traces = []
         share, weakest = 1.0, _weakest(proposal, scales)
         alternatives = proposal.alternatives(scales)
@@ -129,7 +132,8 @@ class Screen:
             share = asked if weak else share
             if trace is not None:
                 traces.append(replace(trace, typical=max(trace.detectable, trace.detectable / asked**2)))
-        return Screened(proposal, traces, bool(alternatives))
+        numbers = {tuple(trials[0].get(name) for name in proposal.whole_numbers) for trials in alternatives}
+        return Screened(proposal, traces, bool(alternatives), max(len(numbers), 1) * periods)
 
     def _weak_trace(self, proposal: Proposal, trials: list[Trial], share: float) -> tuple[Trace | None, float]:
         """Trace at a strength at which it is not far above the noise, as a weak effect is, and the share of that."""

@@ -149,12 +149,11 @@ def _confirm(estimation: EstimationProblem, parent: Refit, screened: Screened) -
     proposal = screened.proposal
     # Without a strength a trace does not predict how far the search has to go: more traces are tried.
     count = 2 if proposal.effect.strength else 12
-    integers = [spec.name for spec in proposal.effect.parameters if spec.integer]
     groups: dict[tuple[float, ...], list[tuple[Trial, Array | None]]] = {}
     for place, trace in enumerate(sorted(screened.traces, key=lambda t: -t.statistic)[:count]):
         # Without a strength to scale, the best trace is searched separately.
         alone = float(place == 0 and not proposal.effect.strength)
-        key = (*(trace.trials[0].get(name, 0.0) for name in integers), alone)
+        key = (*(trace.trials[0].get(name, 0.0) for name in proposal.whole_numbers), alone)
         groups.setdefault(key, []).extend((values, trace.shift) for values in starts(proposal, trace, place == 0))
     best: Refit | None = None
     searches = [

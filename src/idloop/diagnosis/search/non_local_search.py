@@ -176,13 +176,12 @@ def _random_starts(
 def _searches(screened: Screened, base: Refit) -> list[tuple[Model, list[Mapping[str, float]]]]:
     """Models and starts: one model for each choice of integer parameters, the first two."""
     proposal = screened.proposal
-    whole = [spec.name for spec in proposal.effect.parameters if spec.integer]
     groups: dict[tuple[float, ...], tuple[Model, list[Mapping[str, float]]]] = {}
     for trace in sorted(screened.traces, key=lambda t: -t.statistic):
         for trial in starts(proposal, trace):
             model = proposal.model(trial)
             own = {name: value for name, value in model.values.items() if name not in base.model.values}
-            key = tuple(trial.get(name, 0.0) for name in whole)
+            key = tuple(trial.get(name, 0.0) for name in proposal.whole_numbers)
             groups.setdefault(key, (model, []))[1].append({**base.model.values, **own})
     return list(groups.values())[:2]
 
