@@ -349,6 +349,20 @@ def test_a_command_in_the_name_of_the_file():
     assert found.of("command").unit == "V"
 
 
+def test_a_digital_channel_is_no_command_beside_a_torque():
+    flag = 2.5 * (SPEED > 0.0)
+    roles, found = _roles({"t": T, "Analog 1 speed": SPEED, "Analog 2 Torque": U, "Digital 1 INP": flag})
+    assert roles["command"][0] == "Analog 2 Torque"
+    assert not [doubt for doubt in found.all_doubts() if "Digital 1 INP" in doubt]
+
+
+def test_a_supply_is_not_offered_for_a_motion_that_stands_still():
+    with pytest.raises(InputError) as caught:
+        _roles({"t": T, "speed_rpm": 0.0 * T, "Voltage (V)": U})
+    assert "nothing moves: speed_rpm never changes" in str(caught.value)
+    assert "sensor in volts" not in str(caught.value)
+
+
 BAD = {
     "no command": ({"t": T, "angle": ANGLE}, {}, "no column is a command"),
     "no motion": ({"t": T, "u": U, "motor_temp": T}, {}, "no column is a position or a velocity"),

@@ -277,8 +277,12 @@ def _no_motion(columns: Iterable[TableColumn]) -> str:
 
 def _of_a_sensor(columns: Iterable[TableColumn]) -> str:
     """How a motion that a sensor shows in volts is said; empty where nothing is in volts."""
-    volts = [one for one in reversed(list(columns)) if one.parsed.unit in ("V", "mV")]
+    known = list(columns)
+    volts = [one for one in reversed(known) if one.parsed.unit in ("V", "mV")]
     volts.sort(key=lambda one: not is_sensor_in_volts(one.parsed))
+    if any(one.by_name.role in MOTION for one in known):
+        # The motion has a column of its own, which stands still: no other voltage shows it.
+        volts = [one for one in volts if is_sensor_in_volts(one.parsed)]
     name = next((one.name for one in volts if not is_force_sensor(one.parsed)), "")
     return f"; that of a sensor in volts as a formula, such as --position '{quoted(name)} * 0.5=rad'" if name else ""
 

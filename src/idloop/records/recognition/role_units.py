@@ -36,6 +36,8 @@ _ROTARY_WORDS = {
 _IN_HERTZ = re.compile(r"[\[(_ ]hz[\])]?$", re.IGNORECASE)
 _ENCODERS = {"enc", "encoder", "count", "counts", "tick", "ticks", "inc"}
 _FEWEST_COUNTS = 200  # of a turn
+# Parts by which a ratio of velocity and slope is one, and by which it may differ from a factor that the file gives.
+_SAME_SCALE, _WRITTEN_FACTOR = 0.1, 0.01
 _PER_SAMPLE = 0.02  # part by which the time of a sample may differ from the factor of a difference
 _MOST_LEVELS, _FEW_LEVELS = 8, 5  # of a command in whole amperes or newton metres, and of what follows it
 _MANY_COUNTS = 1000  # whole numbers as large as this are no angle in rad
@@ -319,6 +321,8 @@ def _relate(log: Choice, *, linear: bool, counted: Guess | None = None) -> None:
     slope = slope_of(base.seconds, value, rate * speed.options.get("scale", 1.0), column.runs)
     if slope is None:
         return
+    if known and not counted and _scaled_alike(log, slope.value):
+        return
     place_now = log.chosen["position"]
     base_place, factor = base_unit(place_now.unit, "position", place.column)
     if not known and _in_hertz(speed) and base_place == "rad":
@@ -337,6 +341,36 @@ def _relate(log: Choice, *, linear: bool, counted: Guess | None = None) -> None:
         # Over long windows the slope is exact, where it can be told there.
         exact = found.slope if np.isfinite(found.slope) else slope.value * factor
         _count_by_slope(log, counted, speed, exact * scale)
+
+
+def _scaled_alike(log: Choice, slope: float) -> bool:
+    """Whether a factor that the file gives makes the velocity the slope of the position: one of them lacks it.
+
+    `slope` is the velocity over the slope of the position, in their units.
+    """
+    place, speed = log.chosen["position"], log.chosen["velocity"]
+    base_place, size = base_unit(place.unit, "position", place.column)
+    base_speed, rate = base_unit(speed.unit, "velocity", speed.column)
+    times = abs(slope) * rate / size
+    if base_speed != f"{base_place}/s" or abs(times - 1.0) < _SAME_SCALE:
+        return False
+    for name, factor in log.table.attributes.items():
+        if isinstance(factor, bool) or not isinstance(factor, int | float) or not factor > 0.0:
+            continue
+        if abs(times * factor - 1.0) < _WRITTEN_FACTOR:
+            one, other, more = speed, "position", 1.0 / times
+        elif abs(times / factor - 1.0) < _WRITTEN_FACTOR:
+            one, other, more = place, "velocity", times
+        else:
+            continue
+        said = (
+            f"the {one.role} is scaled by {name} = {factor:.6g} of the file, as the {other} is: they differ by"
+            f" {more:.4g}; leave it out with --{one.role} none"
+        )
+        options = one.options | {"scale": one.options.get("scale", 1.0) * factor}
+        log.change(one.role, said, options=options)
+        return True
+    return False
 
 
 def _turned(speed: Guess, slope: float) -> Guess:

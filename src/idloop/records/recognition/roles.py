@@ -85,6 +85,8 @@ _HAND = {"ee", "eef", "tcp", "endeffector", "cartesian"}
 # What shows a motion as a voltage.
 _MOTION_SENSORS = {"enc", "encoder", "pot", "poti", "potentiometer", "tacho", "tachometer", "lvdt"}
 _INPUTS = {"u", "input", "inp"}
+# A channel for what is on or off, such as the flag INP (in position) of a drive: a command only where nothing else is.
+_SWITCHES = {"digital"}
 # Which of several columns is the command: what says so, then what acts first in the chain from command to force.
 _ORDER = (
     {*_INPUTS, "cmd", "command", "commands", "stellgroesse", "stellgröße"},
@@ -140,6 +142,8 @@ def role_by_name(name: ColumnName) -> RoleByName:
         drawn = "input" in words and bool(unit in ("A", "mA") or words & CURRENTS)
         acts = words - {"input"} - CURRENTS if drawn else words
         order = next((k for k, some in enumerate(_ORDER) if acts & some), len(_ORDER) - (not drawn))
+        if words & _SWITCHES:
+            return RoleByName("command", 0.5, _because(words & _FORCES, unit))
         if not wanted and (sensor := is_force_sensor(name)):
             return RoleByName("effort", 0.5, _because(sensor, unit))
         if measured and not wanted:
