@@ -11,7 +11,7 @@ import numpy as np
 from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.records.recognition.column_name import WANTED, ColumnName, parse_column_name
-from idloop.records.recognition.guess import LOAD, MOTION, SET_POINTS, Guess, quoted
+from idloop.records.recognition.guess import LOAD, MOTION, SET_POINTS, Given, Guess, quoted
 from idloop.records.recognition.roles import CURRENTS, TORQUES, role_by_name
 from idloop.records.recognition.signal_units import (
     MotionUnits,
@@ -318,10 +318,10 @@ def _relate(log: Choice, *, linear: bool, counted: Guess | None = None) -> None:
             f" --velocity '{speed.column}=UNIT'"
         )
     _unrelated(log, linear=linear)
+    if known and not counted and _scaled_alike(log, found):
+        return
     slope = slope_of(base.seconds, value, rate * speed.options.get("scale", 1.0), column.runs)
     if slope is None:
-        return
-    if known and not counted and _scaled_alike(log, slope.value):
         return
     place_now = log.chosen["position"]
     base_place, factor = base_unit(place_now.unit, "position", place.column)
@@ -343,29 +343,26 @@ def _relate(log: Choice, *, linear: bool, counted: Guess | None = None) -> None:
         _count_by_slope(log, counted, speed, exact * scale)
 
 
-def _scaled_alike(log: Choice, slope: float) -> bool:
-    """Whether a factor that the file gives makes the velocity the slope of the position: one of them lacks it.
-
-    `slope` is the velocity over the slope of the position, in their units.
-    """
+def _scaled_alike(log: Choice, found: MotionUnits) -> bool:
+    """Whether a factor that the file gives makes the velocity the slope of the position: one of them lacks it."""
     place, speed = log.chosen["position"], log.chosen["velocity"]
-    base_place, size = base_unit(place.unit, "position", place.column)
-    base_speed, rate = base_unit(speed.unit, "velocity", speed.column)
-    times = abs(slope) * rate / size
-    if base_speed != f"{base_place}/s" or abs(times - 1.0) < _SAME_SCALE:
+    times = abs(found.slope)
+    if any(log.given.get(role, Given()).unit for role in MOTION):
+        return False
+    if not np.isfinite(times) or abs(times - 1.0) < _SAME_SCALE or is_linear(place.unit) != is_linear(speed.unit):
         return False
     for name, factor in log.table.attributes.items():
         if isinstance(factor, bool) or not isinstance(factor, int | float) or not factor > 0.0:
             continue
         if abs(times * factor - 1.0) < _WRITTEN_FACTOR:
-            one, other, more = speed, "position", 1.0 / times
+            one = speed
         elif abs(times / factor - 1.0) < _WRITTEN_FACTOR:
-            one, other, more = place, "velocity", times
+            one = place
         else:
             continue
         said = (
-            f"the {one.role} is scaled by {name} = {factor:.6g} of the file, as the {other} is: they differ by"
-            f" {more:.4g}; leave it out with --{one.role} none"
+            f"the {one.role} is multiplied by {name} = {factor:.6g} of the file, so that the velocity is the slope of"
+            f" the position; if that is wrong: --{one.role} '{one.column}={one.unit}'"
         )
         options = one.options | {"scale": one.options.get("scale", 1.0) * factor}
         log.change(one.role, said, options=options)
