@@ -144,6 +144,13 @@ def test_compare_tells_the_better_model_from_the_worse(bags, tmp_path, capsys):
 
 
 @pytest.mark.slow
+def test_compare_takes_one_recording(bags, capsys):
+    assert main.run(words("compare", "dc_motor", *bags)) == 2
+    error = capsys.readouterr().err
+    assert f"BAG is one recording, the last: {bags[0]} is one as well" in error
+    assert "comes after MODEL" not in error
+
+
 def test_compare_says_where_the_model_fails(bags, tmp_path, capsys):
     figure = tmp_path / "where.svg"
     assert main.run(words("compare", "dc_motor", bags[0], "--plot-where", figure, "--json")) == 0

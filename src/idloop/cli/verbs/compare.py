@@ -49,6 +49,9 @@ def command(
     from idloop.api.comparison import compare
     from idloop.api.data import read_bag
 
+    recordings = [source for source in models if (Path(source) / "metadata.yaml").is_file()]
+    if recordings and len(recordings) < len(models):
+        raise InputError(f"BAG is one recording, the last: {recordings[0]} is one as well; compare them one by one")
     loaded = [_inputs.with_options(_inputs.open_model(source)) for source in models]
     if any(model.output_names != loaded[0].output_names for model in loaded):
         raise InputError(f"the models have different outputs: compare them one by one ({', '.join(models)})")
