@@ -257,7 +257,7 @@ class _Refinement:
             ladder = self._as_predicted(ladder, -1, fit)
         # Predictions would take for noise what the balance leaves beyond its noise: they evaluate only what the balance
         # cannot show. Where they need no whitening they are the more sensitive view.
-        balanced = last.reliable and any(fit.problem.orders)
+        balanced = last.usable and any(fit.problem.orders)
         view = view.beside(ladder.model, balanced=balanced)
         if view.choices(ladder.model) == []:
             return ladder

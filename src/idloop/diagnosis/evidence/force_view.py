@@ -29,7 +29,7 @@ from idloop.diagnosis.screening.proposals import proposals
 from idloop.diagnosis.search.step import ADEQUATE, CONFOUNDING_RATIO, UNKNOWN, EvaluatedModel, SearchStep, View
 from idloop.errors import IdloopError
 from idloop.estimation.dataset import Data
-from idloop.estimation.force_balance.weak_fit import TOLERANCE, WeakFit
+from idloop.estimation.force_balance.weak_fit import LEAST_UNEXPLAINED, TOLERANCE, WeakFit
 from idloop.estimation.force_balance.weak_form import WeakForm
 from idloop.estimation.force_balance.window_width import fit_by_force
 from idloop.estimation.likelihood.estimation_problem import ENOUGH, EstimationProblem
@@ -75,8 +75,15 @@ class ForceStep(SearchStep[WeakFit]):
         return _improvement(one.evidence, self.subsampled, one.fit)
 
     def practically_significant(self, one: EvaluatedModel[WeakFit]) -> bool:
-        """Whether it reduces errors enough, on held-out records as well."""
-        return super().practically_significant(one) and self._carries_over(one)
+        """Whether it reduces errors enough, on held-out records as well, and the balance is exact enough to show it."""
+        return (
+            self._unexplained >= LEAST_UNEXPLAINED and super().practically_significant(one) and self._carries_over(one)
+        )
+
+    @property
+    def _unexplained(self) -> float:
+        """Largest part of a body's force that is unexplained before."""
+        return float(np.max(self.subsampled.relative_by_body))
 
     def _part(self, one: EvaluatedModel[WeakFit]) -> float:
         """Part of the power of the errors of all bodies that it explains, of those that no noise accounts for."""
@@ -121,6 +128,11 @@ class ForceStep(SearchStep[WeakFit]):
     def insignificance(self, one: EvaluatedModel[WeakFit]) -> str:
         """Why an effect that shows is not worth a name."""
         part = self.improvement(one)
+        if self._unexplained < LEAST_UNEXPLAINED:
+            return (
+                f"only {100.0 * self._unexplained:.2g} % of the force is unexplained: below"
+                f" {100.0 * LEAST_UNEXPLAINED:g} % errors of the balance itself, at reversals, look like effects"
+            )
         if part >= self.minimum_improvement:
             if one.held_out is not None:
                 return (

@@ -402,10 +402,16 @@ class PredictionView(View[Refit]):
         """The model without one of its effects, where its evidence is no less; else None."""
         if is_none(fit.model, name):
             return refit_or_none(self.estimation, fit.model.without_effect(name), None, fit)
-        if self.estimation.kind != PREDICTION or self.balances(fit.model):
+        if self.balances(fit.model):
             # Where model error remains, a step that helped stays in the ladder.
             return None
-        smaller, scores = fit.model.without_effect(name), InnovationScores(fit).scores()
+        smaller = fit.model.without_effect(name)
+        if self.estimation.kind != PREDICTION:
+            # Model error makes a loss of likelihood larger than it is, never smaller.
+            found = refit_or_none(self.estimation, smaller, None, fit)
+            lost = math.inf if found is None else fit.log_likelihood - found.log_likelihood
+            return found if lost < math.log(1.0 / self.options.level) else None
+        scores = InnovationScores(fit).scores()
         # A search from the noise of the fit is mostly enough; where it is not, one that begins anew decides.
         for beside in (fit, None):
             found = refit_or_none(self.estimation, smaller, None, beside)

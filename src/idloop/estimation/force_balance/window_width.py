@@ -128,9 +128,9 @@ def _windows(engine: Engine, data: Sequence[Data], width: int, known: dict[int, 
 def _underestimates_inertia(fit: WeakFit, start: Array, forms: dict[int, WeakForm], *, noisy: bool) -> bool | None:
     """Whether far wider windows, in which noise averages out, show a larger inertia, with which they leave less force.
 
-    None where there are too few of them. Noise of unknown colour, as of a jitter of the stamps, is underestimated, and
-    with it how much it attenuates. Where it was much of the acceleration in narrower windows (`noisy`), the values must
-    be as likely as the others; else they must not leave much more.
+    None where there are too few of them, or where they show less for some body. Noise of unknown colour, as of a jitter
+    of the stamps, is underestimated, and with it how much it attenuates. Where it was much of the acceleration in
+    narrower windows (`noisy`), the values must be as likely as the others; else they must not leave much more.
     """
     found: bool | None = None
     for ratio in _FAR_WIDER:
@@ -153,6 +153,9 @@ def _shows_more_inertia(
     narrow, wide = (one.form.inertia(one.theta) / one.form.gain(one.theta) for one in (fit, wider))
     if np.all(narrow >= _SAME_INERTIA * wide):
         return False
+    if np.any(wide < _SAME_INERTIA * narrow):
+        # Noise takes inertia away; what shifts it from one body to another is a force that is missing.
+        return None
     lost = cost_at(wider.form, fit.point) + wider.log_likelihood
     return lost > (_AS_LIKELY if noisy else -log(LEAST_RELIABLE) * wider.form.starts[-1])
 
