@@ -158,7 +158,8 @@ class PredictionStep(SearchStep[Refit]):
 class PredictionView(View[Refit]):
     """Evaluates effects by one-step errors, or those of the free run; on held-out records they must do no harm.
 
-    `balanced`: what the force balance of the model at the start has evaluated is not evaluated again.
+    `balanced`: what the force balance of the model at the start has evaluated is not evaluated again. `follows`: the
+    balance shows that the motion follows the command, whatever the noise model has absorbed.
     """
 
     estimation: EstimationProblem
@@ -166,13 +167,14 @@ class PredictionView(View[Refit]):
     options: Options
     held_out: EstimationProblem | None = None
     balanced: bool = False
+    follows: bool = False
     timed: bool = False  # whether the stamps of the command are corrected
     promised: float = 0.0  # part of the power of the errors that an effect's trace must promise for it to be fitted
     support: EstimationProblem | None = None  # in which an effect that is named must gain likelihood as well
 
     def beside(self, model: Model, *, balanced: bool) -> PredictionView:
-        """The same view from another model on; `balanced` as of the class."""
-        return replace(self, start=model, balanced=balanced)
+        """The same view from a model on that a force balance has found; `balanced` as of the class."""
+        return replace(self, start=model, balanced=balanced, follows=True)
 
     def within(self, begin: float, end: float) -> PredictionView:
         """As in `View`."""
@@ -227,8 +229,7 @@ class PredictionView(View[Refit]):
         choices = sum(one.choices for one in screened)
         bar = 2.0 * math.log(max(choices, 1) / options.level)
         confirmed = self._confirmed(parent, screened, bar)
-        # A force balance shows that the motion follows the command, whatever the noise model has absorbed.
-        responds = self.balances(parent.model) or responds_to_command(self.estimation, parent)
+        responds = self.follows or responds_to_command(self.estimation, parent)
         confirmed += non_local_searches(
             self.estimation, parent, self.start, effects, self.options.seed, responds=responds
         )

@@ -225,6 +225,11 @@ class WeakFit:
         base, slopes = (part[self.rows] for part in self.linear)
         size = np.sqrt(np.sum(slopes**2, axis=(0, 1)))
         dead = size <= 1e-12 * np.max(size, initial=0.0)
+        if self.form.free_timing:
+            # At a limit the timing does not give way to the other parameters.
+            lower, upper = point_limits(self.form)
+            dead[-1] |= not lower[-1] < self.point[-1] < upper[-1]
+            slopes = slopes * np.where(dead, 0.0, 1.0)
         size = np.where(dead, 1.0, size)
         scaled = slopes / size
         flat = scaled.reshape(slopes.shape[0] * slopes.shape[1], len(size))
