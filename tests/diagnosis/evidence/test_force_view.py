@@ -192,6 +192,15 @@ def test_a_standstill_in_held_out_records_speaks_for_the_friction_that_holds_the
     assert friction.held_out > 0.5 * step.improvement(friction)
 
 
+@pytest.mark.parametrize(("level", "named"), [(0.001, False), (0.05, True)])
+def test_a_balance_that_leaves_less_than_its_own_errors_names_nothing(level: float, named: bool):
+    machine = replace(load_model("axis"), outputs=tuple(replace(o, noise=1e-7) for o in load_model("axis").outputs))
+    record = turned(machine.with_effects([f"coulomb_friction@axis(level={level})"]))
+    step = evaluated(machine, record, ["coulomb_friction"])
+    assert bool(step.tied) is named
+    assert ("errors of the balance itself" in step.passed_over.get("coulomb_friction@axis", "")) is not named
+
+
 def test_an_effect_that_held_out_records_do_not_have_is_not_named():
     machine = load_model("axis").with_effects(["load_torque@axis(torque=0.1)"])
     estimation = prepare_estimation(load_model("axis"), [turned(machine, 1)], "prediction")

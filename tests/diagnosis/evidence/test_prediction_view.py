@@ -153,3 +153,14 @@ def test_no_command_is_taken_as_earlier_where_an_effect_explains_far_more(start:
     assert shift < 0.0
     assert gain > step.threshold()
     assert view.with_timing(step) is None
+
+
+@pytest.mark.parametrize(("torque", "superfluous"), [(0.0, True), (0.1, False)])
+def test_a_free_run_drops_what_has_become_nothing_beside_another_effect(torque: float, superfluous: bool) -> None:
+    model = load_model("axis")
+    name = "load_torque@axis"
+    record = record_of(model.with_effects([f"{name}(torque={torque})"]), 4, seconds=8.0)
+    estimation = prepare_estimation(model, [record], "simulation")
+    fit = refit(estimation, model.with_effects([f"{name}(torque={torque + 0.01})"]))
+    without = PredictionView(estimation, model, Options()).without(fit, name)
+    assert (without is not None) is superfluous

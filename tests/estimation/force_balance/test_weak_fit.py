@@ -1,6 +1,7 @@
 """Fits by force balance: one result from every start, and no gain by switching forces off."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -74,6 +75,36 @@ def test_where_every_width_shows_another_inertia_the_narrowest_windows_are_used(
     assert found is not None
     assert found.form.width == NARROWEST
     assert fit_by_force(engine, data, plain.theta) is None
+
+
+@pytest.mark.parametrize(("wide", "shown"), [((2.0, 3.0), True), ((1.0, 2.0), False), ((2.0, 1.0), None)])
+def test_inertia_that_moves_between_bodies_is_none_that_noise_hides(monkeypatch, wide, shown) -> None:
+    def fit_of(*inertia: float) -> SimpleNamespace:
+        form = SimpleNamespace(inertia=lambda _: np.array(inertia), gain=lambda _: 1.0, starts=[0, 10], rest_speed=0.0)
+        form.engine = form.data = None
+        form.width, form.with_rest_speed = NARROWEST, lambda _: form
+        return SimpleNamespace(form=form, theta=None, point=None, log_likelihood=0.0)
+
+    monkeypatch.setattr(window_width, "_windows", lambda *_: fit_of(*wide).form)
+    monkeypatch.setattr(window_width, "draft_windows", lambda form: form)
+    monkeypatch.setattr(window_width, "_off_limits", lambda *_: None)
+    monkeypatch.setattr(window_width, "fit_weak", lambda *_, tolerance: fit_of(*wide))
+    monkeypatch.setattr(window_width, "cost_at", lambda *_: 100.0)
+    assert window_width._shows_more_inertia(fit_of(1.0, 2.0), None, {}, 2.5, noisy=False) is shown
+
+
+def test_a_timing_at_its_limit_takes_no_certainty_from_the_others() -> None:
+    """The command of the record acts five samples late, which is more than the timing may be."""
+    record = recorded(MACHINE)
+    late = replace(record, input_time=record.input_time - 5.0 * (record.time[1] - record.time[0]))
+    form = form_of(MACHINE, late)
+    found = fit_weak(form, MACHINE.theta)
+    assert found.shift > 0.0
+    assert np.isnan(found.covariance[-1, -1])
+    without = found.jacobian.copy()
+    without[:, -1] = 0.0
+    np.testing.assert_allclose(found.covariance, replace(found, jacobian=without).covariance)
+    assert np.all(np.isfinite(np.diag(found.covariance)[:-1]))
 
 
 def test_a_search_leaves_a_limit_from_the_start() -> None:
