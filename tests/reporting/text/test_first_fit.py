@@ -32,10 +32,13 @@ def test_a_good_fit_of_a_sound_recording():
 
 
 def test_a_free_run_that_follows_without_the_force_is_no_model_of_it():
-    play = SimpleNamespace(relative=0.885, trusted=True)
+    play = SimpleNamespace(relative=0.885, noise=0.05, trusted=True)
     text = verdict([_inspection("run")], _rows(play, run=99.5))
     assert text.startswith("the free run follows the motion (FIT 99.5 % or more), but the force error is up to 88.5 %:")
-    for force in (SimpleNamespace(relative=0.885, trusted=False), SimpleNamespace(relative=0.05, trusted=True)):
+    untrusted = SimpleNamespace(relative=0.885, noise=0.5, trusted=False)
+    small = SimpleNamespace(relative=0.05, noise=0.01, trusted=True)
+    all_noise = SimpleNamespace(relative=0.171, noise=0.171, trusted=True)
+    for force in (untrusted, small, all_noise):
         assert verdict([_inspection("run")], _rows(force, run=99.5)).startswith("the model describes")
 
 

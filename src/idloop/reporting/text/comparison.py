@@ -183,7 +183,7 @@ def verdict(inspections: Sequence[Inspection], rows: Sequence[tuple[str, Compari
     worst = worst_output(rows)
     if worst is None:
         model = "no free run could be judged"
-    elif worst.good and (forces := [force for _, one in rows if (force := _force_left(one)) > _FORCE]):
+    elif worst.good and (forces := [one.force.relative for _, one in rows if one.force and _force_left(one) > _FORCE]):
         model = (
             f"the free run follows the motion (FIT {fit_text(worst.fit, 4, ' %')} or more), but the force error is"
             f" up to {force_text(max(forces), 3, ' %')}: a diagnosis looks for the physical effect that the model lacks"
@@ -197,7 +197,9 @@ def verdict(inspections: Sequence[Inspection], rows: Sequence[tuple[str, Compari
 
 def _force_left(one: Comparison) -> float:
     """Force error of a record that sensor noise does not explain; 0 where there is none."""
-    return one.force.relative if one.force is not None and one.force.trusted else 0.0
+    if one.force is None or not one.force.trusted:
+        return 0.0
+    return math.sqrt(max(one.force.relative**2 - one.force.noise**2, 0.0))
 
 
 def _recordings(inspections: Sequence[Inspection]) -> str:
