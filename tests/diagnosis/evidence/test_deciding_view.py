@@ -1,11 +1,13 @@
 """Results of the force balance, checked by predictions."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from idloop.diagnosis import diagnose, refine
+from idloop.diagnosis.evidence import deciding_view
 from idloop.diagnosis.evidence.deciding_view import DecidingView
 from idloop.estimation.likelihood.estimation_problem import prepare_estimation
 from idloop.physics import Model, load_model
@@ -80,6 +82,24 @@ def test_effects_too_fast_for_the_samples_do_not_keep_predictions_from_contradic
     assert estimation.evaluates(found.without_effect("presliding_friction@axis"))
     assert not estimation.evaluates(found)
     assert DecidingView(model, estimation, {}).prediction_contradicts(found, 0.01)
+
+
+@pytest.mark.parametrize(
+    ("held", "free", "no_better"), [(-58.0, 2.0, True), (-900.0, 430.0, False), (-1.0, 2.0, False)]
+)
+def test_noise_with_a_long_memory_contradicts_only_values_that_make_predictions_worse(
+    monkeypatch, held: float, free: float, no_better: bool
+) -> None:
+    """A clean axis in a loop, whose balance shows a dead zone; a ball screw whose friction is there."""
+    model = load_model("axis")
+    plain = SimpleNamespace(many_lags=True, log_likelihood=0.0, model=model)
+    monkeypatch.setattr(
+        deciding_view, "refit_or_none",
+        lambda _, one, near: SimpleNamespace(log_likelihood=held if one.free == model.free else free),
+    )  # fmt: skip
+    estimation = SimpleNamespace(evaluates=lambda _: True)
+    found = model.with_effects(["dead_zone@input(width=0.03)"])
+    assert deciding_view._no_better(plain, found, estimation, 0.01) is no_better
 
 
 def slowly_moved(coulomb: float) -> tuple[Model, Record]:

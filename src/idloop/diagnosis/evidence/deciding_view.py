@@ -122,9 +122,13 @@ def _beginning_of(estimation: EstimationProblem, start: Model) -> EstimationProb
 
 
 def _no_better(plain: Refit | None, found: Model, estimation: EstimationProblem, level: float) -> bool:
-    # Predictions whose noise has a long memory take model error for noise, and contradict nothing.
-    if plain is None or plain.many_lags:
+    if plain is None:
         return False
+    if plain.many_lags:
+        # Noise with a long memory takes model error for noise: it contradicts only values that make predictions worse.
+        held = refit_or_none(estimation, found.with_free(plain.model.free), near=True)
+        if held is None or plain.log_likelihood - held.log_likelihood < math.log(1.0 / level):
+            return False
     # What the last effects make faster than the samples is compared without these.
     while not estimation.evaluates(found) and len(found.effects) > len(plain.model.effects):
         found = found.without_effect(found.effects[-1].name)
