@@ -100,6 +100,10 @@ def test_noise_with_a_long_memory_contradicts_only_values_that_make_predictions_
     estimation = SimpleNamespace(evaluates=lambda _: True)
     found = model.with_effects(["dead_zone@input(width=0.03)"])
     assert deciding_view._no_better(plain, found, estimation, 0.01) is no_better
+    # An effect of the start may have given way to one that contains it.
+    plain.model = model.with_effects(["coulomb_friction@axis(level=0.03)"])
+    replaced = model.with_effects(["stribeck_friction@axis(coulomb=0.03,static=0.04,velocity=0.1)"])
+    deciding_view._no_better(plain, replaced, estimation, 0.01)
 
 
 def slowly_moved(coulomb: float) -> tuple[Model, Record]:

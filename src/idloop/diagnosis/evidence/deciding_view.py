@@ -126,7 +126,8 @@ def _no_better(plain: Refit | None, found: Model, estimation: EstimationProblem,
         return False
     if plain.many_lags:
         # Noise with a long memory takes model error for noise: it contradicts only values that make predictions worse.
-        held = refit_or_none(estimation, found.with_free(plain.model.free), near=True)
+        own = (name for name in plain.model.free if name in found.free)
+        held = refit_or_none(estimation, found.with_free(own), near=True)
         if held is None or plain.log_likelihood - held.log_likelihood < math.log(1.0 / level):
             return False
     # What the last effects make faster than the samples is compared without these.

@@ -344,7 +344,7 @@ def _relate(log: Choice, *, linear: bool, counted: Guess | None = None) -> None:
 
 
 def _scaled_alike(log: Choice, found: MotionUnits) -> bool:
-    """Whether a factor that the file gives makes the velocity the slope of the position: one of them lacks it."""
+    """Scale the velocity or position by a factor of the file that makes one the slope of the other, if there is one."""
     place, speed = log.chosen["position"], log.chosen["velocity"]
     times = abs(found.slope)
     if any(log.given.get(role, Given()).unit for role in MOTION):
