@@ -148,3 +148,13 @@ def test_the_current_of_a_motor_is_the_command_before_that_from_the_supply():
         name: role_by_name(parse_column_name(name)).rank for name in ("avgMotorCurrent", "avgInputCurrent", "input")
     }
     assert rank["input"] > rank["avgMotorCurrent"] > rank["avgInputCurrent"] > 0.0
+
+
+def test_the_reason_names_the_quantity_beside_what_was_measured():
+    assert role_by_name(parse_column_name("est_tau")).reason == "by its name (est tau)"
+    assert role_by_name(parse_column_name("Actual Torque")).reason == "by its name (actual torque)"
+
+
+@pytest.mark.parametrize("name", ["episode_index", "task_index", "trial"])
+def test_the_number_of_a_run_is_no_signal(name):
+    assert role_by_name(parse_column_name(name)).role == "other"

@@ -140,3 +140,16 @@ def test_what_follows_a_set_point_in_the_steps_of_an_encoder_is_no_velocity():
     assert found.of("velocity") is None
     assert (found.of("position").column, found.of("position").unit) == ("2", "rad")
     assert "1024 of its steps" in found.of("position").reason
+
+
+def test_slope_of_tests_that_begin_again_at_one_place():
+    time = np.arange(200) * 0.005
+    way = [0.3 * (1.0 - np.cos(k * time)) for k in (2.0, 3.0, 5.0, 4.0)]
+    speed = [0.3 * k * np.sin(k * time) for k in (2.0, 3.0, 5.0, 4.0)]
+    # No stamp falls: the tests follow each other in one file, with a pause or without one.
+    for pause in (0.0, 10.0):
+        stamps = np.concatenate([k * (1.0 + pause) + time for k in range(4)])
+        found = slope_of(stamps, np.concatenate(way), 4.0 * np.concatenate(speed))
+        assert found is not None
+        assert found.value == pytest.approx(4.0, rel=0.02)
+        assert found.correlation > 0.99

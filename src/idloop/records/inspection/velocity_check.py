@@ -139,6 +139,18 @@ def _step(value: Array) -> float:
     return 0.0 if motion is None else motion.resolution
 
 
+def breaks(time: Array, position: Array) -> Mask:
+    """Intervals (n-1,) at which a motion is broken off: a pause, a wrap, a glitch, another record.
+
+    Steps are those to the next value: a sensor that is slower than the log repeats its values, which is no jump.
+    """
+    changed = np.flatnonzero(np.diff(position))
+    broken = _is_gap(time)
+    if changed.size:
+        broken[changed[_is_jump(position[np.concatenate([[0], changed + 1])])]] = True
+    return broken
+
+
 def _is_gap(time: Array) -> Mask:
     step = np.diff(time)
     return np.asarray(step > _GAP * np.median(step))

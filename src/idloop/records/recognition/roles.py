@@ -49,9 +49,14 @@ _NEVER = {
 _WITHOUT_UNIT = {"acc", "accel", "acceleration", "accelerations", "qdd", "ddq"}
 _OTHER = FLAGS | {
     "seq",
-    "crc", "checksum", "moving", "frame", "procedure", "result", "index", "sample", "samples", "done", "step",
-    "bus",
+    "crc", "checksum", "moving", "frame", "procedure", "result", "sample", "samples", "done", "step", "bus",
 }  # fmt: skip
+_NUMBERS = {
+    "index",
+    "idx",
+    "episode",
+    "trial",
+}  # of a row, or of a run, through which it is constant as a command may be
 _TEMPERATURES = {"temp", "temperature", "temperatur"}
 _SUPPLIES = {"vbus", "supply", "battery", "vbat", "vcc", "udc", "vdc", "versorgung", "akku"}
 _VOLTAGES = {"voltage", "volt", "volts", "vin", "spannung"}
@@ -132,6 +137,8 @@ def role_by_name(name: ColumnName) -> RoleByName:
         return RoleByName("other")
     if words == {"observation", "state"} and not unit:
         return RoleByName("position", 1.0, _because(words, unit))
+    if words & _NUMBERS and not kind:
+        return RoleByName("other")
     if words & _OTHER and not kind:
         return RoleByName("")
     # In data sets for learning an action is the next set-point.
@@ -147,7 +154,7 @@ def role_by_name(name: ColumnName) -> RoleByName:
         if not wanted and (sensor := is_force_sensor(name)):
             return RoleByName("effort", 0.5, _because(sensor, unit))
         if measured and not wanted:
-            return RoleByName("effort", 1.0 + (len(_ORDER) - order) / 10, _because(measured, unit))
+            return RoleByName("effort", 1.0 + (len(_ORDER) - order) / 10, _because(measured | words & _FORCES, unit))
         wanted = wanted | words & FEED_FORWARD
         rank = 2.0 + (len(_ORDER) - order) / 10 + 2.0 * bool(wanted)
         return RoleByName("command", rank, _because(wanted | words & _FORCES, unit))

@@ -11,7 +11,7 @@ import numpy as np
 
 from idloop.arrays import Array
 from idloop.records.inspection.motion import white_noise
-from idloop.records.inspection.velocity_check import velocity_slope
+from idloop.records.inspection.velocity_check import breaks, velocity_slope
 from idloop.records.tables.base_units import SECONDS, base_unit
 from idloop.records.tables.mapping import Decoding, SignBit
 from idloop.records.tables.signals import sign_magnitude, twos_complement
@@ -105,7 +105,10 @@ def slope_of(time: Array, position: Array, rate: Array, runs: Sequence[slice] = 
     pieces = []
     for run in runs or [slice(None)]:
         piece = np.array([time[run], position[run], rate[run]])
-        pieces.append(piece[:, np.isfinite(piece).all(axis=0)])
+        piece = piece[:, np.isfinite(piece).all(axis=0)]
+        if piece.shape[1] > 1:
+            # Tests that follow each other in one file begin at one place, and no rate has made that jump.
+            pieces += np.split(piece, np.flatnonzero(breaks(piece[0], piece[1])) + 1, axis=1)
     pieces = [piece for piece in pieces if piece.shape[1] > 1]
     longest = max((piece.shape[1] for piece in pieces), default=0)
     if longest < _FEWEST:
