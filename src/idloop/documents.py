@@ -122,10 +122,11 @@ def read_json(text: str, where: str, most: int = MOST_JSON) -> Any:
     return content
 
 
-def read_npz(path: Path, most: int) -> dict[str, NDArray[Any]]:
+def read_npz(path: Path, most: int, objects: list[str] | None = None) -> dict[str, NDArray[Any]]:
     """Read the arrays of an NPZ file; pickled objects are never opened.
 
     `most`: bytes that they may take in memory.
+    `objects`: gets the names of arrays of objects, which are left out; without it they are refused.
     Raises InputError: it cannot be read, or takes more.
     """
     import zipfile
@@ -138,13 +139,28 @@ def read_npz(path: Path, most: int) -> dict[str, NDArray[Any]]:
             stated = sum(entry.file_size for entry in archive.infolist())
         if stated <= most:
             with np.load(path, allow_pickle=False) as content:
-                return {name: content[name] for name in content.files}
+                names = content.files
+                if objects is not None:
+                    objects += [name for name in names if _holds_objects(content.zip, name)]
+                    names = [name for name in names if name not in objects]
+                return {name: content[name] for name in names}
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error}); check the path") from None
     except Exception as error:  # noqa: BLE001 - the library lets those of zip, zlib and Python through
         text = _first_line(error) or type(error).__name__
         raise InputError(f"{path}: not a readable NPZ file ({text}); check the copy of the file") from None
     raise InputError(f"{path}: it unpacks to {stated / 2**30:.3g} GiB, more than {most / 2**30:.3g}; keep fewer arrays")
+
+
+def _holds_objects(archive: Any, name: str) -> bool:
+    """Whether an array of an NPZ file holds objects of Python, by its header."""
+    import numpy as np
+
+    entry = f"{name}.npy" if f"{name}.npy" in archive.namelist() else name
+    with archive.open(entry) as stream:
+        one = np.lib.format.read_magic(stream) == (1, 0)
+        header = np.lib.format.read_array_header_1_0 if one else np.lib.format.read_array_header_2_0
+        return bool(header(stream)[2].hasobject)
 
 
 # Characters of a text that count as one value.

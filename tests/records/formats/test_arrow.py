@@ -26,7 +26,7 @@ def _table():
                     "when": pa.array((1_700_000_000_000_000 + 10_000 * np.arange(50)), pa.timestamp("us", tz="UTC")),
                     "price": pa.array([Decimal("1.50")] * 50), "pose": pa.array([{"x": 1.0, "y": 2.0}] * 50),
                     "pair": pa.array([[1.0, 2.0]] * 50, pa.list_(pa.float32(), 2)),
-                    "many": pa.array([[1.0]] * 50)})  # fmt: skip
+                    "many": pa.array([[1.0], [1.0, 2.0]] * 25)})  # fmt: skip
     return own.append_column(field, [U])
 
 
@@ -133,3 +133,14 @@ def test_without_the_library_the_line_says_how_to_get_it(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(InputError, match=r"pyarrow .* is not installed; run: pip install 'idloop\[formats\]'"):
         read_table(tmp_path / "a.parquet")
+
+
+def test_lists_of_one_length_become_columns(tmp_path):
+    # As data sets for learning have them, written by pandas: the type of the column states no length.
+    table = pa.table({"timestamp": T, "observation.state": [[0.0, one] for one in U], "words": [["a"]] * 50,
+                      "several": [[1.0] * (1 + row % 2) for row in range(50)], "gap": [None, *([[1.0]] * 49)]})  # fmt: skip
+    parquet.write_table(table, tmp_path / "a.parquet")
+    read = read_table(tmp_path / "a.parquet")
+    assert {"observation.state[0]", "observation.state[1]"} <= set(read.columns)
+    np.testing.assert_array_equal(read.numbers("observation.state[1]"), U)
+    assert "several, gap" in read.notes[0]

@@ -55,3 +55,16 @@ def test_bad_files(tmp_path, name):
     with pytest.raises(InputError, match=words) as caught:
         read_table(tmp_path / "a.npy")
     assert "\n" not in str(caught.value)
+
+
+def test_settings_as_objects_beside_the_arrays_are_left_out(tmp_path):
+    np.savez(tmp_path / "a.npz", t=np.arange(6.0), u=np.arange(6.0), meta=np.array({"joint": 3}, dtype=object))
+    table = read_table(tmp_path / "a.npz")
+    assert list(table.columns) == ["t", "u"]
+    assert table.notes == ["objects of Python are never opened, and left out: meta"]
+
+
+def test_an_archive_of_nothing_but_objects(tmp_path):
+    np.savez(tmp_path / "a.npz", log=np.array({"t": [0.0, 1.0]}, dtype=object))
+    with pytest.raises(InputError, match="pickled objects of Python, .* save plain arrays"):
+        read_table(tmp_path / "a.npz")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import pickle
 from pathlib import Path
 from typing import get_args
 
@@ -87,3 +88,9 @@ def test_recordings_of_other_tools_are_refused_with_what_to_do(tmp_path, head, a
     (tmp_path / "log.bin").write_bytes(head + bytes(100))
     with pytest.raises(InputError, match=advice):
         form_of(tmp_path / "log.bin")
+
+
+@pytest.mark.parametrize("protocol", range(2, 6))
+def test_a_pickle_is_named_with_the_way_out(tmp_path, protocol):
+    with pytest.raises(InputError, match=r"a pickle of Python.* numpy\.savez"):
+        _form(tmp_path, "log.pkl", pickle.dumps({"t": [0.0, 1.0]}, protocol=protocol))

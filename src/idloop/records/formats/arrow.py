@@ -21,7 +21,7 @@ from idloop.records.tables.table import Table
 from idloop.spelling import listed
 
 _STREAM = b"\xff\xff\xff\xff"
-_LIST = 64  # longest list of a fixed size that becomes columns
+_LIST = 64  # longest list of one length in all rows that becomes columns
 _PER_SECOND = {"s": 1, "ms": 1_000, "us": 1_000_000, "ns": 1_000_000_000}
 
 
@@ -102,11 +102,11 @@ def _values(column: Any, pa: Any) -> list[tuple[str, Any]] | None:
     if types.is_dictionary(kind):
         column = column.dictionary_decode()
         kind = column.type
-    if types.is_fixed_size_list(kind) and 0 < kind.list_size <= _LIST:
+    if size := _list_size(column, types):
         inner = _values(column.flatten(), pa)
-        if not inner or column.null_count or len(inner[0][1]) != len(column) * kind.list_size:
+        if not inner or column.null_count or len(inner[0][1]) != len(column) * size:
             return None
-        return [(f"[{place}]", inner[0][1][place :: kind.list_size]) for place in range(kind.list_size)]
+        return [(f"[{place}]", inner[0][1][place::size]) for place in range(size)]
     if types.is_temporal(kind):
         return [("", _seconds(column, pa))] if _is_counted(kind, types) else None
     if types.is_decimal(kind) or types.is_boolean(kind):
@@ -116,6 +116,19 @@ def _values(column: Any, pa: Any) -> list[tuple[str, Any]] | None:
     elif not (types.is_integer(kind) or types.is_floating(kind)):
         return None
     return [("", np.asarray(column.to_numpy(zero_copy_only=False)))]
+
+
+def _list_size(column: Any, types: Any) -> int:
+    """Length of the lists of a column; 0 where it holds none, or of several lengths, or too long ones."""
+    kind = column.type
+    size = 0
+    if types.is_fixed_size_list(kind):
+        size = kind.list_size
+    elif types.is_list(kind) or types.is_large_list(kind):
+        # As pandas and data sets for learning write them: nothing but the lists says that all are as long.
+        lengths = set(column.value_lengths().unique().to_pylist())
+        size = lengths.pop() or 0 if len(lengths) == 1 else 0
+    return size if size <= _LIST else 0
 
 
 def _is_counted(kind: Any, types: Any) -> bool:
@@ -146,7 +159,7 @@ PARQUET = Form(
     "parquet",
     (".parquet", ".pq"),
     "Parquet",
-    "columns by name, fields of a structure `a.b`, dates as seconds since 1970, spans and times of day as seconds",
+    "columns by name, fields of a structure `a.b`, elements of lists of one length `a[0]`, dates as seconds since 1970, spans and times of day as seconds",
     lambda head: head.startswith(b"PAR1"),
     read_parquet,
 )

@@ -12,11 +12,24 @@ from idloop.errors import InputError
 from idloop.records.formats.form import Form, Options, not_readable
 from idloop.records.formats.tree import table_of_tree
 from idloop.records.tables.table import Table
+from idloop.spelling import listed
+
+_OBJECTS = (
+    "it holds pickled objects of Python, which are never opened; save plain arrays:"
+    " numpy.savez('log.npz', t=t, u=u, y=y)"
+)
 
 
 def read_npz_table(path: Path, _: Options) -> Table:
-    """Read the arrays of an archive."""
-    return table_of_tree(path, read_npz(path, MOST_TABLE))
+    """Read the arrays of an archive; what are objects of Python, such as settings beside the data, is left out."""
+    objects: list[str] = []
+    arrays = read_npz(path, MOST_TABLE, objects)
+    if objects and not arrays:
+        raise InputError(f"{path}: {_OBJECTS}")
+    table = table_of_tree(path, arrays)
+    if objects:
+        table.notes.append(f"objects of Python are never opened, and left out: {listed(objects)}")
+    return table
 
 
 def read_npy_table(path: Path, _: Options) -> Table:
@@ -35,10 +48,7 @@ def read_npy_table(path: Path, _: Options) -> Table:
     except Exception as error:  # noqa: BLE001 - the header is a text that is evaluated
         raise not_readable(path, "NPY", error) from None
     if kind.hasobject:
-        raise InputError(
-            f"{path}: it holds pickled objects of Python, which are never opened; save plain arrays:"
-            " numpy.savez('log.npz', t=t, u=u, y=y)"
-        )
+        raise InputError(f"{path}: {_OBJECTS}")
     if stated > MOST_TABLE:
         raise InputError(
             f"{path}: it takes {stated / 2**30:.3g} GiB, more than {MOST_TABLE / 2**30:.3g}; keep fewer rows"
@@ -54,7 +64,7 @@ FORM = Form(
     "npz",
     (".npz",),
     "arrays of NumPy",
-    "arrays by name, the columns of a matrix `y[0]`, `y[1]`; pickled objects are never opened",
+    "arrays by name, the columns of a matrix `y[0]`, `y[1]`; pickled objects are never opened, and left out",
     lambda head: head.startswith(b"PK\x03\x04") and b".npy" in head[30:300],
     read_npz_table,
 )

@@ -33,6 +33,10 @@ HEAD = 1 << 16
 _WORKBOOK = (
     "a workbook of Excel; save its sheet as CSV, there or by pandas.read_excel('x.xlsx').to_csv('x.csv', index=False)"
 )
+_PICKLE = (
+    "a pickle of Python, which may run any code and is never opened; where it was made, save its arrays by"
+    " numpy.savez('x.npz', **arrays), or a frame of pandas by frame.to_parquet('x.parquet')"
+)
 _FRAMES = "raw frames of a CAN bus; export the signals that they carry, decoded by the DBC file of the drive, as CSV"
 # Texts without signals: as candump prints them, and as SavvyCAN and other loggers write them.
 _TEXTS = (
@@ -52,6 +56,7 @@ _OTHERS = (
     (b"TDSm", "a TDMS file of LabVIEW; save it as .lvm or CSV, or read it by nptdms and write CSV"),
     (b"ULog\x01\x12\x35", "a log of PX4; turn its topics into CSV by ulog2csv of pyulog"),
     (b"\x89MCAP", "a recording; give it the suffix .mcap"),
+    *((bytes((0x80, protocol)), _PICKLE) for protocol in range(2, 6)),
 )
 
 
