@@ -12,8 +12,11 @@ from idloop.reporting.text.comparison import held_scale, verdict
 
 
 def _rows(force=None, **fits):
+    output = SimpleNamespace(field="position", unit="rad")
+    model = SimpleNamespace(outputs=[output], input=SimpleNamespace(unit="-"), loop=None)
+    same = {"names": ["a.q"], "model": model, "force": force}
     return [
-        ("fitted", SimpleNamespace(fit={"a.q": fit}, record=SimpleNamespace(name=name), force=force))
+        ("fitted", SimpleNamespace(fit={"a.q": fit}, record=SimpleNamespace(name=name), **same))
         for name, fit in fits.items()
     ]
 
@@ -64,6 +67,23 @@ def test_a_free_run_that_misses():
         "the free run misses a.q of run (FIT 40 %): a diagnosis"
     )
     assert "is worse than a constant by a factor 32" in verdict([_inspection("run")], _rows(run=-3100.0))
+
+
+def _both(position, velocity, unit="-", loop=None):
+    outputs = [SimpleNamespace(field=field, unit=one) for field, one in (("position", "rad"), ("velocity", "rad/s"))]
+    model = SimpleNamespace(outputs=outputs, input=SimpleNamespace(unit=unit), loop=loop)
+    fits = {"a.position": position, "a.velocity": velocity}
+    record = SimpleNamespace(name="run")
+    return [("fitted", SimpleNamespace(fit=fits, names=list(fits), record=record, force=None, model=model))]
+
+
+def test_a_command_that_may_set_the_speed_is_doubted_before_a_diagnosis():
+    text = verdict([_inspection("run")], _both(-14000.0, -71.0))
+    assert "the command may be no force but set the speed" in text
+    assert "--command 'COLUMN=rad/s'" in text
+    assert "a diagnosis looks for" not in text
+    for rows in (_both(-14000.0, 40.0), _both(-200.0, -71.0), _both(-14000.0, -71.0, "A"), _both(-1e4, -71.0, loop=1)):
+        assert "a diagnosis looks for" in verdict([_inspection("run")], rows)
 
 
 def test_the_inertia_is_held_where_the_command_is_no_force():

@@ -31,6 +31,8 @@ _REST = {
 # Seconds since 1970 of the years 2000 to 2100, which a column without a name must hold.
 _DATES = (9.5e8, 4.1e9)
 _FEWEST_STAMPS = 3
+_HEADER = re.compile(r"(?<=[/.])header[/.]stamp$")
+_LATEST = 10.0  # by which a message is received after its stamp [s]; clocks that are further apart are not one
 _RISING = 0.97  # share of the steps of both together that are not negative
 _FILLED = 0.5  # of its range, up to which a rest without a name goes
 
@@ -136,6 +138,48 @@ def join_stamps(table: Table) -> None:
             parts = "nanoseconds" if span == max(_REST) else "microseconds"
             table.notes.append(f"columns {whole!r} and {rest!r} are the seconds and {parts} of one time, {_STAMP!r}")
             return
+
+
+def take_header_stamps(table: Table) -> None:
+    """Give the columns of a topic the stamps of its header, in a table with a row for each message received.
+
+    The time of reception varies by the load of the network and of the recorder. Columns without a header keep it. As
+    PlotJuggler writes tables of ROS: `__time`, `/joint_states/header/stamp`, `/joint_states/elbow/position`.
+    """
+    stamps = {name[: match.start()]: name for name in table.columns if (match := _HEADER.search(name))}
+    received = next((name for name in table.columns if clock_unit(name.strip("_")) is not None), "")
+    if table.clocks or not stamps or received in ("", *stamps.values()):
+        return
+    try:
+        numbers = {name: table.numbers(name) for name in table.columns}
+    except InputError:
+        return
+    when = numbers.pop(received)
+    if not np.isfinite(when).all() or not all(_are_stamps(numbers[name], when) for name in stamps.values()):
+        return
+    clocks = {name: numbers.pop(name) for name in stamps.values()}
+    unit = table.units.get(received, "") or "s"
+    rows = {name: np.isfinite(clock) for name, clock in clocks.items()}
+    table.columns = {name: clock[rows[name]] for name, clock in clocks.items()}
+    table.units |= dict.fromkeys(clocks, unit)
+    for name, value in numbers.items():
+        known = np.isfinite(value)
+        own = next((stamp for topic, stamp in stamps.items() if name.startswith(topic)), "")
+        if own and not (known & ~rows[own]).any():
+            table.columns[name], table.clocks[name] = value[rows[own]], own
+        elif known.any():
+            table.add_series(name, when[known], value[known], unit, received)
+    late = f", and not the times {received!r} of their reception"
+    table.notes.append(f"columns beside the stamps of a header have these: {listed(clocks)}{late}")
+
+
+def _are_stamps(stamp: Array, received: Array) -> bool:
+    """Whether stamps are those of some of the messages that were received, on the same clock."""
+    known = np.isfinite(stamp)
+    if known.all() or known.sum() < _FEWEST_ROWS:
+        return False
+    rises = float(np.mean(np.diff(stamp[known]) > 0.0)) > _RISING
+    return rises and float(np.abs(stamp[known] - received[known]).max()) < _LATEST
 
 
 def _spans(whole: str, rest: str) -> list[float]:

@@ -15,7 +15,7 @@ from idloop.documents import MOST_TABLE
 from idloop.errors import InputError
 from idloop.records.formats.registry import form_of
 from idloop.records.tables.csv_layout import DECIMAL_COMMA, GROUPED, IN_BRACKETS, is_number, joined_groups
-from idloop.records.tables.reshaping import join_stamps, spread_names, turn_rows
+from idloop.records.tables.reshaping import join_stamps, spread_names, take_header_stamps, turn_rows
 from idloop.records.tables.table import Table
 from idloop.spelling import counted, did_you_mean, is_or_are, listed
 
@@ -66,6 +66,7 @@ def read_table(path: Path, kind: str | None = None, options: Mapping[str, Any] |
         turn_rows(table)
     spread_names(table)
     join_stamps(table)
+    take_header_stamps(table)
     return table
 
 

@@ -175,6 +175,8 @@ def brief_map(one: ErrorMap, most: int) -> list[str]:
 
 
 _GAIN, _LOOP_GAIN = "drive.gain", "drive.proportional"
+_MAY_SET_SPEED = ("-", "V")
+_ASTRAY = -900.0  # FIT of a free run that misses by ten times what it varies by [%]
 _FORCE = 0.1  # force error above which a model lacks something, however well its free run follows
 
 
@@ -190,9 +192,32 @@ def verdict(inspections: Sequence[Inspection], rows: Sequence[tuple[str, Compari
         )
     elif worst.good:
         model = f"the model describes what was recorded (FIT of the free run {fit_text(worst.fit, 4, ' %')} or more)"
+    elif worst.fit < _ASTRAY and (speed := _speeds_beside(rows)):
+        model = (
+            f"{worst.text}, and that of the velocity is worse than a constant as well: the command may be no force but"
+            " set the speed, as the lever of a valve, a joystick and a loop in the drive do: if so, start again with"
+            f" `--command 'COLUMN={speed}'`; or the axis is unstable without its controller. Settle this before a"
+            " diagnosis"
+        )
     else:
         model = f"{worst.text}: a diagnosis looks for the physical effect that the model lacks"
     return f"{model}; {_recordings(inspections)}"
+
+
+def _speeds_beside(rows: Rows) -> str:
+    """Unit of the velocities that a command may set, where the free run of each is worse than a constant.
+
+    A current, a torque and a force set no speed; a voltage may be the input of a drive or of a valve.
+    """
+    if any(one.model.loop is not None or one.model.input.unit not in _MAY_SET_SPEED for _, one in rows):
+        return ""
+    outputs = [
+        (one.fit[name], output.unit)
+        for _, one in rows
+        for name, output in zip(one.names, one.model.outputs, strict=True)
+        if output.field == "velocity" and not math.isnan(one.fit[name])
+    ]
+    return "" if any(fit >= 0.0 for fit, _ in outputs) else next((unit for _, unit in outputs), "")
 
 
 def _force_left(one: Comparison) -> float:
