@@ -16,7 +16,8 @@ import numpy as np
 
 from idloop.called_as import program
 from idloop.errors import InputError
-from idloop.records.bags.storage.storage_files import bag_name, is_bag
+from idloop.records.bags.storage.bag_paths import is_bag
+from idloop.records.bags.storage.storage_files import bag_name
 from idloop.records.recognition.bag_table import bag_table
 from idloop.records.recognition.column_name import parse_column_name
 from idloop.records.recognition.guess import MOTION, ROLES, Given, quoted

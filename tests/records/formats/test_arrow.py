@@ -137,8 +137,9 @@ def test_without_the_library_the_line_says_how_to_get_it(tmp_path, monkeypatch):
 
 def test_lists_of_one_length_become_columns(tmp_path):
     # As data sets for learning have them, written by pandas: the type of the column states no length.
-    table = pa.table({"timestamp": T, "observation.state": [[0.0, one] for one in U], "words": [["a"]] * 50,
-                      "several": [[1.0] * (1 + row % 2) for row in range(50)], "gap": [None, *([[1.0]] * 49)]})  # fmt: skip
+    several, gap = [[1.0] * (1 + row % 2) for row in range(50)], [None, *([[1.0]] * 49)]
+    state = [[0.0, one] for one in U]
+    table = pa.table({"timestamp": T, "observation.state": state, "several": several, "gap": gap})
     parquet.write_table(table, tmp_path / "a.parquet")
     read = read_table(tmp_path / "a.parquet")
     assert {"observation.state[0]", "observation.state[1]"} <= set(read.columns)

@@ -66,5 +66,5 @@ def test_settings_as_objects_beside_the_arrays_are_left_out(tmp_path):
 
 def test_an_archive_of_nothing_but_objects(tmp_path):
     np.savez(tmp_path / "a.npz", log=np.array({"t": [0.0, 1.0]}, dtype=object))
-    with pytest.raises(InputError, match="pickled objects of Python, .* save plain arrays"):
+    with pytest.raises(InputError, match=r"pickled objects of Python, .* save plain arrays"):
         read_table(tmp_path / "a.npz")

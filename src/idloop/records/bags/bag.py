@@ -11,12 +11,13 @@ import numpy as np
 from idloop.arrays import Integers
 from idloop.errors import InputError
 from idloop.records.bags.message_types import build_typestore
+from idloop.records.bags.storage.bag_paths import mcap_encodings
 from idloop.records.bags.storage.readable_messages import mcap_messages
 from idloop.records.bags.storage.storage_file import StorageFile
 from idloop.records.bags.storage.storage_files import DISTROS, read_metadata, storage_files
 from idloop.records.bags.storage.unpacking import Scratch, damaged, one_line
 from idloop.records.bags.topics import Topic
-from idloop.spelling import check_known
+from idloop.spelling import check_known, listed
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
     from idloop.records.bags.stream import JointStream
 
+_MOST_CHANNELS = 64  # whose encoding is asked
 _MAGIC, _SHORTEST = b"\x89MCAP0\r\n", 45  # of an mcap file: its end, and fewest bytes
 
 
@@ -82,6 +84,17 @@ class Bag(ExitStack[None]):
         """Refuse a bag without messages, or without those of a topic that its metadata announce."""
         counts = {name: topic.count for name, topic in self.topics.items()}
         if not any(counts.values()):
+            files = [one.path for one in self._files if one.path.suffix == ".mcap"]
+            kinds = {kind for file in files for kind in mcap_encodings(file, _MOST_CHANNELS)} - {"cdr", ""}
+            if kinds == {"json"}:
+                raise InputError(
+                    f"{self.path}: its messages are JSON and not of ROS: `idloop start {files[0]}` makes a bag of them"
+                )
+            if kinds:
+                raise InputError(
+                    f"{self.path}: its messages are {listed(sorted(kinds))} and not of ROS: export the signals as CSV,"
+                    " in Foxglove or PlotJuggler, and start that"
+                )
             raise InputError(
                 f"{self.path}: the bag is empty (no messages); check that the recorder had subscribed, then"
                 " record again"

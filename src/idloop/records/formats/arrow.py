@@ -159,7 +159,8 @@ PARQUET = Form(
     "parquet",
     (".parquet", ".pq"),
     "Parquet",
-    "columns by name, fields of a structure `a.b`, elements of lists of one length `a[0]`, dates as seconds since 1970, spans and times of day as seconds",
+    "columns by name, fields of a structure `a.b`, elements of lists of one length `a[0]`, dates as seconds since 1970,"
+    " spans and times of day as seconds",
     lambda head: head.startswith(b"PAR1"),
     read_parquet,
 )

@@ -14,6 +14,7 @@ from idloop.records.formats import (
     json_file,
     labels,
     mat,
+    mcap_json,
     numpy_arrays,
     tool_exports,
     torch_file,
@@ -25,7 +26,8 @@ from idloop.spelling import check_known, listed
 # In the order in which a file is held against them: what begins with a sign of its own first.
 FORMS: tuple[Form, ...] = (
     mat.FORM, hdf5.FORM, arrow.PARQUET, arrow.FEATHER, numpy_arrays.FORM, numpy_arrays.ONE, torch_file.FORM,
-    wpilog.FORM, tool_exports.CODESYS, tool_exports.LABVIEW, tool_exports.TWINCAT, tool_exports.TEKTRONIX,
+    wpilog.FORM, mcap_json.FORM, tool_exports.CODESYS, tool_exports.LABVIEW, tool_exports.TWINCAT,
+    tool_exports.TEKTRONIX,
     json_file.SYSID, json_file.LINES, json_file.FORM, blocks.FORM, echo.FORM, labels.FORM,
 )  # fmt: skip
 _ALL = (TEXT, *FORMS)
@@ -55,7 +57,6 @@ _OTHERS = (
     (b"MDF ", "a measurement file of a Vector or ETAS tool; export it as CSV, MAT or Parquet, there or by asammdf"),
     (b"TDSm", "a TDMS file of LabVIEW; save it as .lvm or CSV, or read it by nptdms and write CSV"),
     (b"ULog\x01\x12\x35", "a log of PX4; turn its topics into CSV by ulog2csv of pyulog"),
-    (b"\x89MCAP", "a recording; give it the suffix .mcap"),
     *((bytes((0x80, protocol)), _PICKLE) for protocol in range(2, 6)),
 )
 

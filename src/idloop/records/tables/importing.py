@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from idloop.arrays import Array
 from idloop.errors import InputError
 from idloop.records.bags.metadata import IMPORT
-from idloop.records.bags.storage.storage_files import is_bag
+from idloop.records.bags.storage.bag_paths import is_bag
 from idloop.records.bags.stream import JointStream
 from idloop.records.bags.write import make_stream, write_bag
 from idloop.records.finding import Finding

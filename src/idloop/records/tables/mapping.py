@@ -256,8 +256,8 @@ class Mapping(Signals):
     cite: str = ""
     format: (
         Literal[
-            "csv", "mat", "hdf5", "parquet", "feather", "npz", "npy", "torch", "wpilog", "codesys", "lvm", "twincat",
-            "tektronix", "sysid", "jsonl", "json", "blocks", "echo", "labels", "bag",
+            "csv", "mat", "hdf5", "parquet", "feather", "npz", "npy", "torch", "wpilog", "mcap_json", "codesys", "lvm",
+            "twincat", "tektronix", "sysid", "jsonl", "json", "blocks", "echo", "labels", "bag",
         ]
         | None
     ) = None  # fmt: skip

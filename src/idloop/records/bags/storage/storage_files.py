@@ -21,8 +21,9 @@ PACKED = (".zstd", ".zst")
 METADATA = "metadata.yaml"
 DISTROS = ("humble", "iron", "jazzy", "kilted", "lyrical")
 RECOVERED = "_recovered"  # behind the name of a bag that was cut off: what could be saved of it
+MCAP_MAGIC = b"\x89MCAP0\r\n"
 _MAGIC: dict[Format, bytes] = {
-    "mcap": b"\x89MCAP0\r\n",
+    "mcap": MCAP_MAGIC,
     "sqlite3": b"SQLite format 3\x00",
     "ros1": b"#ROSBAG V",
     "zstd": ZSTD_MAGIC,
@@ -39,12 +40,6 @@ def bag_name(path: Path | str) -> str:
     for suffix in (*PACKED, *SUFFIXES):
         name = name.removesuffix(suffix) or name
     return name
-
-
-def is_bag(path: Path | str) -> bool:
-    """Whether a path looks like a bag: a folder, or a file whose name ends as a recording does."""
-    path = Path(path)
-    return path.is_dir() or storage_suffix(path) is not None
 
 
 def storage_suffix(path: Path) -> str | None:
