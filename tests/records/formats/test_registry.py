@@ -94,3 +94,15 @@ def test_recordings_of_other_tools_are_refused_with_what_to_do(tmp_path, head, a
 def test_a_pickle_is_named_with_the_way_out(tmp_path, protocol):
     with pytest.raises(InputError, match=r"a pickle of Python.* numpy\.savez"):
         _form(tmp_path, "log.pkl", pickle.dumps({"t": [0.0, 1.0]}, protocol=protocol))
+
+
+@pytest.mark.parametrize("name", ["a.mat", "a.parquet", "a.h5", "a.npz", "a.pt"])
+def test_a_table_of_text_under_another_suffix_is_read_as_one(tmp_path, name):
+    assert _form(tmp_path, name, "  0.0e+00   1.0e+00\n  1.0e-02   1.5e+00\n  2.0e-02   1.7e+00\n") == "csv"
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.mat", "a.parquet", "a.h5", "a.npz", "a.json"])
+def test_an_empty_file_is_called_empty(tmp_path, name):
+    (tmp_path / name).touch()
+    with pytest.raises(InputError, match=r"the file is empty \(0 bytes\)"):
+        read_table(tmp_path / name)

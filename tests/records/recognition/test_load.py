@@ -50,6 +50,12 @@ def test_the_same_sensor_in_another_unit_and_another_motion_are_no_load():
     assert not _doubts(_found(columns))
 
 
+def test_the_other_side_of_a_vehicle_has_a_command_of_its_own_and_is_no_load():
+    left, right = {"left voltage": U, "left position": PLACE}, {"right voltage": 0.9 * U, "right position": LOAD}
+    assert not _doubts(_found({"t": T, **left, **right}))
+    assert _doubts(_found({"t": T, **left, "right position": LOAD}))
+
+
 def test_a_load_becomes_a_position_of_a_joint_of_its_own():
     found = _found({"t": T, "torque": U, "motor_pos": PLACE, "load_pos": LOAD}, {"load": "load_pos"})
     assert not _doubts(found)

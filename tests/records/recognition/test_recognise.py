@@ -372,6 +372,11 @@ BAD = {
         {},
         "nothing moves: velocity_rad_s never changes",
     ),
+    "a motion without values": (
+        {"t": T, "u": U, "position": np.nan * T, "velocity": np.nan * T},
+        {},
+        "no motion was measured: position, velocity hold no values",
+    ),
     "a sensor in volts": (
         {"time_s": T, "current_A": U, "encoder_V": SPEED, "duty_pct": U, "supply_V": 12 + 0.0 * T},
         {},

@@ -31,6 +31,7 @@ FORMS: tuple[Form, ...] = (
     json_file.SYSID, json_file.LINES, json_file.FORM, blocks.FORM, echo.FORM, labels.FORM,
 )  # fmt: skip
 _ALL = (TEXT, *FORMS)
+_BINARY = ("mat", "hdf5", "parquet", "feather", "npz", "npy", "torch", "wpilog")
 HEAD = 1 << 16
 _WORKBOOK = (
     "a workbook of Excel; save its sheet as CSV, there or by pandas.read_excel('x.xlsx').to_csv('x.csv', index=False)"
@@ -90,7 +91,9 @@ def form_of(path: Path, kind: str | None = None) -> Form:
     name = path.name.lower()
     by_suffix = [(len(suffix), form) for form in known.values() for suffix in form.suffixes if name.endswith(suffix)]
     if by_suffix:
-        return max(by_suffix, key=lambda one: one[0])[1]
+        found = max(by_suffix, key=lambda one: one[0])[1]
+        # As `save -ascii x.mat` of MATLAB writes it.
+        return TEXT if found.kind in _BINARY and TEXT.sniff(head) else found
     if TEXT.sniff(head):
         return TEXT
     raise InputError(

@@ -170,7 +170,7 @@ def recognise_table(
     _command_without_column(log)
     if not any(role in chosen for role in MOTION):
         raise InputError(
-            f"{table.path}: {_no_motion(log.columns.values())}; name one with --position or --velocity (columns are"
+            f"{table.path}: {_no_motion(log)}; name one with --position or --velocity (columns are"
             f" {listed(numbers, 20)}){_of_a_sensor(log.columns.values())}"
         )
     if LOAD in chosen and "position" not in chosen:
@@ -269,10 +269,28 @@ def _by_names(
     return joints_with_command(every)
 
 
-def _no_motion(columns: Iterable[TableColumn]) -> str:
-    """That there is no motion: none is named, or what is named so never changes."""
-    still = [one.name for one in columns if one.by_name.role in MOTION and not one.moves]
-    return f"nothing moves: {listed(still)} never changes" if still else "no column is a position or a velocity"
+def _no_motion(log: Choice) -> str:
+    """That there is no motion: what is named so never changes, or holds no values, or none is named."""
+    still = [one.name for one in log.columns.values() if one.by_name.role in MOTION and not one.moves]
+    if still:
+        return f"nothing moves: {listed(still)} never changes"
+    # A column of nothing but NaN is among no numbers.
+    table = log.table
+    named = [name for name in table.columns if role_by_name(name_in(table, name)).role in MOTION]
+    empty = [name for name in named if name not in log.columns and not _values_in(table, name)]
+    return (
+        f"no motion was measured: {listed(empty)} {'holds' if len(empty) == 1 else 'hold'} no values"
+        if empty
+        else "no column is a position or a velocity"
+    )
+
+
+def _values_in(table: Table, name: str) -> bool:
+    """Whether a column holds anything, be it text."""
+    try:
+        return bool(np.isfinite(table.numbers(name)).any())
+    except InputError:
+        return True
 
 
 def _of_a_sensor(columns: Iterable[TableColumn]) -> str:
@@ -534,7 +552,11 @@ def _load(log: Choice, every: Map[str, TableColumn]) -> None:
     place = log.column("position")
     if place is None or log.said(LOAD):
         return
+    # What has a command of its own is another axis, such as the other side of a vehicle.
+    driven = {one.parsed.index for one in every.values() if one.by_name.role == "command" and one.moves}
+    driven -= {place.parsed.index, ""}
     measured = [one for one in every.values() if one.by_name.role == "position" and one.name != place.name]
+    measured = [one for one in measured if one.parsed.index not in driven]
     found = [one for one in measured if _slack_between(place, one)]
     if found:
         other, turned = found[0].name, AT_LOAD & set(place.parsed.words) or AT_MOTOR & set(found[0].parsed.words)

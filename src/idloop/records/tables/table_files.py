@@ -47,6 +47,8 @@ def read_table(path: Path, kind: str | None = None, options: Mapping[str, Any] |
     if not path.is_file():
         near = [entry.name for entry in path.parent.iterdir()] if path.parent.is_dir() else []
         raise InputError(f"{path}: no such file{did_you_mean(path.name, near) or '; check the path'}")
+    if path.stat().st_size == 0:
+        raise InputError(f"{path}: the file is empty (0 bytes); check that the recording was saved")
     try:
         table = form_of(path, kind).read(path, dict(options or {}))
     except OSError as error:
