@@ -20,7 +20,7 @@ from idloop.records.recognition.time_base import TimeBase
 from idloop.records.recognition.unnamed_columns import follows, longest_way, smoothest_first
 from idloop.records.tables.base_units import COUNTS, is_unit_of
 from idloop.records.tables.table import Table
-from idloop.spelling import listed
+from idloop.spelling import joined_names, listed
 
 # Share of the rows in which a counter rises by one number, and steps of the stamps that are usual, in their median.
 _COUNTS, _USUAL = 0.9, 1.5
@@ -31,6 +31,9 @@ _MOST_COMPARED = 20
 # What a swapped name may stand at: not at a set-point, whose slope is often logged beside it.
 _MAY_BE = ("command", "effort", *MOTION, "other", "")
 _MOST_NAMED = 8
+# Means that were removed: of so many samples and signals at least, below this share of the range, which does not lie
+# alike on both sides of zero.
+_FEWEST_FOR_MEAN, _SIGNALS, _NO_MEAN, _ONE_SIDED = 100, 2, 1e-6, 0.05
 _GAINS = (("kp", "position", "reference"), ("kd", "velocity", "reference velocity"))
 
 
@@ -237,3 +240,22 @@ def loop_beside_command(log: Choice) -> list[str]:
     terms += [quoted(fed.name)] if fed is not None and np.nan_to_num(fed.value).any() else []
     text = "command: the gains of a loop in the drive are on record, which adds to what was sent; as one command:"
     return [f"{text} --command '{' + '.join(terms)}={command.unit or 'UNIT'}'"]
+
+
+def doubt_of_removed_means(log: Choice) -> str:
+    """Whether the means of command and motion were removed, as `detrend` of MATLAB does before a linear fit.
+
+    No measured mean is zero to so many digits; only a signal as large on both sides of zero may have such a one.
+    """
+    used = [column for role in ("command", *MOTION) if (column := log.column(role)) is not None]
+    values = [one.value[np.isfinite(one.value)] for one in used]
+    values = [value for value in values if value.size > _FEWEST_FOR_MEAN and np.ptp(value) > 0.0]
+    if len(values) < _SIGNALS or not all(abs(value.mean()) < _NO_MEAN * np.ptp(value) for value in values):
+        return ""
+    if all(abs(float(value.max() + value.min())) < _ONE_SIDED * np.ptp(value) for value in values):
+        return ""
+    names = joined_names([repr(one.name) for one in used])
+    return (
+        f"the means of {names} are zero to the last digit: they were removed before the log was saved, and with them"
+        " what friction, a weight and an offset do; take the log as it was recorded, if there is one"
+    )

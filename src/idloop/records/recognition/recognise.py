@@ -20,6 +20,7 @@ from idloop.records.recognition.column_name import ColumnName, name_in, parse_co
 from idloop.records.recognition.consistency import (
     doubt_of_lost_rows,
     doubt_of_names,
+    doubt_of_removed_means,
     leave_out_unrelated,
     loop_beside_command,
     without_control_error,
@@ -179,7 +180,11 @@ def recognise_table(
     base = log.base
     exchanged = doubt_of_names(log)
     unrelated = "" if exchanged else leave_out_unrelated(log)
-    of_rows = (doubt_of_decimation(table, base), doubt_of_lost_rows(table, numbers, base))
+    of_rows = (
+        doubt_of_decimation(table, base),
+        doubt_of_lost_rows(table, numbers, base),
+        doubt_of_removed_means(log),
+    )
     log.doubts += filter(None, (*of_rows, doubt_of_left_out(log), exchanged, unrelated))
     set_wraps(log)
     log.doubts += loop_beside_command(log)
