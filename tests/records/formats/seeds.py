@@ -9,6 +9,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from mcap.writer import CompressionType, Writer
 from tests.records.formats.writers import (
     Ref,
     mat_hdf5,
@@ -73,6 +74,17 @@ def _wpilog():
             (6, stamp, b"\0" * 16),
         ]
     return wpilog(entries, [*records, (4, 300_000, "none")])
+
+
+def _mcap(path, compression):
+    with path.open("wb") as file:
+        writer = Writer(file, compression=compression)
+        writer.start("", "a logger")
+        state = writer.register_channel("/state", "json", 0)
+        for t, u, angle, speed in ROWS:
+            content = json.dumps({"u": u, "angle": angle, "speed": [speed, -speed]}).encode()
+            writer.add_message(state, int(1e9 * t), content, int(1e9 * t))
+        writer.finish()
 
 
 def _codesys():
@@ -163,6 +175,7 @@ def seeds() -> dict[str, tuple[str, list[bytes]]]:
         "npy": (".npy", [_npy(np.array(ROWS)), _npy(np.array(ROWS, dtype=[(name, "f8") for name in SIGNALS]))]),
         "torch": (".pt", [torch_archive(SIGNALS | {"gain": 2.5}), torch_legacy(SIGNALS)]),
         "wpilog": (".wpilog", [_wpilog()]),
+        "mcap_json": (".mcap", _several(_mcap, CompressionType.NONE, CompressionType.ZSTD)),
         "codesys": (".trace.csv", [_codesys()]),
         "lvm": (".lvm", [_lvm()]),
         "twincat": (".csv", [_twincat()]),

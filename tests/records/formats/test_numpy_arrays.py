@@ -68,3 +68,10 @@ def test_an_archive_of_nothing_but_objects(tmp_path):
     np.savez(tmp_path / "a.npz", log=np.array({"t": [0.0, 1.0]}, dtype=object))
     with pytest.raises(InputError, match=r"pickled objects of Python, .* save plain arrays"):
         read_table(tmp_path / "a.npz")
+
+
+def test_an_array_of_three_dimensions_is_left_out_and_said(tmp_path):
+    np.savez(tmp_path / "a.npz", T=np.arange(20.0), U=np.ones((5, 20)), Y=np.ones((5, 20, 2)))
+    table = read_table(tmp_path / "a.npz")
+    assert "Y" not in " ".join(table.columns)
+    assert table.notes == ["'Y' has 5 x 20 x 2 values and is left out; save a matrix or a file for each record"]

@@ -1025,3 +1025,12 @@ def test_a_column_is_a_multiple_of_another_whatever_factor_and_start(factor, sta
     )
     assert one.times(other) == pytest.approx(1.0 / factor**2, rel=1e-3)
     assert one.times(noisy) == 0.0
+
+
+def test_settings_of_a_model_beside_the_record_are_no_columns_that_were_not_used():
+    columns = {"t": T, "u": U, "angle": ANGLE, "sys.A": T[:3], "note": np.zeros(T.size)}
+    found = recognise_table(Table(Path("log.mat"), columns))
+    assert found.other == ("note",)
+    with pytest.raises(InputError) as caught:
+        recognise_table(Table(Path("log.mat"), {name: one for name, one in columns.items() if name != "t"}))
+    assert "(columns are u, angle, note)" in str(caught.value)

@@ -28,6 +28,7 @@ _BESIDE_EACH_OTHER = {
     "channels", "signal", "signals", "topic", "topics", "series", "traces",
 }  # fmt: skip
 _FEWEST_ROWS = 3  # of a run
+_MATRIX = 2  # dimensions
 _LAST_BLOCK = re.compile(r"(?:[^/]|//)*$")
 
 
@@ -97,6 +98,9 @@ class _Flattener:
         if array.ndim == 0:
             table.attributes[full] = str(array) if array.dtype.kind == "U" else float(array)
             return []
+        if array.ndim > _MATRIX:
+            size = " x ".join(map(str, array.shape))
+            table.notes.append(f"{full!r} has {size} values and is left out; save a matrix or a file for each record")
         tall = _tall(array)
         columns = {full: array} if array.ndim == 1 else {} if tall is None else _elements(full, tall.T)
         table.columns |= columns

@@ -198,7 +198,7 @@ def recognise_table(
         if (clock := table.clocks.get(one.column)) is not None and clock != base.time.column
     }
     rows = () if table.clocks else tuple(base.runs)
-    other = tuple(name for name in table.columns if name not in used and name not in table.clocks.values())
+    other = tuple(name for name in table.of_record if name not in used and name not in table.clocks.values())
     return Recognition(table, base, guesses, clocks, rows, other, tuple(log.doubts), sources or {}, joints=several)
 
 

@@ -156,7 +156,7 @@ def find_time_base(
         return base
     raise InputError(
         f"{table.path}: no column is a time{_why_not(table, numbers)}; name it with --time COLUMN, or say how often a"
-        f" row was taken: --rate HZ or --period S (columns are {listed(table.columns, 20)})"
+        f" row was taken: --rate HZ or --period S (columns are {listed(table.of_record, 20)})"
     )
 
 

@@ -53,6 +53,12 @@ class Table:
         """Whether there is such a column, by name or by position from 0."""
         return 0 <= name < len(self.columns) if isinstance(name, int) else name in self.columns
 
+    @property
+    def of_record(self) -> list[str]:
+        """Names of the columns that are as long as the record; beside it a workspace holds settings and models."""
+        longest = 0 if self.clocks else max(map(len, self.columns.values()), default=0)
+        return [name for name, column in self.columns.items() if 2 * len(column) > longest]
+
     def raw(self, name: str | int) -> Any:
         """Return a column as read, by name or by position from 0."""
         if isinstance(name, str):
