@@ -139,3 +139,29 @@ def test_the_weight_of_an_arm_is_no_other_load(make_axis):
     alone = response(arm(1, 4.0), 0.5), response(arm(7, 3.2), 0.5)
     assert alone[0].gain_of().differs(alone[1].gain_of())
     assert kinds(a=arm(1, 4.0), b=arm(7, 3.2)) == []
+
+
+LOUD = np.repeat(np.random.default_rng(5).normal(size=150), 20)
+QUIET = np.repeat(0.4 * np.random.default_rng(6).normal(size=150), 20)
+
+
+@pytest.mark.parametrize(
+    "drive",
+    [
+        lambda value: float(np.clip(value, -0.5, 0.5)),
+        lambda value: value - float(np.clip(value, -0.3, 0.3)),
+    ],
+    ids=["limit", "dead zone"],
+)
+def test_commands_of_other_sizes_are_no_other_machine_behind_a_bent_force(make_axis, drive):
+    one, two = make_axis(command=LOUD, drive=drive), make_axis(seed=1, command=QUIET, drive=drive)
+    assert not between_records({"loud": [one], "quiet": [two]})
+
+
+def test_another_load_shows_behind_a_bent_force(make_axis):
+    def drive(value: float) -> float:
+        return float(np.clip(value, -0.5, 0.5))
+
+    one = make_axis(command=LOUD, drive=drive)
+    two = make_axis(seed=1, command=LOUD[::-1].copy(), drive=drive, gain=25.0)
+    assert {fault.kind for fault in between_records({"one": [one], "two": [two]})} == {"other_gain"}

@@ -149,6 +149,17 @@ def curved_friction(grid: Grid) -> list[Array]:
     return [grid.speed * np.abs(grid.speed), dry(grid) * fading]
 
 
+def position_forces(grid: Grid) -> list[Array]:
+    """Smooth forces over the position, such as the weight of an arm; none without a position."""
+    place = grid.position - np.nanmean(grid.position) if np.isfinite(grid.position).any() else None
+    return [] if place is None else [place**2, place**3, np.sin(place), np.cos(place)]
+
+
+def beyond(command: Array, level: float) -> Array:
+    """Part of a command (n,) beyond a level."""
+    return np.asarray(np.sign(command) * np.maximum(np.abs(command) - level, 0.0))
+
+
 def regress(target: Array, table: Array) -> tuple[Array, Array, float]:
     """Least squares with jackknife errors over parts of the rows.
 

@@ -6,17 +6,21 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from idloop.arrays import Array
 from idloop.records.finding import Finding
-from idloop.records.inspection.axis import Axis
+from idloop.records.inspection.axis import Axis, Grid
 from idloop.records.inspection.faults.excitation import SLOW, SMALL, STILL, TWO_LEVELS, is_slow
 from idloop.records.inspection.faults.fault import fault
 from idloop.records.inspection.faults.loops import set_point
 from idloop.records.inspection.faults.readings import COARSE, is_coarse
 from idloop.records.inspection.inspection import Inspection
-from idloop.records.inspection.response import Response, response
+from idloop.records.inspection.response import Response, beyond, response, unexplained
 
 # A gain counts where it is that certain, and explains this share of the acceleration.
 _CERTAIN, _SHARE = 8.0, 0.5
+# Levels at which a force may bend, as quantiles of the sizes of the commands, and share of what a gain for each record
+# leaves that such a force of all records must not exceed.
+_LEVELS, _LEFT = (0.1, 0.25, 0.4, 0.55, 0.7, 0.85), 0.5
 _RATE = 0.05
 _SPOILS = ("a common fit",)
 
@@ -76,7 +80,7 @@ def _gains(joint: str, axes: Mapping[str, Axis]) -> list[Finding]:
     usual = max(known, key=lambda name: (agree[name], abs(known[name].certainty)))
     two, found = known[usual], []
     for name, one in known.items():
-        if _differ(one, two):
+        if _differ(one, two) and not _bend_alike((axes[name], one), (axes[usual], two)):
             ratio = one.gain / two.gain
             what = (
                 f"{joint}: the same command accelerates {ratio:.3g} times as much in {name} as in {usual}"
@@ -92,6 +96,37 @@ def _differ(one: Response, two: Response) -> bool:
     return all(
         one.gain_of(beside_position=there).differs(two.gain_of(beside_position=there)) for there in (False, True)
     )
+
+
+def _bend_alike(one: tuple[Axis, Response], two: tuple[Axis, Response]) -> bool:
+    """Whether one bent force of the command explains what seem to be two gains: a dead zone, a limit of the drive.
+
+    Commands of other sizes then have other gains on the same machine. Each record keeps its own friction and constant.
+    """
+    known = [(axis.grid, found) for axis, found in (one, two) if axis.grid is not None]
+    sizes = np.concatenate([np.abs(grid.command) for grid, _ in known])
+    levels = np.unique(np.nanquantile(sizes, _LEVELS))
+    (first, first_forces, first_beside), (second, second_forces, second_beside) = (
+        _bent_rows(grid, found, levels) for grid, found in known
+    )
+    target, bent = np.concatenate([first, second]), np.concatenate([first_forces, second_forces])
+    beside = np.zeros((target.size, first_beside.shape[1] + second_beside.shape[1]))
+    beside[: first.size, : first_beside.shape[1]] = first_beside
+    beside[first.size :, first_beside.shape[1] :] = second_beside
+    own = np.where(np.arange(target.size) < first.size, bent[:, 0], 0.0)
+    apart = unexplained(target, np.column_stack([own, bent[:, 0], beside]))
+    alike = unexplained(target, np.column_stack([bent, beside]))
+    # Another gain of one record beside the bent force must not explain far more again.
+    both = unexplained(target, np.column_stack([own, bent, beside]))
+    return alike < _LEFT * apart and both > _LEFT * alike
+
+
+def _bent_rows(grid: Grid, found: Response, levels: Array) -> tuple[Array, Array, Array]:
+    """Acceleration, the command with its parts beyond each level, and the other terms of the rows of a record."""
+    parts = [beyond(grid.command, level) for level in levels]
+    target, table = found.with_terms(parts[0], parts[1:])
+    last = 2 + found.others.shape[1]
+    return target, np.column_stack([table[:, 1], table[:, 0], table[:, last:]]), table[:, 2:last]
 
 
 def judged_together(inspections: Sequence[Inspection]) -> tuple[Inspection, ...]:

@@ -81,3 +81,29 @@ def axis(stays: int) -> Axis:
 @pytest.mark.parametrize(("stays", "named"), [(1, False), (3, True)])
 def test_a_speed_that_is_reached_several_times_is_a_limit(stays, named):
     assert bool(drive_limits.limited_speed(axis(stays))) == named
+
+
+def arm(limit: float) -> Axis:
+    """Swing an arm under its weight by a loop of a large gain, faster and faster; the drive has a limit of its own."""
+    rate, largest, weight = 1000.0, 200.0, 35.0
+    time = np.arange(30_000) / rate
+    target = 1.4 * np.sin(2.0 * np.pi * (0.1 * time + 2.5 / 30.0 * time**2))
+    position, command = np.zeros(time.size), np.zeros(time.size)
+    p = v = smooth = 0.0
+    for k in range(time.size):
+        position[k] = p
+        smooth += 0.3 * (v - smooth)
+        command[k] = np.clip(600.0 * (target[k] - p) - 40.0 * smooth, -largest, largest)
+        applied = float(np.clip(command[k], -limit, limit))
+        for _ in range(4):
+            v += (applied - weight * np.sin(p - 0.6) - 1.2 * v - 12.0 * np.tanh(v / 0.02)) / (4.0 * rate)
+            p += v / (4.0 * rate)
+    step = 2.0 * np.pi / 16384
+    counts = step * np.floor(position / step)
+    units = {"j.position": "rad", "j.effort": "A"}
+    return Axis("j", time, counts, None, time, command, "j.effort", units)
+
+
+@pytest.mark.parametrize(("limit", "named"), [(1000.0, False), (100.0, True)])
+def test_the_weight_of_an_arm_is_no_limit_of_the_force(limit, named):
+    assert bool(drive_limits.limited_force(arm(limit))) == named

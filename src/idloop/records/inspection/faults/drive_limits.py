@@ -6,13 +6,15 @@ import numpy as np
 
 from idloop.arrays import Array
 from idloop.records.finding import Finding
-from idloop.records.inspection.axis import Axis
+from idloop.records.inspection.axis import Axis, Grid
 from idloop.records.inspection.faults.fault import fault
 from idloop.records.inspection.response import (
     Response,
+    beyond,
     curved_friction,
     own_share,
     plain_responses,
+    position_forces,
     regress,
     responses,
 )
@@ -63,7 +65,7 @@ def limited_force(axis: Axis, slower: float = np.inf) -> Finding | None:
     fast = np.where(np.abs(grid.speed) > slower, np.nan, 0.0)
     parts = {}
     for level in (share * largest for share in _LEVELS):
-        part = _beyond(grid.command, level)
+        part = beyond(grid.command, level)
         if _shows_bend(axis.known_command, level) and _BEYOND < np.mean(part != 0.0) < 1.0 - _BEYOND:
             parts[level] = part + fast
     found = []
@@ -73,8 +75,7 @@ def limited_force(axis: Axis, slower: float = np.inf) -> Finding | None:
             if target.size < _FEWEST:
                 continue
             values, errors, left = regress(target, table)
-            certain = values[0] < -_ERRORS * errors[0] and values[1] > _ERRORS * errors[1]
-            if certain and values[1] + values[0] < _GAIN * values[1]:
+            if _bends(values, errors) and _bends_beside_position(one, part, grid):
                 found.append((own_share(target, table, left), level, float(1.0 + values[0] / values[1])))
     explains, level, kept = max(found, default=(0.0, 0.0, 0.0))
     if not explains > _EXPLAINS:
@@ -90,9 +91,17 @@ def limited_force(axis: Axis, slower: float = np.inf) -> Finding | None:
     )
 
 
-def _beyond(command: Array, level: float) -> Array:
-    """Part of a command (n,) beyond a level."""
-    return np.asarray(np.sign(command) * np.maximum(np.abs(command) - level, 0.0))
+def _bends(values: Array, errors: Array) -> bool:
+    """Whether the gain of the command falls beyond the level, by the coefficients of that part and of the command."""
+    certain = values[0] < -_ERRORS * errors[0] and values[1] > _ERRORS * errors[1]
+    return bool(certain and values[1] + values[0] < _GAIN * values[1])
+
+
+def _bends_beside_position(one: Response, part: Array, grid: Grid) -> bool:
+    """Whether the gain falls beside the weight of an arm as well, which a large command may hold in a loop."""
+    forces = position_forces(grid)
+    target, table = one.with_terms(part, [*curved_friction(grid), *forces])
+    return not forces or _bends(*regress(target, table)[:2])
 
 
 def _shows_bend(command: Array, level: float) -> bool:
@@ -100,9 +109,9 @@ def _shows_bend(command: Array, level: float) -> bool:
 
     Means of it over a sample have values between any two levels, which the drive never got.
     """
-    beyond = _beyond(command, level)
-    size = float(np.std(command) * np.std(beyond))
-    shared = float(np.mean((command - command.mean()) * (beyond - beyond.mean()))) / size if size > 0.0 else 1.0
+    part = beyond(command, level)
+    size = float(np.std(command) * np.std(part))
+    shared = float(np.mean((command - command.mean()) * (part - part.mean()))) / size if size > 0.0 else 1.0
     return 1.0 - shared**2 > _BENDS
 
 
