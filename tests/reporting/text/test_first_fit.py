@@ -55,6 +55,11 @@ def test_a_fault_counts_where_no_record_is_without_it():
     assert verdict([slow, _inspection("two", grade="usable with care")], both).endswith("mind the warnings above")
 
 
+def test_what_spoils_only_black_box_models_leaves_the_fit_of_a_physical_model_alone():
+    loop = _inspection("run", "open-loop black-box models")
+    assert verdict([loop], _rows(run=99.0)).endswith("; the recording is not usable for open-loop black-box models")
+
+
 def test_a_record_that_is_of_no_use_alone():
     idle = _inspection("idle", grade="not usable for identification")
     assert verdict([idle, _inspection("run")], _rows(idle=95.0, run=96.0)).endswith(

@@ -177,6 +177,7 @@ def brief_map(one: ErrorMap, most: int) -> list[str]:
 _GAIN, _LOOP_GAIN = "drive.gain", "drive.proportional"
 _MAY_SET_SPEED = ("-", "V")
 _ASTRAY = -900.0  # FIT of a free run that misses by ten times what it varies by [%]
+_BLACK_BOX = "open-loop black-box models"  # what a loop without its reference spoils
 _FORCE = 0.1  # force error above which a model lacks something, however well its free run follows
 
 
@@ -234,7 +235,9 @@ def _recordings(inspections: Sequence[Inspection]) -> str:
     said = []
     if everywhere:
         which = "the recording is not" if len(inspections) == 1 else "no recording is"
-        said.append(f"{which} usable for {joined_names(everywhere)}, whatever FIT and intervals say")
+        # FIT and intervals are those of a physical model: they say nothing of black-box models, which are fitted apart.
+        doubted = [] if everywhere == [_BLACK_BOX] else ["whatever FIT and intervals say"]
+        said.append(", ".join([f"{which} usable for {joined_names(everywhere)}", *doubted]))
     if alone := [one.path.name for one in inspections if one.grade == f"{NOT_USABLE} {EVERYTHING}"]:
         said.append(f"{listed(alone, 3)} can be used beside others only")
     if said:
