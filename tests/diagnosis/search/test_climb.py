@@ -71,6 +71,10 @@ class Fickle(View[Any]):
         wanted = [name for name in (FRICTION, DRAG) if name not in parent.model.effect_names]
         return Answers(parent, tuple(evaluated(parent.model, name, 100.0) for name in wanted[:1]), 2, 0.01, 0.01)
 
+    def reported(self, fit: Any) -> Model:
+        model: Model = fit.model
+        return model
+
     def refit_thoroughly(self, fit: Any) -> Any:
         return fit
 
@@ -103,6 +107,10 @@ class Waves(View[Any]):
         more = len(parent.model.effects) < 3 and "cogging#3@axis" not in parent.model.effect_names
         return Answers(parent, (evaluated(parent.model, "cogging@axis", 100.0),) if more else (), 1, 0.01, 0.01)
 
+    def reported(self, fit: Any) -> Model:
+        model: Model = fit.model
+        return model
+
     def refit_thoroughly(self, fit: Any) -> Any:
         return fit
 
@@ -125,15 +133,18 @@ class Severe(Fickle):
     """Wants nothing, and drops everything."""
 
     def evaluate(self, parent: Any) -> SearchStep[Any]:
+        self.steps += 1
         return Answers(parent, (), 2, 0.01, 0.01)
 
 
 def test_all_effects_that_a_second_view_finds_superfluous_are_no_steps_any_more() -> None:
     start, fit = climb(Fickle(dropping=False))(Fit(load_model("axis")))
     assert start.added == (FRICTION, DRAG)
-    second = Climb(Severe(dropping=True), (), (), "prediction", 0.01, 8, lambda share, text: None, reduces=True)
-    ladder, fit = second(fit, start)
+    view = Severe(dropping=True)
+    ladder, fit = Climb(view, (), (), "prediction", 0.01, 8, lambda share, text: None, reduces=True)(fit, start)
     assert ladder.added == fit.model.effect_names == ()
+    # Beside what stays, once.
+    assert view.steps == 1
 
 
 def test_a_ladder_adds_what_shows_and_ends_with_the_verdict_of_the_last_step() -> None:

@@ -1,5 +1,6 @@
 """The terms of a force balance add up to the balance of the compiled model."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -113,3 +114,30 @@ def test_proportional_effects_are_proportional(machine: Model, form: WeakForm, e
         model = machine.with_effect(effect.name, SITE[effect.site], **own)
         forces.append(WholeBalance(model, form._along).residual(model.values, 0.0, 0.0))
     np.testing.assert_allclose(forces[2] - forces[0], 3.0 * (forces[1] - forces[0]), atol=1e-9)
+
+
+@pytest.mark.parametrize("friction", [False, True], ids=["", "with dry friction"])
+@pytest.mark.parametrize("place", [-0.5, -0.03, 0.0, 0.37, 1.21])
+def test_between_averaged_delays_the_force_changes_by_a_line(
+    machine: Model, form: WeakForm, place: float, *, friction: bool
+) -> None:
+    """Commands that are averaged at this very delay [samples], in place of the line, leave the same force."""
+    model = machine.with_effect("coulomb_friction", "motor", level=0.1) if friction else machine
+    timing = place / RATE
+    on_the_line = balance_terms(model, form._along).residual(model.values, timing, form.rest_speed)
+    late = with_later_command(form, timing)
+    exact = balance_terms(model, late._along).residual(model.values, 0.0, form.rest_speed)
+    size = np.sqrt(np.mean(late.drive(machine.theta, 0.0) ** 2))
+    assert np.sqrt(np.mean((on_the_line - exact) ** 2)) < 1e-3 * size
+
+
+def with_later_command(form: WeakForm, timing: float) -> WeakForm:
+    """The same windows with a command that was recorded later [s]."""
+    data = [replace(one, input_time=one.input_time + timing) for one in form.data]
+    found = weak_form(form.engine, data, form.width)
+    assert found is not None
+    return found
+
+
+def test_a_delay_that_is_no_number_leaves_no_force(form: WeakForm) -> None:
+    assert np.all(np.isnan(form.residual(form.engine.model.theta, float("nan"))))

@@ -244,6 +244,10 @@ class ForceView(View[WeakFit]):
                 return fitted[1]
         return None
 
+    def reported(self, fit: WeakFit) -> Model:
+        """As in `View`."""
+        return fitted_model(fit)
+
     def refit_thoroughly(self, fit: WeakFit) -> WeakFit:
         """The same model in windows as wide as its noise requires: the less it leaves, the wider they are."""
         form = fit.form

@@ -360,6 +360,10 @@ class PredictionView(View[Refit]):
                 )
         return found
 
+    def reported(self, fit: Refit) -> Model:
+        """As in `View`."""
+        return fit.with_stderr()
+
     def refit_thoroughly(self, fit: Refit) -> Refit:
         """The same model in all samples, with the order of whitening that suits it."""
         if self.estimation.kind != PREDICTION:

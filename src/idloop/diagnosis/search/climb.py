@@ -36,9 +36,10 @@ class Climb(Generic[FitT]):
 
     def __call__(self, fit: FitT, ladder: Ladder | None = None) -> tuple[Ladder, FitT]:
         """Climb from a fitted model, on from a ladder where one is given, to the fit of the last model."""
-        given = ladder
-        kept, added, reduced = set[str](), set[str](), not self.reduces
-        timing_refused = False
+        kept, added, timing_refused = set[str](), set[str](), False
+        if ladder is not None and self.reduces:
+            # What another view has found may be superfluous in this one.
+            ladder, fit = self._without_superfluous(ladder, fit, kept, ladder.steps[1:])
         while True:
             count = 0 if ladder is None else len(ladder.added)
             begin, end = count / (count + 2.0), (count + 1.0) / (count + 3.0)
@@ -49,12 +50,6 @@ class Climb(Generic[FitT]):
                 model = step.reported(fit)
                 ladder = Ladder((Step(None, model).measured(model, self.records, self.validation),))
             ladder = replace(ladder, criterion=self.criterion, level=self.level)
-            if given is not None and not reduced:
-                # What another view has found may be superfluous in this one.
-                reduced, before = True, ladder
-                ladder, fit = self._without_superfluous(ladder, fit, step, kept, ladder.steps[1:])
-                if ladder is not before:
-                    continue
             room = bool(step.tied) and count + len(step.tied[0].proposals) <= self.most
             # A missing effect may hide the timing of the command: it is looked at again once effects were added.
             timed = self.view.with_timing(step) if (added or room) and not timing_refused else None
@@ -73,7 +68,7 @@ class Climb(Generic[FitT]):
             names = set(step.tied[0].names)
             kept, added = kept | (names & added), added | names
             earlier = [one for one in ladder.steps[1:] if one.added is None or one.added.name not in names]
-            ladder, fit = self._without_superfluous(ladder, fit, step, kept, earlier)
+            ladder, fit = self._without_superfluous(ladder, fit, kept, earlier)
             if self.on_step is not None:
                 self.on_step(ladder)
         return self._concluded(ladder, step), fit
@@ -145,7 +140,7 @@ class Climb(Generic[FitT]):
         return found
 
     def _without_superfluous(
-        self, ladder: Ladder, fit: FitT, step: SearchStep[FitT], kept: Collection[str], steps: Sequence[Step]
+        self, ladder: Ladder, fit: FitT, kept: Collection[str], steps: Sequence[Step]
     ) -> tuple[Ladder, FitT]:
         """Remove effects of some steps that others have made superfluous."""
         for earlier in steps:
@@ -156,7 +151,7 @@ class Climb(Generic[FitT]):
             without = self.view.without(fit, gone.name)
             if without is None:
                 continue
-            model = step.reported(without)
+            model = self.view.reported(without)
             if self.worse is not None and self.worse(ladder.model, model):
                 continue
             fit = without

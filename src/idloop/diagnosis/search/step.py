@@ -357,6 +357,10 @@ class View(ABC, Generic[FitT]):
         return None
 
     @abstractmethod
+    def reported(self, fit: FitT) -> Model:
+        """A model fitted to all samples, with its standard errors."""
+
+    @abstractmethod
     def refit_thoroughly(self, fit: FitT) -> FitT:
         """The same model after a thorough search, for a model that stays."""
 

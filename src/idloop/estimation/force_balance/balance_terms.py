@@ -7,6 +7,7 @@ that an evaluation needs at most one new term. Only a body at rest couples them:
 
 from __future__ import annotations
 
+import math
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -40,6 +41,8 @@ _ARRIVING = _INERTIA = 2
 _LEAST_TURNED = 1e-3
 # Speed of a body that barely moves [m/s or rad/s].
 _BARELY = 1e-9
+# Parts of a sample time at which commands are averaged; between them, means change nearly by a line.
+_PARTS = 16
 # Rounds in which the start of an integral and the friction that it causes agree.
 _STARTS = 4
 _NO_JUMPS = np.zeros(0, dtype=np.int64)
@@ -274,6 +277,7 @@ class MotionInWindows:
         self.motions, self.commands, self.rows, self.weights = tuple(motions), commands, rows, weights
         self.inertial = inertial
         self.whole = _joined(self.motions)
+        self.sample_time = float(np.median(np.diff(self.whole.time[:100])))
         mean = commands(0.0).mean
         self.command_rms = float(np.sqrt(np.mean(mean**2)))
         self.weak_command = self.weak(mean)
@@ -416,22 +420,17 @@ def _joined(motions: Sequence[Instants]) -> Instants:
     )
 
 
-class _Commands:
-    """Commands around all instants at some delay [s]: the means, then both sides of every jump."""
+class _CommandPlaces:
+    """Where the commands around all instants act: at the instants, then on both sides of every jump."""
 
-    def __init__(self, along: MotionInWindows, timing: float) -> None:
-        self._along, self.around = along, along.commands(timing)
-        around, count = self.around, len(self.around.mean)
-        self.command = np.concatenate([around.mean, around.before, around.after])
-        kept = np.flatnonzero(along.place[around.jumps] >= 0)
-        self.jumps, self.late, sides = along.place[around.jumps[kept]], around.late[kept], count + kept
+    def __init__(self, along: MotionInWindows, around: CommandAround) -> None:
+        self._along = along
+        self.instants = np.concatenate([np.arange(len(around.mean)), around.jumps, around.jumps])
+        place = along.place[around.jumps]
+        self.kept = np.flatnonzero(place >= 0)  # jumps near rest
+        self.jumps = place[self.kept]  # their indices among the instants near rest
+        sides = len(around.mean) + self.kept
         self.near = np.concatenate([along.near, sides, sides + len(around.jumps)])
-
-    @cached_property
-    def instants(self) -> Places:
-        """Index of the instant of every command."""
-        around = self.around
-        return np.concatenate([np.arange(len(around.mean)), around.jumps, around.jumps])
 
     @cached_property
     def driven(self) -> tuple[Array, Array, Array, Conditions | None]:
@@ -439,6 +438,43 @@ class _Commands:
         whole, time = self._along.whole, np.arange(len(self.instants), dtype=float)
         conditions = None if whole.conditions is None else whole.conditions.sampled(whole.time[self.instants], time)
         return time, whole.position[self.instants, 0], whole.velocity[self.instants, 0], conditions
+
+
+class _Commands:
+    """Commands around all instants at some delay: the means, then both sides of every jump."""
+
+    def __init__(self, along: MotionInWindows, around: CommandAround, places: _CommandPlaces) -> None:
+        self._along, self.around, self.places = along, around, places
+        self.command = np.concatenate([around.mean, around.before, around.after])
+
+    @classmethod
+    def at(cls, along: MotionInWindows, timing: float) -> _Commands:
+        """Those at a delay [s]: on the line between the nearest ones, at parts of the sample time."""
+        part = along.sample_time / _PARTS
+        node = math.floor(timing / part)
+        share = timing / part - node
+
+        def made(node: int) -> _Commands:
+            around = along.commands(node * part)
+            return cls(along, around, _CommandPlaces(along, around))
+
+        def known(node: int) -> _Commands:
+            found: _Commands = along.cached(("commands", node), lambda: made(node))
+            return found
+
+        return known(node) if share == 0.0 else known(node).towards(known(node + 1), share)
+
+    def towards(self, other: _Commands, share: float) -> _Commands:
+        """Commands on the line to those at another delay, with the jumps of these."""
+        here = self.around
+        mean = here.mean + share * (other.around.mean - here.mean)
+        late = (mean[here.jumps] - here.before) / (here.after - here.before)
+        return _Commands(self._along, replace(here, mean=mean, late=np.clip(late, 0.0, 1.0)), self.places)
+
+    @property
+    def late(self) -> Array:
+        """Part of the sample time after each of the jumps near rest."""
+        return self.around.late[self.places.kept]
 
     @property
     def nbytes(self) -> int:
@@ -448,7 +484,8 @@ class _Commands:
     def both(self, force: Array) -> tuple[Array, Array]:
         """A force at these commands in every window, and near rest."""
         around = self.around
-        return self._along.weak(mean_of_sides(force, len(around.mean), around.jumps, around.late)), force[self.near]
+        mean = mean_of_sides(force, len(around.mean), around.jumps, around.late)
+        return self._along.weak(mean), force[self.places.near]
 
 
 def _numbers(active: ActiveEffect, values: Values) -> tuple[float, ...]:
@@ -716,20 +753,20 @@ class BalanceTerms:
 
     def _drive_per_gain(self, values: Values, timing: float) -> DriveTerm:
         along = self.along
-        commands: _Commands = along.cached(("commands", timing), lambda: _Commands(along, timing))
+        commands = _Commands.at(along, timing)
         waves, sent = along.square_waves if self._lags else along.constant_change
         if self._lags:
             # An effect with memory is evaluated for one command per sample, not for both sides of a jump.
-            given, jumps, late = commands.around.mean, commands.jumps[:0], commands.late[:0]
+            given, jumps, late = commands.around.mean, commands.places.jumps[:0], commands.late[:0]
         else:
-            given, jumps, late = commands.command, commands.jumps, commands.late
+            given, jumps, late = commands.command, commands.places.jumps, commands.late
         force = self._drive_force(values, commands)
         base = force(given)
 
         def changes() -> list[tuple[Array, Array]]:
             if self._undistorted and not self._lags:
-                return [(sent, np.full(len(commands.near), waves[0][0]))]
-            given_waves = waves if self._lags else [wave[commands.instants] for wave in waves]
+                return [(sent, np.full(len(commands.places.near), waves[0][0]))]
+            given_waves = waves if self._lags else [wave[commands.places.instants] for wave in waves]
             return [evaluated(force(given + wave) - base) for wave in given_waves]
 
         def evaluated(force: Array) -> tuple[Array, Array]:
@@ -746,7 +783,7 @@ class BalanceTerms:
             return lambda command: -self._balance(lagging, along.motions, np.split(command, starts))[:, 0]
         if self._undistorted:
             return lambda command: command
-        time, position, velocity, conditions = commands.driven
+        time, position, velocity, conditions = commands.places.driven
         drive = self._alone(self.inputs, values, gain=1.0).under(conditions)
 
         def force(command: Array) -> Array:
@@ -786,7 +823,7 @@ class WholeBalance(BalanceTerms):
 
     def _whole(self, values: Values, timing: float, rest: float, started: Array, wave: Array | None = None) -> Array:
         along = self.along
-        around = along.cached(("commands", timing), lambda: _Commands(along, timing)).around
+        around = _Commands.at(along, timing).around
         added = np.zeros(len(around.mean)) if wave is None else wave
         layout = lay_out(self.model, values, final=False)
         constants = layout.axis.constants.copy()

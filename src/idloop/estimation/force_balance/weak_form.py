@@ -328,7 +328,7 @@ class WeakForm:
         key = np.append(theta, shift).tobytes()
         known, residual = self._known
         if known != key:
-            if self.engine.is_valid(theta):
+            if np.isfinite(shift) and self.engine.is_valid(theta):
                 balance, values, timing = self._at(theta, shift)
                 residual = balance.residual(values, timing, self.rest_speed)
             else:

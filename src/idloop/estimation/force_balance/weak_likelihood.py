@@ -119,9 +119,11 @@ class NormalisedErrors:
         self._known: tuple[bytes, _Counts] | None = None
 
     def __call__(self, point: Array) -> Array:
-        """The errors at a point."""
+        """The errors at a point; not finite where the balance cannot be evaluated."""
         theta, shift = split_point(self.form, point)
         residual, rows = self.form.residual(theta, shift), self.form.starts[-1]
+        if not np.all(np.isfinite(residual)):
+            return np.full(residual.shape, np.nan)
         key = point[self._moves].tobytes()
         if self._known is None or self._known[0] != key:
             self._known = key, self._counts(point, residual)
