@@ -98,7 +98,8 @@ def fit(
     start = model.theta
     # The balance is nearly linear in the parameters: a cheap start for every criterion, and often the best one itself.
     near = fit_by_force_if_possible(engine, data, start)
-    balance = near if near is not None and (criterion == "force" or near.resolved) else None
+    known = near if near is not None and (criterion == "force" or near.resolved) else None
+    balance = None if known is not None and criterion != "force" and known.scaled_by_loop else known
     if criterion == "force" and balance is None:
         raise InputError(
             "the force criterion needs every body's position or velocity at a steady rate, and some hundred samples",
@@ -113,7 +114,7 @@ def fit(
         return by_force(balance, "as requested")
     if balance is not None and criterion == "auto" and (balance.model_error_dominates or balance.noisy_command):
         return by_force(balance, _why_force(balance))
-    chosen, why = ("prediction", _why_prediction(balance)) if criterion == "auto" else (criterion, "as requested")
+    chosen, why = ("prediction", _why_prediction(known)) if criterion == "auto" else (criterion, "as requested")
     # Even with much noise a balance may be nearer to the optimum than the starting values.
     starts = [start] if near is None else [start, near.theta]
     report(0.1, f"{chosen} criterion")
@@ -226,6 +227,8 @@ def _why_force(balance: WeakFit) -> str:
 def _why_prediction(balance: WeakFit | None) -> str:
     if balance is None:
         return "no force balance above the measurement noise: not every body's motion is measured accurately enough"
+    if balance.scaled_by_loop:
+        return "an unknown gain of the drive's own loop scales all forces, so that a force balance does not show it"
     return (
         f"the force balance leaves {percent(balance.relative)} of the drive force unexplained, but measurement noise"
         " is too large a part of that to conclude that model error limits the fit"

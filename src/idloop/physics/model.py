@@ -245,6 +245,11 @@ class Model:
         name = "drive.integral"
         return self.loop is not None and (name in self.free or self.values.get(name, 0.0) != 0.0)
 
+    @property
+    def loop_scale_is_free(self) -> bool:
+        """Whether the loop of the drive has an unknown proportional gain, with which the force of the drive grows."""
+        return self.loop is not None and "drive.proportional" in self.free
+
     def parameter(self, name: str) -> Parameter:
         """Return a parameter by name.
 

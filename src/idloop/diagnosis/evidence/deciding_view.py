@@ -26,8 +26,8 @@ _FIRST_SAMPLES = 4000
 class DecidingView:
     """The force balance of a model beside predictions of the next sample.
 
-    `balance` is None where it cannot decide: some body is not measured, sensor noise dominates, or the command
-    is reversed. New windows are added to `forms`.
+    `balance` is None where it cannot decide: some body is not measured, sensor noise dominates, a gain scales all
+    forces, or the command is reversed. New windows are added to `forms`.
     """
 
     def __init__(self, model: Model, estimation: EstimationProblem, forms: dict[int, WeakForm]) -> None:
@@ -36,6 +36,7 @@ class DecidingView:
         serves = (
             fit is not None
             and fit.usable
+            and not fit.scaled_by_loop
             and (fit.explains_force or estimation.resolves(_with_largest_inertias(fit)))
             and not _command_is_reversed(fit)
         )

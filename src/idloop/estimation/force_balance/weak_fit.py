@@ -139,11 +139,22 @@ class WeakFit:
         noise = sum(len(data.input) * data.command_noise**2 for data in self.form.data)
         return noise > _NOISY_COMMAND * sum(float(data.input @ data.input) for data in self.form.data)
 
+    @property
+    def scaled_by_loop(self) -> bool:
+        """Whether an unknown gain of a loop in the drive scales the forces, so that the balance must not decide.
+
+        With the gain and a delay of the set-point grows the part of the force that they explain, and the inertia is lost
+        beside it; predictions and a free run, which the loop holds, tell them apart.
+        """
+        return self.form.engine.model.loop_scale_is_free
+
     def contradicts(self, predicted: Model) -> bool:
         """Whether the same model, fitted to prediction errors, takes a force for a disturbance.
 
         The balance explains that force; or noise of the command biases predictions.
         """
+        if self.scaled_by_loop:
+            return False
         if self.usable and self.noisy_command:
             return True
         if not self.usable or self.relative >= 1.0 or self.form.width > _PERIOD * self.form.widest:
