@@ -147,6 +147,41 @@ def test_all_effects_that_a_second_view_finds_superfluous_are_no_steps_any_more(
     assert view.steps == 1
 
 
+LOAD, OFFSET, GEAR = "load_torque@axis", "input_offset@input", "load_dependent_friction@axis"
+
+
+class Tied(Fickle):
+    """An offset and a load do the same; friction in the gear shows beside the load only, if at all."""
+
+    def __init__(self, gear: bool) -> None:
+        super().__init__(dropping=False)
+        self.gear = gear
+
+    def evaluate(self, parent: Any) -> SearchStep[Any]:
+        self.steps += 1
+        names = parent.model.effect_names
+        wanted = [OFFSET, LOAD] if not names else [GEAR] if names == (LOAD,) and self.gear else []
+        return Answers(parent, tuple(evaluated(parent.model, name, 100.0) for name in wanted), 2, 0.01, 0.01)
+
+    def leaves_model_error(self, fit: Any) -> bool:
+        return True
+
+    def exchanged(self, fit: Any, name: str, other: str) -> Any:
+        (proposal,) = proposals(fit.model.without_effect(name), [other])
+        return Fit(proposal.model({}))
+
+
+@pytest.mark.parametrize("gear", [False, True])
+def test_of_a_tie_that_effect_stays_beside_which_more_is_found(gear: bool) -> None:
+    view = Tied(gear)
+    ladder, fit = climb(view)(Fit(load_model("axis")))
+    assert ladder.added == fit.model.effect_names == ((LOAD, GEAR) if gear else (OFFSET,))
+    assert ladder.steps[1].set == (OFFSET, LOAD)
+    assert [step.model.effect_names for step in ladder.steps[:2]] == [(), (LOAD,) if gear else (OFFSET,)]
+    # Each is tried once.
+    assert view.steps == (5 if gear else 3)
+
+
 def test_a_ladder_adds_what_shows_and_ends_with_the_verdict_of_the_last_step() -> None:
     ladder, fit = climb(Fickle(dropping=False))(Fit(load_model("axis")))
     assert ladder.added == (FRICTION, DRAG)

@@ -244,6 +244,20 @@ class ForceView(View[WeakFit]):
                 return fitted[1]
         return None
 
+    def leaves_model_error(self, fit: WeakFit) -> bool:
+        """As in `View`."""
+        return fit.usable and float(np.max(fit.relative_by_body)) >= ADEQUATE_FORCE
+
+    def exchanged(self, fit: WeakFit, name: str, other: str) -> WeakFit | None:
+        """As in `View`."""
+        without = fit.model.without_effect(name)
+        offered = proposals(without, [other], self.estimation.conditions)
+        found = fit_in(fit.form, offered[0].model({}), fit.shift) if offered else None
+        as_likely = found is not None and found.log_likelihood >= fit.log_likelihood - math.log(
+            1.0 / self.options.level
+        )
+        return found if as_likely else None
+
     def reported(self, fit: WeakFit) -> Model:
         """As in `View`."""
         return fitted_model(fit)

@@ -36,7 +36,7 @@ class Climb(Generic[FitT]):
 
     def __call__(self, fit: FitT, ladder: Ladder | None = None) -> tuple[Ladder, FitT]:
         """Climb from a fitted model, on from a ladder where one is given, to the fit of the last model."""
-        kept, added, timing_refused = set[str](), set[str](), False
+        kept, added, refused, timing_refused = set[str](), set[str](), set[str](), False
         if ladder is not None and self.reduces:
             # What another view has found may be superfluous in this one.
             ladder, fit = self._without_superfluous(ladder, fit, kept, ladder.steps[1:])
@@ -60,7 +60,11 @@ class Climb(Generic[FitT]):
                     return replace(self, view=view)(timed[1], self._with_values(ladder, after))
             step, found = self._first_that_serves(step, ladder.model) if room else (step, None)
             if found is None:
-                break
+                other = self._with_another_of_a_tie(ladder, fit, refused) if count < self.most else None
+                if other is None:
+                    break
+                ladder, fit = other
+                continue
             steps, fit = found
             for one in steps:
                 ladder = self._with(ladder, one, fit)
@@ -115,6 +119,32 @@ class Climb(Generic[FitT]):
             Step(first, first.model or model, best.names[:1], first.p_value),
             Step(last, model, tied, last.p_value),
         ], fit
+
+    def _with_another_of_a_tie(self, ladder: Ladder, fit: FitT, refused: set[str]) -> tuple[Ladder, FitT] | None:
+        """The ladder and its fit with another effect of a tie, beside which more is found; None without one.
+
+        Of effects that do the same alone, one may hide what another leaves visible: a friction that depends on the
+        force of the drive shows beside a load on the axis, not beside an offset of the command. Each is tried once;
+        their names are added to `refused`.
+        """
+        if not self.view.leaves_model_error(fit):
+            return None
+        for place, step in enumerate(ladder.steps):
+            before = step.added
+            if before is None or step.chosen_by == "user" or before.name not in fit.model.effect_names:
+                continue
+            for name in (name for name in step.set if name not in {before.name, *refused}):
+                refused.update((name, before.name))
+                other = self.view.exchanged(fit, before.name, name)
+                if other is None or not self.view.evaluate(other).tied:
+                    continue
+                model = self.view.reported(other)
+                active = next(one for one in model.effects if one.name == name)
+                added = replace(before, effect=active.effect.name, at=active.at, text=active.effect.text, number=1)
+                swapped = replace(step, added=added.with_model(model))
+                shown = self._refitted([swapped, *ladder.steps[place + 1 :]], model, other)
+                return replace(ladder, steps=(*ladder.steps[:place], *shown)), other
+        return None
 
     def _with(self, ladder: Ladder, step: Step, fit: FitT) -> Ladder:
         """The ladder with one more step; an effect that replaces another one takes its place.

@@ -356,6 +356,14 @@ class View(ABC, Generic[FitT]):
         """The view with corrected stamps of the command, and the parent of a step in it; None where they need none."""
         return None
 
+    def leaves_model_error(self, fit: FitT) -> bool:
+        """Whether a model leaves much that no noise accounts for, so that effects of ties are exchanged."""
+        return False
+
+    def exchanged(self, fit: FitT, name: str, other: str) -> FitT | None:
+        """A model with another effect in place of one that did the same alone; None where it explains less now."""
+        return None
+
     @abstractmethod
     def reported(self, fit: FitT) -> Model:
         """A model fitted to all samples, with its standard errors."""

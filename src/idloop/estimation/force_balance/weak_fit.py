@@ -143,8 +143,8 @@ class WeakFit:
     def scaled_by_loop(self) -> bool:
         """Whether an unknown gain of a loop in the drive scales the forces, so that the balance must not decide.
 
-        With the gain and a delay of the set-point grows the part of the force that they explain, and the inertia is lost
-        beside it; predictions and a free run, which the loop holds, tell them apart.
+        With the gain and a delay of the set-point grows the part of the force that they explain, and the inertia is
+        lost beside it; predictions and a free run, which the loop holds, tell them apart.
         """
         return self.form.engine.model.loop_scale_is_free
 
