@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from idloop.diagnosis import model_errors
+from idloop.errors import IdloopError
 
 
 @pytest.mark.parametrize(
@@ -27,3 +28,28 @@ def test_only_a_free_run_that_followed_the_motion_gets_worse(
     monkeypatch.setattr(model_errors, "_anew", restarted)
     plain, extended = (SimpleNamespace(name=name) for name in errors)
     assert model_errors.runs_worse(plain, extended, (SimpleNamespace(name="run"),)) is worse
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "worse"),
+    [
+        pytest.param((0.34, 0.19), (0.21, 0.21), False, id="all that is left is noise, larger with a larger inertia"),
+        pytest.param((0.34, 0.19), (0.40, 0.21), True, id="more is left"),
+        pytest.param((0.34, 0.19), None, True, id="it has no balance"),
+        pytest.param((0.002, 0.001), (0.009, 0.001), False, id="both within the error of a balance"),
+    ],
+)
+def test_noise_that_a_larger_inertia_makes_larger_is_no_worse_model(
+    monkeypatch: pytest.MonkeyPatch, before: tuple[float, float], after: tuple[float, float] | None, worse: bool
+) -> None:
+    errors = {"before": before, "after": after}
+
+    def force_error(model: Any, _: Any) -> Any:
+        known = errors[model.name]
+        if known is None:
+            raise IdloopError("no balance")
+        return SimpleNamespace(relative=known[0], noise=known[1], trusted=known[1] < 0.2)
+
+    monkeypatch.setattr(model_errors, "force_error", force_error)
+    plain, extended = (SimpleNamespace(name=name, inner_couplings=()) for name in errors)
+    assert model_errors.explains_less(plain, extended, (SimpleNamespace(name="run"),)) is worse

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
@@ -15,7 +16,7 @@ from idloop.estimation.force_balance.weak_fit import LEAST_UNEXPLAINED
 from idloop.estimation.optimisation.caching_engine import CachingEngine
 from idloop.physics.model import Model
 from idloop.records import Record
-from idloop.validation.drive import force_error
+from idloop.validation.drive import ForceError, force_error
 from idloop.validation.free_run import free_run
 from idloop.validation.measures import fit_percent, nrmse, rmse
 
@@ -51,12 +52,14 @@ def explains_less(before: Model, after: Model, records: Sequence[Record]) -> boo
         # Where it is started anew, the motion of the part that nobody measures is not known.
         was, now = (model_errors(one, records) for one in (before, after))
         return _grow(was, now, _WORSE) and _grow(was, now, _WORSE, of="nrmse")
-    was, now = (_mean([_force(one, record) for record in records], _FORCE) for one in (before, after))
-    if was["force"] is None:
+    first, then = ([_force_error(one, record) for record in records] for one in (before, after))
+    if not all(one is not None and one.trusted for one in first):
         # Without a balance a free run also gathers what a disturbance leaves.
         return _grow(_restarted(before, records), _restarted(after, records), _FAR_WORSE)
+    # With a larger inertia sensor noise is a larger force: with that noise the error must be no larger.
+    left, leaves = (_rms([math.inf if one is None else one.relative for one in several]) for several in (first, then))
     # Below its own error a force balance separates no models.
-    return now["force"] is None or now["force"] > _WORSE * max(was["force"], LEAST_UNEXPLAINED)
+    return leaves > _WORSE * max(left, LEAST_UNEXPLAINED)
 
 
 def runs_worse(before: Model, after: Model, records: Sequence[Record]) -> bool:
@@ -92,11 +95,17 @@ def _errors(model: Model, record: Record) -> dict[str, Any]:
 
 def _force(model: Model, record: Record) -> dict[str, float | None]:
     """Relative force error, and the part that sensor noise alone makes; None where they are not known."""
-    try:
-        force = force_error(model, record)
-    except IdloopError:
+    force = _force_error(model, record)
+    if force is None:
         return dict.fromkeys(_FORCE)
     return {"force": force.relative if force.trusted else None, "force_noise": force.noise}
+
+
+def _force_error(model: Model, record: Record) -> ForceError | None:
+    try:
+        return force_error(model, record)
+    except IdloopError:
+        return None
 
 
 def _restarted(model: Model, records: Sequence[Record]) -> dict[str, Any]:
