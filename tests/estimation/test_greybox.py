@@ -7,8 +7,11 @@ import pytest
 
 from idloop.errors import IdloopError, InputError
 from idloop.estimation import fit
+from idloop.estimation.force_balance.weak_fit import WeakFit
 from idloop.estimation.observer.innovations import InnovationCriterion
 from idloop.physics import Model, Plant, load_model
+from idloop.physics.model_file import from_text
+from idloop.physics.simulation import simulate
 from idloop.records import Record
 
 Make = Callable[..., Record]
@@ -195,3 +198,38 @@ def test_force_balance_of_a_tight_loop() -> None:
     blind = fit(start, [replace(record, reference=None, reference_time=None)])
     assert blind.criterion == "force", "a balance along the measured motion asks for no reference"
     np.testing.assert_array_equal(blind.values, result.values)
+
+
+SERVO = """\
+schema: idloop/model/1
+name: servo
+input: {joint: axis, field: position, unit: rad}
+outputs: [{joint: axis, field: position, unit: rad}]
+bodies: [{name: axis, inertia: 1.0, viscous_friction: 0.0}]
+drive: {kind: position_loop, unit: "-", proportional: {value: 800.0, min: 0.0}, derivative: {value: 45.0, min: 0.0}}
+effects:
+  - {effect: coulomb_friction, at: axis, level: {value: 8.0}}
+  - {effect: input_delay, at: input, delay: {value: 0.001}}
+"""
+
+
+def test_a_balance_that_an_unknown_gain_of_the_drives_own_loop_scales_does_not_decide(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Where it leaves much of the force it explains that by a large gain and a delay, and no inertia."""
+    monkeypatch.setattr(WeakFit, "model_error_dominates", True)
+    model = from_text(SERVO, None)
+    time = np.arange(0.0, 15.0, 0.002)
+    random = np.random.default_rng(3)
+    levels = np.interp(time, np.arange(0.0, 16.0), random.uniform(-0.5, 0.5, 16))
+    command = levels + 0.1 * np.sin(2.0 * np.pi * 1.3 * time) + 0.03 * np.sin(2.0 * np.pi * 4.1 * time)
+    position = simulate(model.with_effect("actuator_lag", "input", time_constant=0.006), time, command, time).output
+    counts = 2.0 * np.pi / 4096
+    record = Record(
+        "run", time, command, time, np.floor(position / counts) * counts, "axis.position", "rad", ("axis.position",),
+        ("rad",),
+    )  # fmt: skip
+    result = fit(model, [record])
+    assert result.criterion != "force"
+    assert "own loop" in result.why
+    assert fit(from_text(SERVO.replace("{value: 800.0, min: 0.0}", "800.0"), None), [record]).criterion == "force"

@@ -2,7 +2,8 @@
 
 Where the motion of all bodies is measured and the force balance leaves more unexplained force than the sensor noise,
 model error limits the fit, and the balance is used: an observer would explain a part of that force as disturbance, and
-underestimate friction.
+underestimate friction. A loop of the drive with an unknown proportional gain scales all forces: there the balance does
+not decide.
 
 Otherwise the model is fitted by prediction, and by free run for comparison. With a correct noise model prediction is
 the more precise of the two. Where its standard errors are three times those of the free run on average, or eight times
