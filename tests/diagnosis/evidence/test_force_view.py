@@ -279,6 +279,28 @@ def test_a_pair_whose_second_effect_takes_the_place_of_the_first_acts_on_held_ou
     assert evaluator._can_improve((first, second), fit) > 0.1
 
 
+WORM = ["load_torque@axis(torque=0.25)", "coulomb_friction@axis(level=0.03)", "load_dependent_friction@axis(ratio=0.3)"]
+
+
+def test_the_friction_of_a_worm_gear_shows_more_beside_a_load_than_beside_an_offset() -> None:
+    """An offset of the command is a part of the force that arrives in the gear; a load on the axis is none."""
+    record = turned(load_model("axis").with_effects(WORM))
+    model = load_model("axis").with_effects(["input_offset@input(offset=0.3)", "coulomb_friction@axis(level=0.1)"])
+    model = model.with_free([*load_model("axis").free, "input_offset@input.offset", "coulomb_friction@axis.level"])
+    estimation = prepare_estimation(model, [record], "prediction")
+    view = ForceView(estimation, Options(effects=["load_dependent_friction", "load_torque", "cable_spring"]))
+    offset = requested_force_fit(model, estimation, {})
+    assert view.leaves_model_error(offset)
+    load = view.exchanged(offset, "input_offset@input", "load_torque@axis")
+    assert load is not None
+    assert load.log_likelihood == pytest.approx(offset.log_likelihood, abs=1.0)
+    (beside_offset,), (beside_load,) = (view.evaluate(one).tied for one in (offset, load))
+    assert beside_load.names == ("load_dependent_friction@axis",)
+    assert beside_load.gain > 2.0 * beside_offset.gain
+    # What explains less is not exchanged.
+    assert view.exchanged(offset, "coulomb_friction@axis", "load_torque@axis") is None
+
+
 SLOW_JOINT = """\
 schema: idloop/model/1
 name: joint
