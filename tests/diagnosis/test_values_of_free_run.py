@@ -26,7 +26,7 @@ def test_first_and_last_model_have_the_values_of_a_fit_by_free_run(
         return Choice(criterion, "the noise model explains model error")
 
     monkeypatch.setattr(greybox, "choose_criterion", chosen)
-    record = record_of(load_model("axis"), 1, seconds=2.0)
+    record = record_of(load_model("axis").with_effects(["coulomb_friction@axis(level=0.1)"]), 1, seconds=2.0)
     extended = start.with_effects(["coulomb_friction@axis"])
     added = Candidate("coulomb_friction", "axis", "yes", "", "", model=extended)
     ladder = Ladder((Step(None, start), Step(added, extended)), "adequate", criterion="prediction")
@@ -65,7 +65,7 @@ def test_what_explains_less_with_the_values_of_a_free_run_is_not_added(
     start: Model, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(greybox, "choose_criterion", lambda *_: Choice("simulation", "the noise explains model error"))
-    record = record_of(load_model("axis"), 1, seconds=2.0)
+    record = record_of(load_model("axis").with_effects(["coulomb_friction@axis(level=0.1)"]), 1, seconds=2.0)
     extended = start.with_effects(["coulomb_friction@axis"])
     added = Candidate("coulomb_friction", "axis", "yes", "", "", model=extended)
     said = (f"{added.name}.level is hardly determined",)
@@ -79,3 +79,20 @@ def test_what_explains_less_with_the_values_of_a_free_run_is_not_added(
         assert any("nothing is added" in text for text in found.findings) is worse
         assert any("hardly determined" in text for text in found.findings) is not worse
         assert [one.name for one in found.candidates] == ([added.name] if worse else [])
+
+
+def test_what_the_values_of_a_free_run_do_not_determine_is_not_added(
+    start: Model, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(greybox, "choose_criterion", lambda *_: Choice("simulation", "the noise explains model error"))
+    record = record_of(load_model("axis").with_effects(["coulomb_friction@axis(level=0.1)"]), 1, seconds=2.0)
+    late = start.with_effects(["sensor_delay@position[axis]"])
+    extended = late.with_effects(["coulomb_friction@axis"])
+    steps = [Step(None, start)]
+    for name, at, model in (("sensor_delay", "position[axis]", late), ("coulomb_friction", "axis", extended)):
+        steps.append(Step(Candidate(name, at, "yes", "", "", model=model), model))
+    ladder = Ladder(tuple(steps), "adequate", criterion="prediction")
+    found = _Refinement(start, [record], [], Options(), 8, None).with_values_of_free_run(start, ladder)
+    assert found.added == found.model.effect_names == ("coulomb_friction@axis",)
+    assert found.steps[1].model.values == fit(start.with_effects(["coulomb_friction@axis"]), [record]).model.values
+    assert found.passed_over["sensor_delay@position[axis]"].startswith("the data do not determine its delay")

@@ -15,7 +15,7 @@ from idloop.diagnosis.evidence.force_view import ADEQUATE_FORCE, ForceView, fitt
 from idloop.diagnosis.evidence.free_run_view import free_run_view
 from idloop.diagnosis.evidence.prediction_view import PredictionView, delay_or_lag
 from idloop.diagnosis.evidence.quantisation import quantised_outputs
-from idloop.diagnosis.evidence.undetermined_strength import CERTAIN
+from idloop.diagnosis.evidence.undetermined_strength import CERTAIN, undetermined_strength
 from idloop.diagnosis.ladder import Ladder, Step
 from idloop.diagnosis.model_errors import explains_less, runs_worse
 from idloop.diagnosis.options import (
@@ -310,7 +310,7 @@ class _Refinement:
         """The ladder whose first and last model have the values of a free run, where a fit of them takes these.
 
         The last one keeps those of predictions where its free run of the held-out records is worse with the others.
-        What then explains less than the first is not added.
+        What they do not determine, and what then explains less than the first, is not added.
         """
         last, reason = len(ladder.steps) - 1, ""
         for place, model in {0: start, last: ladder.model if last else start}.items():
@@ -319,6 +319,8 @@ class _Refinement:
                 continue
             if place and self.validation and runs_worse(ladder.steps[place].model, found.model, self.validation):
                 continue
+            if place and (undetermined := _undetermined_steps(ladder, found.model)):
+                return self.with_values_of_free_run(start, _without_steps(ladder, undetermined))
             step = ladder.steps[place].measured(found.model, self.records, self.validation)
             if place and step.added is not None:
                 step = replace(step, added=step.added.with_model(found.model))
@@ -359,6 +361,28 @@ class _Refinement:
 
     def _worse(self, before: Model, after: Model) -> bool:
         return explains_less(before, after, self.validation or self.records)
+
+
+def _undetermined_steps(ladder: Ladder, fitted: Model) -> dict[str, str]:
+    """Effects that a diagnosis has added and that the values of a free run do not determine, and why."""
+    effects = {active.name: active.effect for active in fitted.effects}
+    found = {
+        step.added.name: undetermined_strength(fitted, step.added.name, effects[step.added.name])
+        for step in ladder.steps
+        if step.added is not None and step.chosen_by == "diagnosis" and step.added.name in effects
+    }
+    return {name: f"the data do not determine its {own} in a free run" for name, own in found.items() if own}
+
+
+def _without_steps(ladder: Ladder, refused: Mapping[str, str]) -> Ladder:
+    """The ladder without some of its effects, and why they are not added."""
+    left = [
+        replace(step, model=step.model.without_effects(set(refused) & set(step.model.effect_names)))
+        for step in ladder.steps
+        if step.added is None or step.added.name not in refused
+    ]
+    findings = tuple(text for text in ladder.findings if not any(name in text for name in refused))
+    return replace(ladder, steps=tuple(left), findings=findings, passed_over={**ladder.passed_over, **refused})
 
 
 def _with_resolution(ladder: Ladder, candidate: Candidate) -> Ladder:
