@@ -60,7 +60,7 @@ def test_every_effect_of_the_catalogue_is_hidden_somewhere():
     assert {row.effect for row in SINGLES} == {
         name
         for name, several in catalogue().items()
-        if not any(one.condition or one.of_loop or one.needs_length for one in several)
+        if not any(one.condition or one.of_loop or one.any_period for one in several)
     }
 
 

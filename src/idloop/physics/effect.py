@@ -172,7 +172,7 @@ class Effect:
     anywhere: bool = False  # a slow force whose body does not matter
     weight: bool = False  # what an axis may hold throughout a record
     needs_angle: bool = False  # defined for angles only
-    needs_length: bool = False  # a candidate along a length only
+    any_period: bool = False  # along an angle a candidate only where a force repeats between two harmonics of the turn
     of_loop: bool = False  # of a drive with a loop of its own: no candidate for another one
     # Of an effect at the input that depends on the set-point: by loop of the drive, an equation with the arguments of
     # ``command`` that is called with the set-point before the loop, notes it in the effect's states, and returns it.

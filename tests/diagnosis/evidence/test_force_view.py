@@ -136,6 +136,28 @@ def test_a_force_that_repeats_along_a_length_is_named_with_its_period():
     assert "periodic_force@axis" not in [one.name for one in proposals(load_model("axis"))]
 
 
+@pytest.mark.parametrize(
+    ("stiffness", "forces", "named"),
+    [
+        (0.5, ["periodic_force@axis(amplitude=0.08, period=0.4304, phase=0.8)"], "periodic_force@axis"),
+        (1.0, [f"cogging@axis(amplitude=0.05, harmonic={n}, phase=0.8)" for n in (14, 15)], "cogging@axis"),
+    ],
+)
+def test_over_few_turns_a_period_between_two_harmonics_is_told_from_both_of_them(stiffness, forces, named):
+    """A motor behind a gear has 14.6 waves to the turn of its axis."""
+    model = load_model("axis").with_effects([f"cable_spring@axis(stiffness={stiffness})"])
+    record = turned(model.with_effects(forces), rate=500.0)
+    assert 1.0 < float(np.ptp(record.output[:, 0])) / (2.0 * np.pi) < 2.0
+    step = evaluated(model, record)
+    assert step.names == (named,)
+    values = step.tied[0].fit.model.values
+    if named == "periodic_force@axis":
+        assert values["periodic_force@axis.period"] == pytest.approx(0.4304, rel=1e-3)
+        assert values["periodic_force@axis.amplitude"] == pytest.approx(0.08, rel=0.05)
+    else:
+        assert values["cogging@axis.harmonic"] in (14.0, 15.0)
+
+
 def test_predictions_weigh_sensors_and_splits():
     model = load_model("axis")
     alone = unbalanced(model, None, {})

@@ -35,7 +35,7 @@ def test_the_period_of_a_remaining_force_is_found() -> None:
 
 @pytest.mark.slow
 def test_a_periodic_force_outside_the_catalogue_is_reported_with_its_period_and_strength(start: Model) -> None:
-    diagnosis = diagnose(start, [record_of(repeating(), 5)])
+    diagnosis = diagnose(start, [record_of(repeating(), 5)], effects=["coulomb_friction"])
     assert diagnosis.verdict == "unknown_structure"
     unknown = diagnosis.unknown
     assert unknown is not None

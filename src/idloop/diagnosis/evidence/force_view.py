@@ -201,7 +201,7 @@ class ForceView(View[WeakFit]):
         model, coarse = parent.model, parent.subsampled(_COARSE_WINDOWS)
         screen = ForceScreen(self.estimation, parent, coarse)
         # Beside the values of these windows: a trace is the change by the effect alone.
-        proposed = proposals(coarse.model, options.effects, self.estimation.conditions)
+        proposed = proposals(coarse.model, options.effects, self.estimation.conditions, screen.periods)
         choices = [one for one in proposed if acts_in_balance(one)]
         screened = list(in_parallel(screen, choices))
         promising = [found for found in screened if found.starts]

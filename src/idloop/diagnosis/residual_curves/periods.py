@@ -24,6 +24,10 @@ _MOST = 400
 _LEAST_KEPT = 0.1
 # Bands of speed and cells of a turn over which forces are summed; most periods in a window of which some are kept.
 _SPEEDS, _CELLS, _LONGEST = 128, 4096, 4.0
+# Shortest period that is looked for in windows [travel in a window at typical speed]: its test function keeps a third.
+_SHORTEST = 0.6
+# Periods within the travel by which a period is off a harmonic of the turn that the records can tell from it.
+_BETWEEN = 0.25
 # Harmonics whose forces are looked at: their powers only rank them, as they overlap where turns are few.
 _STRONGEST = 12
 # Step between neighbouring frequencies [periods within the travel].
@@ -63,12 +67,40 @@ def residual_period(model: Model, estimation: EstimationProblem) -> tuple[float,
 def unexplained_period(fit: WeakFit, body: int) -> tuple[float, int] | None:
     """Period over the position with which the unexplained force of a body repeats most, and how many were tried.
 
-    Of one and a half windows at typical speed at least; see `strongest_period`.
+    Of a part of a window at typical speed at least, which keeps a third of a wave; see `strongest_period`.
     """
     form = fit.form
     residual = fit.residual[:, body] * weights(fit.residual[:, body] / fit.scale[body])
     window = form.width * form.sample_time * float(np.sqrt(np.mean(form.along("velocity", body) ** 2)))
-    return strongest_period([(form.along("position", body), residual)], 1.5 * window)
+    return strongest_period([(form.along("position", body), residual)], _SHORTEST * window)
+
+
+def period_between_harmonics(fit: WeakFit, body: int) -> tuple[float, int] | None:
+    """As `unexplained_period`, for an angle: None unless a wave explains more than both harmonics next to its period.
+
+    Two harmonics that act together beat as a period between them does over a part of a turn, and then fit as well.
+    """
+    found = unexplained_period(fit, body)
+    if found is None:
+        return None
+    period, tried = found
+    form, waves = fit.form, 2.0 * np.pi / period
+    angle, lower = form.motion.position[:, body], np.floor(waves)
+    turns = float(np.ptp(angle)) / (2.0 * np.pi)
+    if min(waves - lower, lower + 1.0 - waves) * turns < _BETWEEN:
+        return None
+    residual, slopes = fit.residual[:, body], fit.linear[1][:, body]
+    weight = np.sqrt(weights(residual / fit.scale[body]))
+
+    def left_beside(orders: Sequence[float]) -> float:
+        several = [form.weak(np.column_stack([np.sin(n * angle), np.cos(n * angle)])) for n in orders]
+        columns = np.hstack([slopes, *several]) * weight[:, None]
+        columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+        heights = np.linalg.lstsq(columns, residual * weight, rcond=1e-6)[0]
+        return float(np.linalg.norm(residual * weight - columns @ heights))
+
+    ahead = len(residual) * np.log(left_beside([lower, lower + 1.0]) / max(left_beside([waves]), 1e-300))
+    return found if ahead > np.log(tried) else None
 
 
 def strongest_period(runs: Sequence[tuple[Array, Array]], shortest: float) -> tuple[float, int] | None:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from idloop.diagnosis.identifiability import NOT_REPEATED, OWN_PART
-from idloop.diagnosis.residual_curves.periods import harmonics, unexplained_period
+from idloop.diagnosis.residual_curves.periods import harmonics, period_between_harmonics, unexplained_period
 from idloop.diagnosis.screening.proposals import Proposal
 from idloop.diagnosis.screening.typical_sizes import Sizes
 from idloop.diagnosis.search.step import LEAST_GAIN
@@ -103,16 +103,15 @@ class ForceScreen:
         self.errors = self.errors - self.basis @ (self.basis.T @ self.errors)
         found = {body: harmonics(whole, index) for index, body in enumerate(model.bodies)}
         self._harmonics = {body: several for body, (several, _) in found.items()}
-        # Along an angle no candidate has a period of its own.
-        lengths = [] if model.units.position == "rad" else model.bodies
-        repeated = {body: unexplained_period(whole, i) for i, body in enumerate(lengths)}
-        self._periods = {body: one for body, one in repeated.items() if one is not None}
-        self.waves = sum(tried for _, tried in (*found.values(), *self._periods.values()))
+        period = period_between_harmonics if model.units.position == "rad" else unexplained_period
+        repeated = {body: period(whole, index) for index, body in enumerate(model.bodies)}
+        self.periods = {body: one for body, one in repeated.items() if one is not None}
+        self.waves = sum(tried for _, tried in (*found.values(), *self.periods.values()))
 
     def __call__(self, proposal: Proposal) -> Promising:
         """What an effect promises; without starts where it promises nothing."""
         scales = self.sizes.at(proposal.effect.site, proposal.at)
-        periods = self._periods.get(proposal.at, ())[:1]
+        periods = self.periods.get(proposal.at, ())[:1]
         scales = replace(scales, harmonics=self._harmonics.get(proposal.at, ()), periods=periods)
         found, typical, part = [], 0.0, 0.0
         alternatives = proposal.alternatives(scales)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from idloop.errors import InputError
@@ -108,13 +108,17 @@ def _generic_trial(effect: Effect, scales: Scales, share: float) -> Trial:
 
 
 def proposals(
-    model: Model, only: Sequence[str] | None = None, conditions: Mapping[str, str] | None = None
+    model: Model,
+    only: Sequence[str] | None = None,
+    conditions: Mapping[str, str] | None = None,
+    between_harmonics: Collection[str] = (),
 ) -> list[Proposal]:
     """All effects that could be added to a model, of some names (``effect`` or ``effect@site``) only where given.
 
     Without those that the model or its free parameters have, those that one of its effects contains, and those that
-    depend on a condition that not all records have (names and units; None: not known). An `InputError` for a name that
-    is unknown, or that depends on a condition that was not recorded.
+    depend on a condition that not all records have (names and units; None: not known). Along an angle, any period is
+    for the bodies only whose force repeats between two harmonics of the turn. An `InputError` for a name that is
+    unknown, or that depends on a condition that was not recorded.
     """
     known = catalogue(*model.effect_folders)
     wanted = None if only is None else [re.sub(r"#\d+", "", text) for text in only]
@@ -130,6 +134,8 @@ def proposals(
     for effect in (one for several in known.values() for one in several):
         for at in model.sites(effect.site):
             asked = wanted is None or effect.name in wanted or f"{effect.name}@{at}" in wanted
+            if effect.any_period and model.units.position == "rad" and at not in between_harmonics:
+                continue
             if asked and _recorded(effect, at, conditions or {}) and _fits(model, effect, at):
                 found.append(_propose(model, effect, at))
     return [proposal for proposal in found if proposal is not None]
@@ -163,7 +169,7 @@ def _fits(model: Model, effect: Effect, at: str) -> bool:
             return False
     if effect.site == OUTPUT and next(o for o in model.outputs if o.site == at).field not in effect.outputs:
         return False
-    if effect.needs_length if model.units.position == "rad" else effect.needs_angle:
+    if effect.needs_angle and model.units.position != "rad":
         return False
     if effect.of_loop and model.loop is None:
         return False

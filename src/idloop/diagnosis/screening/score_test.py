@@ -118,7 +118,7 @@ class Screen:
     def __call__(self, proposal: Proposal) -> Screened:
         """Traces of all alternatives of one proposal."""
         scales = self.sizes.at(proposal.effect.site, proposal.at)
-        along = proposal.effect.needs_length and proposal.at == proposal.base.bodies[0]
+        along = proposal.effect.any_period and proposal.at == proposal.base.bodies[0]
         periods = 1
         if along and self.period is not None:
             strongest, periods = self.period

@@ -1,4 +1,4 @@
-"""A force that repeats along the travel: poles of a linear motor, pitch of a screw, teeth of a belt or rack."""
+"""A force that repeats with any period: poles of a linear motor, pitch of a screw, teeth of a belt, a geared motor."""
 
 import math
 from typing import Any
@@ -17,7 +17,7 @@ def force(position: float, velocity: float, inertia: float, elapsed: float, stat
 EFFECT = Effect(
     name="periodic_force",
     site=BODY,
-    text="A force repeats along the travel: poles of a linear motor, pitch of a screw, teeth of a belt or rack.",
+    text="A force repeats with any period: poles of a linear motor, pitch of a screw, teeth of a belt, a geared motor.",
     also_called=("cogging_force", "detent_force", "force_ripple", "pitch_error"),
     equation=EffectEquation(
         r"-a_\lambda\sin(2\pi\,@q/\lambda + \varphi_\lambda)",
@@ -35,7 +35,7 @@ EFFECT = Effect(
     spatial_rate=lambda values, inertia, stiffness: 2.0 * math.pi / values["period"],
     looks_like=("cable_spring",),
     trials=lambda s: repetitions(0.05 * s.force, s.periods),
-    # Along an angle, cogging has the whole parts of a turn; any other period fits what an uneven inertia does.
-    needs_length=True,
+    # Along an angle, cogging has the whole parts of a turn; that of a motor behind a gear need not.
+    any_period=True,
     several=True,
 )
