@@ -269,6 +269,8 @@ def _write(effect: PlainEffect, drive: Array, bodies: Array, coupling: Array) ->
         row[TORQUE] += value["torque"]
     elif effect.name == "cable_spring":
         row[CABLE], row[REST] = value["stiffness"], value["rest"]
+    elif effect.name == "periodic_force":
+        _add_wave(row, value["amplitude"], 2.0 * math.pi / value["period"], value["phase"])
     elif effect.name in ("imbalance", "cogging"):
         _add_wave(row, value["amplitude"], value.get("harmonic", 1.0), value["phase"])
     else:

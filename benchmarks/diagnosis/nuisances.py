@@ -115,7 +115,7 @@ class Nuisances:
         if self.torque_ripple:
             # as many waves as there are, beside one that is hidden
             numbers = ("", *(f"#{number}" for number in range(2, len(self.torque_ripple) + 2)))
-            found |= {f"cogging{number}@{bodies[0]}" for number in numbers}
+            found |= {f"{wave}{number}@{bodies[0]}" for wave in ("cogging", "periodic_force") for number in numbers}
         return frozenset(found)
 
 

@@ -100,11 +100,7 @@ def _cogging(s: Site) -> tuple[str, dict[str, float]]:
     fastest = 2.0 * math.pi * 0.1 * s.rate / s.size.speed
     if s.model.units.position == "m":
         pitch = float(s.random.choice([0.024, 0.03, 0.06]))
-        return s.first, {
-            "amplitude": amplitude,
-            "harmonic": float(round(min(2.0 * math.pi / pitch, fastest))),
-            "phase": phase,
-        }
+        return s.first, {"amplitude": amplitude, "period": max(pitch, 2.0 * math.pi / fastest), "phase": phase}
     harmonic = float(s.random.integers(3, max(min(int(fastest), 24), 3) + 1))
     return s.first, {"amplitude": amplitude, "harmonic": harmonic, "phase": phase}
 
@@ -225,7 +221,9 @@ def _case(case_id: str, effects: tuple[str, ...], machine: str, random: np.rando
         site = Site(kind, base_model(machine, rate, loop), loop, size, rate, share, random)
         at, values = RULES[effect](site)
         exact = ("harmonic",)
-        hidden.append(Hidden(effect, at, {k: v if k in exact else float(f"{v:.3g}") for k, v in values.items()}))
+        # along a length a wave has a pitch, not a number within the turn
+        name = "periodic_force" if "period" in values else effect
+        hidden.append(Hidden(name, at, {k: v if k in exact else float(f"{v:.3g}") for k, v in values.items()}))
         if effect not in _BY_THEIR_OWN:
             shares.append(share)
     return Case(
