@@ -33,14 +33,16 @@ def test_only_a_free_run_that_followed_the_motion_gets_worse(
 @pytest.mark.parametrize(
     ("before", "after", "worse"),
     [
-        pytest.param((0.34, 0.19), (0.21, 0.21), False, id="all that is left is noise, larger with a larger inertia"),
-        pytest.param((0.34, 0.19), (0.40, 0.21), True, id="more is left"),
-        pytest.param((0.34, 0.19), None, True, id="it has no balance"),
-        pytest.param((0.002, 0.001), (0.009, 0.001), False, id="both within the error of a balance"),
+        pytest.param((0.34, 0.3, 0.19), (0.21, 0.2, 0.21), False, id="all that is left is noise of a larger inertia"),
+        pytest.param((0.34, 0.3, 0.19), (0.40, 0.4, 0.21), True, id="more is left"),
+        pytest.param((0.22, 0.1, 0.05), (0.38, 0.03, 0.02), False, id="more is left at a few steps of the command"),
+        pytest.param((0.22, 0.1, 0.05), (0.22, 0.2, 0.02), False, id="more is left but at a few steps of the command"),
+        pytest.param((0.34, 0.3, 0.19), None, True, id="it has no balance"),
+        pytest.param((0.002, 0.002, 0.001), (0.009, 0.009, 0.001), False, id="both within the error of a balance"),
     ],
 )
-def test_noise_that_a_larger_inertia_makes_larger_is_no_worse_model(
-    monkeypatch: pytest.MonkeyPatch, before: tuple[float, float], after: tuple[float, float] | None, worse: bool
+def test_a_model_that_leaves_more_of_the_force_is_worse(
+    monkeypatch: pytest.MonkeyPatch, before: tuple[float, ...], after: tuple[float, ...] | None, worse: bool
 ) -> None:
     errors = {"before": before, "after": after}
 
@@ -48,7 +50,8 @@ def test_noise_that_a_larger_inertia_makes_larger_is_no_worse_model(
         known = errors[model.name]
         if known is None:
             raise IdloopError("no balance")
-        return SimpleNamespace(relative=known[0], noise=known[1], trusted=known[1] < 0.2)
+        relative, typical, noise = known
+        return SimpleNamespace(relative=relative, typical=typical, noise=noise, trusted=noise < 0.2)
 
     monkeypatch.setattr(model_errors, "force_error", force_error)
     plain, extended = (SimpleNamespace(name=name, inner_couplings=()) for name in errors)

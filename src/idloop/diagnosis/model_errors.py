@@ -57,9 +57,9 @@ def explains_less(before: Model, after: Model, records: Sequence[Record]) -> boo
         # Without a balance a free run also gathers what a disturbance leaves.
         return _grow(_restarted(before, records), _restarted(after, records), _FAR_WORSE)
     # With a larger inertia sensor noise is a larger force: with that noise the error must be no larger.
-    left, leaves = (_rms([math.inf if one is None else one.relative for one in several]) for several in (first, then))
-    # Below its own error a force balance separates no models.
-    return leaves > _WORSE * max(left, LEAST_UNEXPLAINED)
+    relative, typical = ([_force_sizes(several, of) for several in (first, then)] for of in ("relative", "typical"))
+    # Below its own error a force balance separates no models. At a few steps of the command a moved timing shows.
+    return all(leaves > _WORSE * max(left, LEAST_UNEXPLAINED) for left, leaves in (relative, typical))
 
 
 def runs_worse(before: Model, after: Model, records: Sequence[Record]) -> bool:
@@ -99,6 +99,11 @@ def _force(model: Model, record: Record) -> dict[str, float | None]:
     if force is None:
         return dict.fromkeys(_FORCE)
     return {"force": force.relative if force.trusted else None, "force_noise": force.noise}
+
+
+def _force_sizes(errors: Sequence[ForceError | None], of: str) -> float:
+    """One of the relative force errors over all records."""
+    return _rms([math.inf if one is None else float(getattr(one, of)) for one in errors])
 
 
 def _force_error(model: Model, record: Record) -> ForceError | None:

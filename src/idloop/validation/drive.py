@@ -17,6 +17,7 @@ from idloop.errors import InputError
 from idloop.estimation.dataset import prepare
 from idloop.estimation.force_balance.force_error import record_balance, thin
 from idloop.estimation.force_balance.motion import bridged
+from idloop.estimation.statistics.student import scale_of
 from idloop.physics import Model
 from idloop.records import Record
 
@@ -31,6 +32,7 @@ class ForceError:
     """Applied and required drive force of one record in the compared band."""
 
     relative: float  # ``‖required − applied‖ / ‖commanded‖``
+    typical: float  # the same by the scale of Student's t distribution: a few instants, such as steps, count little
     # shape (m,): instants [s] and low-passed forces in the model's force unit; `commanded` is the gain times the
     # command, `applied` that with the effects at the command
     time: Array
@@ -100,6 +102,7 @@ def force_error(model: Model, record: Record, cutoff: float | None = None) -> Fo
     noise = min(_of_noise(model, m.noise) * float(np.sqrt(len(forces))) / size, relative)
     return ForceError(
         relative=relative,
+        typical=scale_of(forces[:, 1] - forces[:, 0]) * float(np.sqrt(len(forces))) / size,
         time=m.time[kept],
         applied=forces[:, 0],
         required=forces[:, 1],
