@@ -116,17 +116,19 @@ def test_a_balance_decides_until_a_body_is_split() -> None:
     assert view.choices(split) is None  # the whole catalogue
 
 
-@pytest.mark.parametrize(("level", "samples"), [(0.1, 5_000), (0.0, 8_000)])
-def test_more_samples_are_used_only_where_a_few_do_not_decide(level: float, samples: int) -> None:
+@pytest.mark.parametrize(("level", "seconds", "samples"), [(0.1, 60, 5_000), (0.0, 60, 12_000), (0.1, 40, 8_000)])
+def test_more_samples_are_used_only_where_a_few_do_not_decide_or_save_little(
+    level: float, seconds: int, samples: int
+) -> None:
     model = load_model("axis")
     machine = model.with_effects([f"coulomb_friction@axis(level={level})"])
-    estimation = prepare_estimation(model, [record_of(machine, 5, seconds=40.0)], "prediction")
+    estimation = prepare_estimation(model, [record_of(machine, 5, seconds=float(seconds))], "prediction")
     view = PredictionView(estimation, model, Options(effects=["coulomb_friction", "sensor_delay"]))
     step: Any = view.evaluate(refit(estimation, model))
     assert step.decided is (level > 0.0)
     assert sum(len(data.time) for data in step.estimation.data) == pytest.approx(samples, rel=0.01)
     # What is named is then fitted to all, and what excites the axis is said of all.
-    assert "40 s in 1 record," in step.gate.findings[0]
+    assert f"{seconds} s in 1 record," in step.gate.findings[0]
 
 
 @pytest.mark.parametrize("early", [0.0, 0.01, 0.5])

@@ -52,10 +52,12 @@ from idloop.validation.measures import NEGLIGIBLE
 
 # Below this part of the deviation the error of a free run counts as this: another integration method changes it.
 _LEAST_FREE_RUN_ERROR = 0.01
-# Accuracy of the shift of a command [samples], and rounds of the search at each.
-_SHIFT_STEP, _SHIFT_ROUNDS = 0.001, 2
+# Accuracy of the shift of a command, first shift that is tried [samples], and rounds of the search at each.
+_SHIFT_STEP, _FIRST_SHIFT, _SHIFT_ROUNDS = 0.001, 0.003, 2
 # An earlier command explains what an effect explains where it gains at least this part of its log-likelihood.
 _COMPARABLE = 0.5
+# A first look at a few samples is worth its time where there are so many times as many.
+_WORTH_A_LOOK = 2
 # Effects, one or two, and the model that has them fitted.
 _Fitted = tuple[tuple[Proposal, ...], Refit]
 
@@ -195,13 +197,17 @@ class PredictionView(View[Refit]):
         A few samples decide on most effects: more are used only where these do not. What would be named beside a force
         balance must be the best of all that look like it: these may act in less time than a window of that.
         """
-        step = PredictionView._evaluate_in(self.within(0.0, 0.4), FEW, parent, first_look=True)
-        if step.whole is not None and self._leaves_open(step):
+        step = None
+        if sum(len(one.time) for one in self.estimation.data) >= _WORTH_A_LOOK * FEW:
+            step = PredictionView._evaluate_in(self.within(0.0, 0.4), FEW, parent, first_look=True)
+        if step is None or self._leaves_open(step):
             step = PredictionView._evaluate_in(self.within(0.4, 0.8), ENOUGH, parent)
         if not step.tied or not self.balances(parent.model):
             return step
         alike = [one for one in proposals(parent.model, self.options.effects, self.estimation.conditions)
                  if any(_look_alike(one, tied) for best in step.tied for tied in best.proposals)]  # fmt: skip
+        if {one.name for one in alike} <= {one.name for one in step.proposed}:
+            return step
         options = replace(self.options.within(0.8, 1.0), effects=[one.name for one in alike])
         among_alike = replace(self, balanced=False, options=options).evaluate(parent)
         return among_alike if among_alike.tied else step
@@ -387,7 +393,7 @@ class PredictionView(View[Refit]):
         parent = refit_or_none(some, step.parent.model, None, step.parent)
         if parent is None:
             return None
-        shift, gain = earlier_command(some, parent)
+        shift, gain = earlier_command(some, parent, step.threshold())
         if gain < step.threshold():
             return None
         best = refit_or_none(some, step.tied[0].fit.model, None, parent) if step.tied else None
@@ -476,7 +482,7 @@ class _Evaluator:
         return scores if np.all(np.isfinite(scores.log_density)) else None
 
 
-def earlier_command(estimation: EstimationProblem, parent: Refit) -> tuple[float, float]:
+def earlier_command(estimation: EstimationProblem, parent: Refit, least: float = 0.0) -> tuple[float, float]:
     """The shift of the command [s], at most a sample earlier, that explains most, and what it gains [log-likelihood].
 
     Parameters
@@ -484,6 +490,8 @@ def earlier_command(estimation: EstimationProblem, parent: Refit) -> tuple[float
     estimation : EstimationProblem
     parent : Refit
         Of the model, to these data.
+    least : float
+        Gain of interest: where a small shift promises less over a whole sample, it is not looked for.
     """
     from scipy.optimize import minimize_scalar
 
@@ -496,7 +504,10 @@ def earlier_command(estimation: EstimationProblem, parent: Refit) -> tuple[float
         return -gains[shift]
 
     period = min(one.sample_time for one in estimation.data)
-    minimize_scalar(loss, bounds=(-period, 0.0), method="bounded", options={"xatol": _SHIFT_STEP * period})
+    # The log-likelihood is concave over the shift: nowhere does it gain more than at the rate of its start.
+    promised = -loss(-_FIRST_SHIFT * period) / _FIRST_SHIFT
+    if promised > least:
+        minimize_scalar(loss, bounds=(-period, 0.0), method="bounded", options={"xatol": _SHIFT_STEP * period})
     best = max(gains, key=lambda shift: gains[shift])
     return float(best), gains[best]
 
