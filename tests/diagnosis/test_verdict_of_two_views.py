@@ -90,3 +90,25 @@ def test_predicted_values_that_leave_more_of_the_force_are_not_taken(
     balance = SimpleNamespace(model_error_dominates=False, contradicts=lambda model: False)
     (after,) = module._with_predicted_values(found, balance, SimpleNamespace(records=[record])).candidates
     assert after.model is (predicted if taken else machine)
+
+
+@pytest.mark.parametrize("held_out", [True, False])
+def test_values_of_a_balance_that_held_out_records_refute_give_way_to_predicted_ones(held_out: bool) -> None:
+    """Along a body that stands for half of the time a balance may be wrong."""
+    true = load_model("axis").with_effects(["coulomb_friction@axis(level=0.2)"])
+    record, other = record_of(true, 4), record_of(true, 5)
+    wrong = true.with_values({"coulomb_friction@axis.level": 0.02})
+    candidate = Candidate("coulomb_friction", "axis", "yes", "", "")
+    ladder = Ladder((Step(None, load_model("axis")), Step(candidate, wrong)), criterion="force")
+    nothing_else = SimpleNamespace(choices=lambda model: [])
+    asked: list[bool] = []
+    view = SimpleNamespace(
+        estimation=prepare_estimation(wrong, [record], "prediction"),
+        beside=lambda model, *, balanced: asked.append(balanced) or nothing_else,
+    )
+    balance = SimpleNamespace(model_error_dominates=True, contradicts=lambda model: False, usable=True)
+    task = _Refinement(true, [record], [other] if held_out else [], Options(), 8, None)
+    found = task._beyond_force(view, ladder, balance)
+    level = found.model.values["coulomb_friction@axis.level"]
+    assert level == pytest.approx(0.2 if held_out else 0.02, rel=0.02)
+    assert not (held_out and asked[0])

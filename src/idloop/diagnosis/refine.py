@@ -252,17 +252,25 @@ class _Refinement:
         if fit is None or (self._worse(ladder.model, fit.model) if ladder.added else last.contradicts(fit.model)):
             return ladder
         agrees = not (last.model_error_dominates or last.contradicts(fit.model))
-        if agrees:
+        # A balance along a body that stands for half of the time may be wrong, which the held-out records show.
+        refuted = self._held_out_is_worse(fit.model, ladder.model)
+        if agrees or refuted:
             ladder, fit = self._without_unseen(ladder, view.estimation, fit)
             ladder = self._as_predicted(ladder, -1, fit)
         # Predictions would take for noise what the balance leaves beyond its noise: they evaluate only what the balance
         # cannot show. Where they need no whitening they are the more sensitive view.
-        balanced = last.usable and any(fit.problem.orders)
+        balanced = last.usable and any(fit.problem.orders) and not refuted
         view = view.beside(ladder.model, balanced=balanced)
         if view.choices(ladder.model) == []:
             return ladder
         more, _ = replace(self._climb(view, PREDICTION), reduces=True)(fit, ladder)
         return ladder.merged_with(more) if balanced and more.added == ladder.added else more
+
+    def _held_out_is_worse(self, before: Model, after: Model) -> bool:
+        """Whether both the force error and the free run of the held-out records are worse with the second model."""
+        return bool(self.validation) and all(
+            worse(before, after, self.validation) for worse in (explains_less, runs_worse)
+        )
 
     def _without_unseen(self, ladder: Ladder, estimation: EstimationProblem, fit: Refit) -> tuple[Ladder, Refit]:
         """The ladder without effects that predictions, more precise than the balance, do not see.
