@@ -104,3 +104,14 @@ def test_a_result_or_one_line(seed: tuple[Path, Path], tmp_path_factory: pytest.
     if result is not None:
         assert sum(map(len, read_streams(saved).values())) <= result.messages
     shutil.rmtree(folder)
+
+
+def test_the_reason_of_a_cut_bag_is_a_sentence(tmp_path: Path, ros1_bag: Callable[..., Path]) -> None:
+    path = ros1_bag(tmp_path / "run.bag")
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) - 200])
+    with pytest.raises(InputError) as caught:
+        read_streams(path)
+    assert "cannot be read as a bag" in str(caught.value)
+    assert "('" not in str(caught.value)
+    assert "idloop recover" in str(caught.value)

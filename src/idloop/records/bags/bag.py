@@ -76,8 +76,10 @@ class Bag(ExitStack[None]):
         except Exception as error:  # noqa: BLE001 - rosbags lets struct, YAML and SQLite errors of damaged files through
             if file.suffix == ".mcap" and not _ends_well(file):
                 raise InputError(_truncation_message(self.path, file)) from None
-            kind = type(error).__name__
-            reason = error.args[0] if kind == "ReaderError" and error.args else f"{kind}: {error}"
+            # rosbags wraps its own errors, and prints those as a tuple.
+            inner = error.__context__ if type(error.__context__) is type(error) else error
+            kind = type(inner).__name__
+            reason = inner.args[0] if kind == "ReaderError" and inner.args else f"{kind}: {inner}"
             raise damaged(file, f"cannot be read as a bag ({one_line(reason)})", self.path) from None
 
     def _check_counts(self) -> None:
