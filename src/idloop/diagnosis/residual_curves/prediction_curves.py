@@ -16,7 +16,6 @@ from idloop.diagnosis.residual_curves.unknown_structure import RECORD, UnknownSt
 from idloop.diagnosis.screening.innovation_scores import InnovationScores
 from idloop.diagnosis.screening.score_test import Screen
 from idloop.diagnosis.search.step import EvaluatedModel
-from idloop.estimation.force_balance.weak_fit import LEAST_UNEXPLAINED
 from idloop.estimation.likelihood.heteroscedasticity import segment_starts
 from idloop.estimation.likelihood.parallel import in_parallel
 from idloop.estimation.likelihood.refit import Refit
@@ -116,9 +115,10 @@ class PredictionCurve:
     @property
     def improvement(self) -> float:
         """0 for a force next to nothing beside the drive's; else 1: errors one sample ahead show little of any."""
-        force = float(np.nanmax(np.abs(self.fitted.value)))
-        negligible = self.fitted.curve.of == "force" and force <= LEAST_UNEXPLAINED * self.screen.estimation.force
-        return 0.0 if negligible else 1.0
+        value, curve = self.fitted.value, self.fitted.curve
+        # The mean of a coefficient is the model's own parameter.
+        height = value - np.nanmean(value) if curve.coefficient else value
+        return 0.0 if float(np.nanmax(np.abs(height))) <= curve.step else 1.0
 
     @classmethod
     def evaluated(

@@ -46,7 +46,7 @@ _Force = Callable[[PredictedMotion, Array, Array], Array]
 class TrialCurve(Curve):
     """A curve that the errors may follow."""
 
-    # Height of a trial curve.
+    # Height of a trial curve: it makes a hundredth of the drive's force, next to nothing.
     step: float
     # Of the whitened errors, by heights at the knots; None where they cannot be simulated.
     change: Callable[[Array], Array | None]
